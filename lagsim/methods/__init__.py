@@ -64,9 +64,9 @@ class Structure(NamedTuple):
 
 
 def unrestricted(_scene: Structure) -> str:
-    """Return "", the refusal of a method that handles every model.
+    """Return "": no reason to refuse a model, for methods that handle every model.
 
-    The argument, the structure of a model, is not used.
+    The argument, the structure of the model, is not used.
     """
     return ""
 
@@ -88,20 +88,20 @@ def names() -> tuple[str, ...]:
 
 @cache
 def method(name: str) -> ModuleType:
-    """Return the module of a method.
+    """Return the module of the method `name`, as `names` lists it.
 
     Its attributes are
 
     - NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, HANDLES, and a docstring that is its
       page in `lagsim methods`;
-    - `refusal(scene)`: the reason why it cannot handle a `Structure`, or "";
+    - `refusal(scene)`: the reason why the method cannot handle a `Structure`, or "";
     - `amplification(z)`: the spectral radius of one step h for an oscillation with the
       eigenvalues z/h and their conjugate, and IMAGINARY_LIMIT, the largest |z| on the
       imaginary axis below which the radius does not exceed 1 (inf: none);
     - QUADRATURES (optional): whether y may have components after `work` that are plain
       integrals: the action, the coordinates that `reduction` eliminates;
     - STATES (optional): whether y may have first-order states;
-    - EVENTS (optional): False if its steps go over switches and contacts;
+    - EVENTS (optional): False if the steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `program/functions.py`;
     - PAIR (optional): the tables of an explicit pair, for `parts.embedded`;
     - STATE, the class of its memory, PARAMETERS (optional), the class of the data from
@@ -120,7 +120,7 @@ def method(name: str) -> ModuleType:
 
 
 def options_of(name: str) -> dict[str, Option]:
-    """Return the options of a method, by the keys of `simulation`.
+    """Return the options of the method `name`, by their keys in `simulation`.
 
     Examples
     --------
@@ -133,7 +133,7 @@ def options_of(name: str) -> dict[str, Option]:
 
 @cache
 def options() -> dict[str, tuple[str, Option]]:
-    """Return the options of all methods, each with the name of its method."""
+    """Return the options of all methods by key, with the names of their methods."""
     return {
         key: (name, found)
         for name in names()
@@ -142,7 +142,7 @@ def options() -> dict[str, tuple[str, Option]]:
 
 
 def method_page(name: str) -> str:
-    """Return the page of a method: its docstring and its options."""
+    """Return the page of the method `name`: the module's docstring, and its options."""
     parts = [inspect.cleandoc(method(name).__doc__ or "")]
     for key, x in options_of(name).items():
         text = (
@@ -169,9 +169,10 @@ _ELSEWHERE = {
 def method_problems(
     asked: str, place: Place | None = None, *, auto: bool = True
 ) -> list[Problem]:
-    """Return a fault, in a list, if there is no method `asked`, else [].
+    """Return a list with one fault if there is no method `asked`, else [].
 
-    `auto` : whether "auto" counts as a method.
+    place : where the name stands in the file, or None. auto : whether "auto" counts as
+    a method.
 
     Examples
     --------

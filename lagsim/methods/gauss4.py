@@ -68,7 +68,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class Gauss(Fixed):
-    """Memory of stages, momenta, and the factors of Newton's method."""
+    """Memory of Gauss methods: stages, momenta, and the factors of Newton's matrix."""
 
     stages: int
     due: float  # 1 where factors are to be made
@@ -94,7 +94,11 @@ class Gauss(Fixed):
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why momenta cannot replace velocities in a model, or ""."""
+    """Return the reason why the method cannot handle a model, or "" if it can.
+
+    It cannot where constraints keep momenta from replacing the velocities, or where the
+    dense matrices of Newton's method would be too large.
+    """
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
@@ -108,9 +112,9 @@ def refusal(scene: Structure) -> str:
 
 
 def start(s: Gauss, p: Parameters) -> None:
-    """Begin an arc: compute the momenta, and a first guess of the stages.
+    """Begin an arc: compute the momenta, and a first guess of the stages' velocities.
 
-    The guess of the stages' velocities is the velocity at the start.
+    The guess is the velocity at the start of the arc.
     """
     begin(s, p)
     n = s.n
@@ -137,9 +141,10 @@ def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
 
 
 def predict(s: Gauss) -> None:
-    """Extrapolate the stages' velocities: a first guess for the next step.
+    """Extrapolate the stages' velocities as a first guess for the next step.
 
-    By the polynomial through the velocities at the stages and at the step's end.
+    The polynomial through the velocities at the stages and at the end of the last step
+    is evaluated; without a last step the present guess stays.
     """
     n, nodes, stages, v = s.n, s.nodes, s.stages, s.y[s.velocities]
     s.V_before[:] = s.V
@@ -195,9 +200,10 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def residual(s: Gauss, p: Parameters, h: float) -> None:
-    """Store the residuals p0 + h sum_j a_ij F_j - dL/dq'(Q_i, V_i) of stages i.
+    """Store the residuals p0 + h sum_j a_ij F_j - dL/dq'(Q_i, V_i) of all stages i.
 
-    They are the right side of Newton's method; p0 : the momenta at the step's start.
+    The residuals (stages n,), stored in `right`, are the right side of Newton's method;
+    p0 (n,) are the momenta at the start of the step.
     """
     n, stages = s.n, s.stages
     out, width = s.found, s.size
@@ -215,9 +221,9 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
-    """Write positions Q and velocities V of a stage, as a state, to z (size,).
+    """Write the state of a stage, positions Q and velocities V, to z (size,).
 
-    stage : its index.
+    stage : the index of the stage, from 0. h : the length of the step.
     """
     n, v = s.n, z[s.velocities]
     for i in range(n):
@@ -230,9 +236,9 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
-    """Factor Newton's matrix at the present stages.
+    """Factor Newton's matrix at the present stages of a step h.
 
-    Return 0 if it is singular, else 1.
+    Return 0 if the matrix is singular, else 1.
     """
     n, stages = s.n, s.stages
     unknowns = stages * n
@@ -257,7 +263,8 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
     """Return an entry of Newton's matrix, d(dL/dq'(Q_i, V_i) - h sum_j a_ij F_j)/dV_k.
 
-    rc : index of the entry in a matrix (n, n), row by row.
+    i, k : indices of stages. rc : index of the entry in the block (n, n) of both, row
+    by row.
     """
     square = s.n * s.n
     stages, slopes, a = s.stages, s.slopes, s.coefficients
@@ -273,7 +280,11 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 
 def conclude(s: Gauss, h: float) -> None:
-    """Store positions, momenta and work after the step h, and a guess of velocities."""
+    """Compute positions, momenta and works after the step h from the stages.
+
+    The velocities of the new state become those of the last stage: the first guess of
+    `solve_velocities`.
+    """
     n, new, compensation = s.n, s.new, s.compensation
     stages, works, lost = s.stages, new[s.quadratures], compensation[s.quadratures]
     s.new[:] = s.y
@@ -287,9 +298,10 @@ def conclude(s: Gauss, h: float) -> None:
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
-    """Solve dL/dq'(q', q, t) = p for the velocities q'; return 0 on failure, else 1.
+    """Solve dL/dq'(q', q, t) = p for the velocities q' of the new state at time t.
 
-    By Newton's method, with the momenta p of the new state.
+    By Newton's method, with the momenta p (n,) of the new state. h is the length of the
+    step. Return 0 on failure, else 1.
     """
     n, new, M, change = s.n, s.new, s.M, s.change
     v = new[s.velocities]

@@ -61,7 +61,8 @@ RESOLVED = 0.5
 def amplification(z: complex, radius: float = RADIUS) -> float:
     """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
-    Of the matrix (3, 3) that advances (q, q', a) (Chung and Hulbert, section 3).
+    It is the radius of the matrix (3, 3) that advances (q, q', a) (Chung and Hulbert,
+    section 3). radius : the method's `spectral_radius`.
     """
     import numpy as np
 
@@ -82,7 +83,10 @@ def amplification(z: complex, radius: float = RADIUS) -> float:
 
 
 def share(radius: float) -> float:
-    """Return alpha_m, the share of the old acceleration in the balance (eq. 25)."""
+    """Return alpha_m, the share of the old acceleration in the balance (eq. 25).
+
+    radius : the method's `spectral_radius`, here and in `weight` and `displacement`.
+    """
     return (2.0 * radius - 1.0) / (radius + 1.0)
 
 
@@ -126,7 +130,7 @@ def start(s: GeneralizedAlpha, p: Parameters) -> None:
 
 
 def aim(s: GeneralizedAlpha, p: Parameters) -> None:
-    """Set the first acceleration of the method, at its own time.
+    """Set the first acceleration `a` of the method, at the time to which it belongs.
 
     This time differs from the start by alpha_m - alpha_f steps; the acceleration at the
     start would reduce the order of the first step by one (Arnold and Bruels, section
@@ -163,9 +167,11 @@ def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 
 def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Solve for the new acceleration, and compute the new state; return a code.
+    """Solve for the acceleration after a step h, and compute the new state at `after`.
 
-    (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
+    The equation is (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0, with
+    a and F (n,), accelerations of the method and of the model. Return DONE or
+    NEWTON_FAILED.
     """
     n, new = s.n, s.new
     v, force, old_force = new[s.velocities], s.slope[s.velocities], s.k[s.velocities]
@@ -204,7 +210,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
-    """Write the new positions and velocities that belong to the new acceleration."""
+    """Write positions and velocities after a step h to `new`, from `a` and `a_new`."""
     y, v, new_v = s.y, s.y[s.velocities], s.new[s.velocities]
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)
@@ -215,10 +221,10 @@ def advance(s: GeneralizedAlpha, h: float) -> None:
 
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Factor Newton's matrix of the balance; return 0 if it is singular, else 1.
+    """Factor Newton's matrix of the balance at `after`; return 0 if singular, else 1.
 
     The matrix is (1 - alpha_m) - (1 - alpha_f)(h^2 beta Jq + h gamma Jv), with Jq and
-    Jv the derivatives of the accelerations.
+    Jv the derivatives of the accelerations. after : the time after the step h.
     """
     n, J, factors, radius = s.n, s.J, s.factors, s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)

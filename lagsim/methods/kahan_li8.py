@@ -107,7 +107,7 @@ class Composition(Symplectic):
 
 
 def step(s: Composition, p: Parameters) -> int:
-    """Advance by one step; return DONE or another code."""
+    """Advance by one step; return DONE, or the code of a failure (see `state`)."""
     code = compose(s, p)
     if code == DONE:
         make_dense(s, p)
@@ -153,10 +153,11 @@ def quintic(s: Composition) -> None:
 
 
 def look_within(s: Composition, p: Parameters) -> None:
-    """Store how far the dense output is from the equations at four nodes of the step.
+    """Store the residuals of the equations on the dense output at four nodes.
 
-    These residuals (4, size) are h^2 q'' less the second derivative of the quintics,
-    and h times the rate less the derivative of the polynomial for other components.
+    The residuals (4, size) are h^2 q'' less the second derivative of the quintics for
+    positions, and h times the rate less the derivative of the polynomial for other
+    components.
     """
     h, slope, first = s.step_h, s.slope, s.velocities.start
     a, old_a = slope[s.velocities], s.before[s.velocities]
@@ -173,7 +174,7 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Store the residuals of the quadratures' rates at four nodes of the step."""
+    """Store the residuals of the rates of the quadratures at four nodes of the step."""
     h = s.step_h
     first = s.quadratures.start
     for j in unrolled(4):
@@ -186,9 +187,9 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 
 
 def correct(s: Composition, first: int, end: int) -> None:
-    """Compute corrections r of components first ... end - 1 of the dense output.
+    """Compute the corrections r of components first ... end - 1 of the dense output.
 
-    From the residuals at the four nodes.
+    They follow from the `residuals` at the four nodes.
     """
     for i in range(first, end):
         for m in unrolled(4):
@@ -197,7 +198,10 @@ def correct(s: Composition, first: int, end: int) -> None:
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
-    """Return the derivative by x of component i's Hermite cubic, x in [0, 1]."""
+    """Return the derivative of component i's cubic Hermite polynomial at x in [0, 1].
+
+    x : the fraction of the last step, by which the derivative is taken.
+    """
     h = s.step_h
     u = 1.0 - x
     change = s.y[i] - s.old[i]

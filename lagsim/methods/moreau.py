@@ -88,7 +88,7 @@ STATE = Moreau
 
 
 class Impulses(Parameters):
-    """Parameters of the rows that are satisfied by impulses in each step."""
+    """Parameters of the rows, whose impulses are computed in each step."""
 
     row_count: int  # these rows
     inertial: int  # elements of M in its envelope
@@ -142,7 +142,7 @@ def amplification(z: complex) -> float:
 
 
 def start(s: Moreau, p: Impulses) -> None:
-    """Begin an arc: the multipliers at its start are those of the first step."""
+    """Begin an arc: set the multipliers of the state to those of the first step."""
     s.step_h = 0.0
     s.multipliers = s.size - p.row_count
     attempt(s, p, min(float(s.fixed_step), s.end - s.t))
@@ -160,9 +160,9 @@ def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
 
 
 def attempt(s: Moreau, p: Impulses, h: float) -> int:
-    """Compute the state after a step h; return the sweeps of the relaxation.
+    """Compute the state after a step h; return the number of sweeps of the relaxation.
 
-    0 if the impulses did not converge.
+    The number is 0 if the impulses did not converge.
     """
     n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
@@ -186,9 +186,10 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
 
 
 def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
-    """Compute the impulses of a step h, and mean multipliers; return the sweeps made.
+    """Compute the impulses of a step h and the mean multipliers of the rows.
 
-    0 if the relaxation has not converged. The last step's impulses are the first guess.
+    The impulses of the last step are the first guess. Return the number of sweeps of
+    the relaxation, or 0 if it has not converged.
     """
     first = s.size - p.row_count
     count = gather(p, s.z[s.velocities], s.w, h, s.room)
@@ -212,7 +213,7 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
 
 
 def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
-    """Add the work of forces and of impulses in a step h.
+    """Add the works of forces and of impulses in a step h to the new state.
 
     middle : the time at which forces are evaluated. An impulse acts at the mean of the
     velocities before and after.
@@ -276,9 +277,10 @@ NEAR = 1e-3
 
 
 def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
-    """Write the columns of a row: q'' is that of the forces and the mean multipliers.
+    """Write the columns of a row at time t to out.
 
-    y ends with the multipliers.
+    q'' is that of the forces and the mean multipliers. y (size,) ends with the
+    multipliers.
     """
     motion = p.motion
     lam = y[p.size - p.row_count :]
@@ -343,7 +345,8 @@ def respond(p: Impulses, x: Floats) -> None:
 def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
     """List the active rows with their target rates and responses; return their number.
 
-    v, w : (n,), the velocities before, and after without impulses; room : (n,).
+    v, w : (n,), the velocities before the step, and after it without impulses. h : the
+    length of the step. room : (n,), working memory.
     """
     kind, gaps = p.row_kind, p.row_gaps
     place, aims = p.among, p.aims
@@ -371,9 +374,9 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
 
 def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
-    """Store M^-1 A_k^T and A_k M^-1 A_k^T of row k, active row number `count`.
+    """Store M^-1 A_k^T and A_k M^-1 A_k^T of row k, as active row number `count`.
 
-    Return 0 if the latter is not positive, else 1. room : (n,), workspace.
+    Return 0 if the latter is not positive, else 1. room : (n,), working memory.
     """
     starts = p.slope_starts
     room[: p.n] = 0.0
@@ -405,7 +408,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """Return the sum of the |terms| of row k's rate, at velocities v and w (n,)."""
+    """Return the scale of row k's rate: the sum of its |terms| at both v and w (n,)."""
     found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])
@@ -414,16 +417,18 @@ def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
 
 
 def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
-    """Add to the velocities w (n,) the response to an impulse of active row i."""
+    """Add to the velocities w (n,) the response to the impulse of active row i."""
     for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
         w[int(p.answer_columns[e])] += p.answers[e] * impulse
 
 
 def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
-    """Compute the impulses of the active rows; return the sweeps, 0 on failure.
+    """Compute the impulses of the active rows; return the number of sweeps.
 
-    v : (n,), the velocities before. w : (n,), the velocities without impulses; on
-    return the velocities after the step. `struck` contains a first guess.
+    The number is 0 if the relaxation does not converge. count : the number of active
+    rows. h : the length of the step. v : (n,), the velocities before. w : (n,), the
+    velocities without impulses; on return the velocities after the step. `struck`
+    contains a first guess, and on return the impulses.
     """
     for i in range(count):
         push(p, i, p.struck[i], w)
@@ -442,8 +447,9 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
 def share_out(p: Impulses, count: int, h: float, v: Floats) -> None:
     """Share the impulses of parallel rows, within their limits: the least norm.
 
-    The motion does not depend on the shares, which relaxation leaves to the order of
-    the rows. `v` : (n,), the velocities before.
+    The motion does not depend on the shares, and relaxation makes them depend on the
+    order of the rows. count : the number of active rows. v : (n,), the velocities
+    before a step h.
     """
     worst = 1.0
     sweep = 0
@@ -464,7 +470,10 @@ def is_shared(p: Impulses, i: int) -> bool:
 
 
 def parallel(p: Impulses, i: int, j: int) -> float:
-    """Return the ratio of active row j to active row i; 0 if they are not parallel."""
+    """Return the ratio of active row j to active row i; 0 if they are not parallel.
+
+    The rows are those of the constraint Jacobian.
+    """
     first = int(p.slope_starts[int(p.acting[i])])
     other = int(p.slope_starts[int(p.acting[j])])
     width = int(p.slope_starts[int(p.acting[i]) + 1]) - first
@@ -483,9 +492,10 @@ def parallel(p: Impulses, i: int, j: int) -> float:
 
 
 def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> float:
-    """Share the impulse of active rows i and j; return the relative change.
+    """Share the impulse of active rows i and j; return the relative change of j's.
 
-    Beside an equality a limited row transmits nothing. `ratio` is that of row j to i.
+    Beside an equality the impulse of a limited row is 0. `ratio` : row j divided by row
+    i. h, v : see `share_out`.
     """
     before = float(p.struck[j])
     whole = p.struck[i] + ratio * before
@@ -508,9 +518,9 @@ def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> flo
 
 
 def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
-    """Return the largest |impulse| with which active row i rests.
+    """Return the largest |impulse| of active row i; inf for an equality.
 
-    inf for an equality.
+    h, v : see `share_out`.
     """
     k = int(p.acting[i])
     return limit(p, k, h, v, 0.0) if p.row_kind[k] == LIMITED else inf
@@ -521,7 +531,9 @@ def satisfy(
 ) -> float:
     """Update the impulse of active row i, and w, by one relaxation step for its law.
 
-    Return the change relative to the row's scale. beyond : factor of over-relaxation.
+    Return the change of the rate relative to the row's scale; 0 for the first of two
+    slips on a disc, which are updated with the second. h, v, w : see `relax`. beyond :
+    factor of over-relaxation.
     """
     k = int(p.acting[i])
     kind = p.row_kind[k]
@@ -553,9 +565,9 @@ def satisfy(
 def satisfy_disc(
     p: Impulses, i: int, other: int, h: float, v: Floats, w: Floats
 ) -> float:
-    """Set the impulses of two slips, active rows i and other, on the disc.
+    """Set the impulses of two slips, active rows i and other, on the disc of friction.
 
-    Return the relative change of rates.
+    Return the change of the rates relative to their scale. h, v, w : see `relax`.
     """
     struck = p.struck
     k = int(p.acting[i])
@@ -577,10 +589,10 @@ def satisfy_disc(
 
 
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
-    """Return the largest |impulse| of row k, a slip or a limited row.
+    """Return the largest |impulse| of row k, a slip or a limited row, in a step h.
 
-    By the static bound if the row rested before the step and the impulse `asked` is
-    within it; else by the dynamic bound.
+    It follows from the static bound if the row was at rest before the step (velocities
+    v (n,)) and the impulse `asked` is within that bound; else from the dynamic bound.
     """
     normal = int(p.row_normal[k])
     factor_of = h

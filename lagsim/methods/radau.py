@@ -116,11 +116,12 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
 
 
 def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
-    """Whether the step is over or from a loss of rank, or fails before it.
+    """Whether the step is over or from a loss of rank, or fails just before a loss.
 
-    The accelerations off the constraints, and their derivatives, grow with the inverse
-    of sigma: Newton's method for the stages finds a false solution, or none. An
-    explicit method has its stages at a distance.
+    rejected : whether an attempt at this step was rejected. The accelerations off the
+    constraints, and their derivatives, grow with the inverse of sigma: Newton's method
+    for the stages finds a false solution, or none. An explicit method has its stages at
+    a distance from the loss.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
         return constraints.time_to_loss(s, p, s.sigma / s.falling) > 0.0
@@ -129,7 +130,10 @@ def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
 
 
 def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
-    """Return the code of an attempted step; s.h becomes the next step to try."""
+    """Return the code of an attempted step h; s.h becomes the next step to try.
+
+    error : of the step in units of the tolerance, negative if Newton's method failed.
+    """
     if not error < OVERFLOW:
         s.h = 0.1 * h
         return at.NOT_FINITE
@@ -150,7 +154,8 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
 def change(s: Radau, error: float) -> float:
     """Return the factor by which the step is divided, IV.8 (8.21).
 
-    It is larger after many Newton iterations. error : in units of the tolerance.
+    The factor is larger after many Newton iterations. error : in units of the
+    tolerance.
     """
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
@@ -171,9 +176,10 @@ def predict(s: Radau, h: float, error: float) -> float:
 
 
 def attempt(s: Radau, p: SparseNewton, h: float) -> float:
-    """Compute a step; return its error in units of the tolerance.
+    """Compute a step h; return its error in units of the tolerance.
 
-    Negative if Newton's method did not converge; s.h is then the step to try next.
+    The error is negative if Newton's method did not converge; s.h is then the step to
+    try next.
     """
     if CONSTRAINED:
         p.least_sigma = 1.0
@@ -197,7 +203,10 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def estimate(s: Radau, p: SparseNewton, h: float) -> float:
-    """Return the error of the step: IV.8 (8.19), or (8.20) if first or repeated."""
+    """Return the error of the step h in tolerances: IV.8 (8.19), or (8.20).
+
+    The latter in the first step and after a rejection, if the former is too large.
+    """
     size, errors, F = s.size, s.errors, s.F
     for i in range(size):
         F[i] = total(ERROR[k] * s.Z[k * size + i] for k in unrolled(3)) / h
@@ -213,11 +222,12 @@ def estimate(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
-    """Solve for the errors; return their norm relative to the estimate's tolerance.
+    """Solve for the errors (size,) in place; return their norm in tolerances.
 
-    The estimate varies as h^4, the error of the whole motion as h^5: with the estimate
-    held to tolerance^(4/5), the error is proportional to the tolerance (RADAU5 uses
-    2/3).
+    errors : the right side of (8.19) or (8.20). The tolerance is that of the estimate,
+    which varies as h^4, while the error of the whole motion varies as h^5: with the
+    estimate held to tolerance^(4/5), the error is proportional to the tolerance (RADAU5
+    uses 2/3).
     """
     solve(1, s, p, errors)
     error = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
@@ -230,7 +240,10 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
 
 
 def accept(s: Radau, p: SparseNewton, h: float) -> None:
-    """Accept the new state; keep the polynomial through the slopes of the stages."""
+    """Accept the new state after a step h; keep the polynomial through the slopes.
+
+    It is the dense output, through the slopes of the stages.
+    """
     size, slope, new = s.size, s.slope, s.new
     for i in range(size):
         first = h * s.last_slope[i]
@@ -258,7 +271,10 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
-    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
+    """Write the derivative of the dense output at x to components n ... of out (size,).
+
+    These are the components of y' after q'.
+    """
     for i in range(s.n, s.size):
         slope = 0.0
         for m in unrolled(4):
@@ -325,7 +341,10 @@ PARAMETERS = SparseNewton
 
 
 def renew(s: Radau, p: SparseNewton, h: float) -> int:
-    """Evaluate the Jacobian and factor if due; return 0 if a matrix is singular."""
+    """Evaluate the Jacobian and factor the matrices of a step h, where this is due.
+
+    Return 0 if a matrix is singular, else 1.
+    """
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
         count = s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop
@@ -346,9 +365,9 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def factor(width: Static, s: Radau, p: SparseNewton) -> int:
-    """Factor the real (width 1) or complex (width 2) matrix.
+    """Factor the real (width 1) or complex (width 2) matrix of Newton's method.
 
-    Return 0 if it is singular.
+    Return 0 if the matrix is singular, else 1.
     """
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
@@ -371,9 +390,10 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
 
 
 def converge(s: Radau, p: SparseNewton, h: float) -> int:
-    """Solve for the stages by simplified Newton; return 0 if it fails.
+    """Solve for the stages by simplified Newton; return 0 on failure, else 1.
 
-    Section IV.8, (8.13); the rate of convergence predicts the remaining error.
+    Section IV.8, (8.13); the rate of convergence predicts the remaining error. On
+    failure s.h may become a step with which the iteration is expected to converge.
     """
     limit = max(LEFT, ROUNDING / (LOCAL * s.rtol))
     guess(s, p, h)
@@ -416,10 +436,10 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     """Whether the last change of T^-1 Z is roundoff of the rates, or of the state.
 
     A stiff force is evaluated at a rounded state; further iterations do not reduce this
-    error. The tolerances include roundoff from here on. A roundoff that the error
+    error. From here on the tolerances include roundoff. A roundoff that the error
     estimate would reject is too large. In a step of a few units in the last place of
     the time, as to an end just ahead, the tolerance of a velocity is the rounding of
-    its value, to which it is solved.
+    its value, to which the equations are solved.
     """
     errors = s.errors
     if CONSTRAINED and p.least_sigma < s.close_below:
@@ -439,7 +459,7 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
 
 
 def guess(s: Radau, p: SparseNewton, h: float) -> None:
-    """Set the first guess of the stages by the last step's polynomial, or to 0."""
+    """Set the first guess Z of the stages from the last step's polynomial, or to 0."""
     s.Z[:] = 0.0
     if s.previous_h > 0.0:
         for stage in unrolled(3):
@@ -449,7 +469,7 @@ def guess(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
-    """Compute the change W of T^-1 Z; return its norm relative to the tolerances."""
+    """Compute the change W of T^-1 Z; return its norm in tolerances."""
     size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):
         s.z[:] = s.y + Z[stage * size : (stage + 1) * size]
@@ -471,7 +491,7 @@ def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def size_of_change(s: Radau) -> float:
-    """Return the norm of W, the change of T^-1 Z, relative to the tolerance."""
+    """Return the norm of W, the change of T^-1 Z, in tolerances."""
     size, W = s.size, s.W
     real = norm(2, size, W[size:], s.tolerances)
     imaginary = norm(2, size, W[size + 1 :], s.tolerances)
@@ -479,7 +499,7 @@ def size_of_change(s: Radau) -> float:
 
 
 def apply_step(s: Radau) -> None:
-    """Add T W to Z."""
+    """Add T W to Z, the increments of the stages."""
     size, W = s.size, s.W
     for i in range(size):
         for j in unrolled(3):
@@ -488,7 +508,11 @@ def apply_step(s: Radau) -> None:
 
 
 def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
-    """Return the root mean square of x (size,) over the tolerances."""
+    """Return the root mean square of `size` numbers of x over the tolerances (size,).
+
+    The numbers are x[0], x[stride], ...; components with a tolerance of 0 do not count.
+    0 if none counts.
+    """
     square = 0.0
     controlled = 0
     for i in range(size):

@@ -60,7 +60,7 @@ MOST = 30
 
 
 class Rattle(Fixed):
-    """Memory of RATTLE: multipliers that keep the positions on the constraints."""
+    """Memory of RATTLE: the steps of Newton's method for the constraint forces."""
 
     probe: Floats = array("size")  # a state to ask at
     change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
@@ -111,11 +111,12 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
 def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
-    Return 0 on failure. A Newton step would be along the gradients at the new
-    positions; projected onto the span of the old gradients it leaves an error that
-    grows with the angle between both, and Broyden's method corrects the steps for the
-    projection (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM
-    1995, section 7.3: only the steps are stored).
+    after, h : the time after the step, and its length. Return 0 on failure, else 1. A
+    Newton step would be along the gradients at the new positions; projected onto the
+    span of the old gradients, the step leaves an error that grows with the angle
+    between both, and Broyden's method corrects the steps for the projection (C. T.
+    Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, section
+    7.3: only the steps are stored).
     """
     n, new, work = s.n, s.new, s.change
     v = new[s.velocities]
@@ -144,7 +145,8 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project a correction of the positions onto the span of the old gradients.
 
-    moved : (n,), the correction divided by h.
+    The correction (n,) is in `change`. moved : (n,), on return the projection divided
+    by h.
     """
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
@@ -155,7 +157,10 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
 
 
 def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
-    """Replace the last of the steps (made + 1, n) by Broyden's step."""
+    """Replace the last of `steps` (made + 1, n) by Broyden's step.
+
+    masses : (n,), the diagonal of the metric.
+    """
     last = steps[made * n :]
     for j in range(made):
         step = steps[j * n :]

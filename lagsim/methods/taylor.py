@@ -71,14 +71,17 @@ SHORTEST = 0.2
 
 
 def order_for(rtol: float) -> int:
-    """Return the order for a tolerance (Jorba and Zou, (3-5))."""
+    """Return the order for a relative tolerance rtol (Jorba and Zou, (3-5))."""
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
     most = TIGHT_ORDER if rtol < control.TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
 
 
 def amplification(z: complex) -> float:
-    """Return |sum_k z^k / k!|, k up to ORDER, the growth in a step for z = h L."""
+    """Return |sum_k z^k / k!|, k up to ORDER: the growth in a step with h L = z.
+
+    L : the eigenvalue of y' = L y.
+    """
     return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
 
 
@@ -143,9 +146,7 @@ def step(s: Taylor, p: Parameters) -> int:
 
 
 def shorten(s: Taylor, h: float, error: float) -> int:
-    """Set s.h to the step to try after a rejected step h.
-
-    Return the code of the failure.
+    """Set s.h to the step to try after a rejected step h; return the failure's code.
 
     error : in units of the tolerance.
     """
@@ -158,7 +159,10 @@ def shorten(s: Taylor, h: float, error: float) -> int:
 
 
 def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
-    """Compute the state after a step of length h; return 0 if it is not finite."""
+    """Compute the state after a step h; return 0 if it is not finite, else 1.
+
+    rejected : whether a longer step from this state was rejected.
+    """
     size = s.size
     c = s.series[buffer(size, s.which) :]
     if s.rtol < control.TIGHT and not rejected:
@@ -170,7 +174,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
-    """Return the error in tolerances, by the series at the end of the step.
+    """Return the error in tolerances of a step h, by the series at its end.
 
     There the rate of the old series differs from y' by (K + 1) y_(K+1) h^K and higher
     terms; y' is that of the next step's series.
@@ -193,7 +197,11 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
 
 
 def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
-    """Accept the new state and its series; the old series is the dense output."""
+    """Accept the new state after a step h, and its series.
+
+    The old series becomes the dense output. rejected : whether a longer step was
+    rejected before.
+    """
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
     rates = following[1 + size :]
@@ -234,7 +242,10 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
-    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
+    """Write the derivative of the dense output at x to components n ... of out (size,).
+
+    These are the components of y' after q'.
+    """
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     slope(x * s.step_h, before, out)
 
@@ -286,9 +297,9 @@ def buffer(size: int, which: float) -> int:
 
 
 def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
-    """Evaluate the series c at a time h after its start, with its roundoff.
+    """Evaluate the series c at a time h after its start; write the state to out.
 
-    Writes the state (size,) to out. lost : (size,), the compensation at the start. The
+    out : (size,). lost : (size,), the compensation at the start, which is added. The
     roundoff is stored in `remainder`. At the end of the step this is the new state to
     the last bit, so that both are on one side of a switch.
     """
@@ -304,10 +315,11 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
 
 
 def chosen_step(s: Taylor, c: Floats, t: float) -> float:
-    """Return a step from t at which truncation errors are within the tolerance.
+    """Return a step from t, with the series c there, whose error is within tolerance.
 
-    If each of the last four terms is within its bound, and they decrease by e^2 from
-    one to the next, so is the first omitted term. At most the length of the arc.
+    If each of the last four terms is within its bound, and the terms decrease by e^2
+    from one to the next, so is the first omitted term. At most the length of the arc; 0
+    if a coefficient is not finite.
     """
     size = s.size
     order = int(c[0])
@@ -393,9 +405,11 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
-    """Return a step's error in tolerances, from y' (size,) at its end and `rates`.
+    """Return a step's error in tolerances: the difference of y' at its end.
 
-    The square of a finite error is finite. OVERFLOW if a difference is not finite.
+    rates : (size,), y' at the end by the equations; the other rate is that of the
+    series. order : of the series. h : the length of the step. The square of a finite
+    error is finite. OVERFLOW if a difference is not finite.
     """
     part = h / (order + 1.0)
     worst = 0.0
@@ -408,7 +422,7 @@ def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
 
 
 def set_fineness(s: Taylor) -> None:
-    """Store 1/tolerance of each component; 0 for those that are not controlled."""
+    """Store 1/tolerance of each component; 0 for a component that is not controlled."""
     for i in range(s.size):
         tolerance = s.tolerances[i]
         part = 1.0 / max(LEAST_NUMBER, tolerance)

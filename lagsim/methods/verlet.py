@@ -109,8 +109,8 @@ def inseparable(scene: Structure) -> str:
 def composed_amplification(weights: Sequence[float], z: complex) -> float:
     """Return the spectral radius of a composition of Verlet steps of `weights`.
 
-    For q'' = 2 Re(z) q' - |z|^2 q and a step of 1. Damping, which a run refuses, is
-    explicit: by the velocity before each half kick.
+    The oscillator is q'' = 2 Re(z) q' - |z|^2 q, and the step 1. Damping, which a run
+    refuses, is explicit: by the velocity before each half kick.
     """
     (a, c), (b, d) = (_composed(weights, z, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
     half = 0.5 * (a + d)
@@ -171,14 +171,17 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
 
 
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
-    """Advance the positions by a time h at constant velocity; evaluate forces at t."""
+    """Advance the positions by a time h at constant velocity; evaluate y' at t."""
     new = s.new
     add(s.n, new, s.compensation, h, new[s.velocities])
     derivative(t, new, p, s.slope)
 
 
 def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
-    """Advance velocities and work by a time h with the forces at the positions."""
+    """Advance velocities and works by a time h, with the forces at the positions.
+
+    t : the time of these positions.
+    """
     n, new = s.n, s.new
     v, lost, a = new[s.velocities], s.compensation[s.velocities], s.slope[s.velocities]
     if s.size > s.quadratures.start:

@@ -52,7 +52,10 @@ class Rank(Control):
 
 
 def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
-    """Project the state `new` (size,) after a step h to time t; return 0 on failure."""
+    """Project the new state (size,) of a step h to time t; return 0 on failure, else 1.
+
+    The smallest singular value of the rows there is recorded.
+    """
     if project(s, p, t, h, new, s.work) == 0:
         return 0
     record_sigma(s, s.work[s.n + 1], h)
@@ -60,10 +63,11 @@ def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int
 
 
 def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats) -> int:
-    """Project y (size,) in place; return 1 if Newton's method converged, else 0.
+    """Project y (size,) at time t onto the constraints, in place.
 
-    h is the step that led to y. work : (n + 3,), on return work[n + 1] is that of
-    `velocity_step`.
+    Return 1 if Newton's method converged, else 0. h is the length of the step that led
+    to y. work : (n + 3,), working memory; on return work[n + 1] is the singular value
+    of `velocity_step`.
     """
     s.missed = 0.0
     for level in range(2):
@@ -73,7 +77,7 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 
 
 def satisfied_part(s: Rank, order: float) -> float:
-    """Return the fraction of a step up to which rows need no projection.
+    """Return the fraction of the last step up to which rows need no projection.
 
     Valid if rows are values of the polynomial whose end value was projected: its
     residual grows from rounding at the start to the residual before the projection, as
@@ -90,9 +94,9 @@ def satisfied_part(s: Rank, order: float) -> float:
 def project_level(
     level: int, s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats
 ) -> int:
-    """Project the positions (level 0) or the velocities (level 1) of y alone.
+    """Project the positions (level 0) or the velocities (level 1) of y (size,) alone.
 
-    Return 1 if Newton's method converged, else 0. h and work as in `project`.
+    Return 1 if Newton's method converged, else 0. t, h and work as in `project`.
     """
     n = s.n
     part = y[level * n :]
@@ -123,10 +127,11 @@ def project_level(
 def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
     """Whether a Newton step (n,) is rounding of coordinates, in the metric of M.
 
-    x : (n,), positions (level 0) or velocities. The displacement that forces could
-    cause within the step counts as a size: the scale of a structure at rest. Sizes are
-    weighted by the shares of coordinates in the step, so that a heavy body that hardly
-    moves sets no scale for a light one joined to it.
+    level, x : 0 and positions (n,), or 1 and velocities (n,). h : the length of the
+    step of the method; the displacement that forces could cause within h counts as a
+    size, which is the scale of a structure at rest. Sizes are weighted by the shares of
+    coordinates in the Newton step, so that a heavy body that hardly moves sets no scale
+    for a light one joined to it.
     """
     n = s.n
     sizes = s.sizes[level * n :]
@@ -155,11 +160,12 @@ def is_finite(n: int, x: Floats) -> bool:
 
 
 def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
-    """Return the largest ratio of a change (n,) to the size of its component.
+    """Return the largest ratio of a change `step` (n,) to the size of its component.
 
-    x : (n,), positions (level 0) or velocities. Other bodies do not matter, however
-    heavy or far. The displacement that forces could cause in the time h counts as a
-    size; the ratio is 1 for a component without a size.
+    level, x : 0 and positions (n,), or 1 and velocities (n,). Other bodies do not
+    matter, however heavy or far. The displacement that forces could cause in the time h
+    counts as a size; the ratio is 1 for a component without a size, and OVERFLOW for a
+    change that is not finite.
     """
     sizes = s.sizes[level * s.n :]
     moment = h if level > 0 else h * h
@@ -211,10 +217,10 @@ GLANCE = 0.1
 
 
 def record_sigma(s: Rank, sigma: float, h: float) -> None:
-    """Store sigma, the smallest singular value of the rows, after a step of length h.
+    """Store sigma, the smallest singular value of the rows, after a time h.
 
-    `watched` becomes 1, for a search of the step, if sigma could have fallen to zero
-    and risen again within the step at the steepest slope so far.
+    `watched` becomes 1, so that the step is searched for a loss of rank, if sigma could
+    have fallen to zero and risen again within h at the steepest slope so far.
     """
     slope = abs(sigma - s.sigma) / h
     s.falling = (s.sigma - sigma) / h
@@ -238,13 +244,13 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 
 
 def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
-    """Return the step to try: h, or one that keeps stages off a loss of rank.
+    """Return the step to try: h, or a step whose stages keep off a loss of rank.
 
-    Near a loss, rounding is divided by sigma at each stage, and by its square at the
-    end. A step that passes has the loss between two stages; the step before it leaves
-    the room for that: for a step as long as steps were before the loss came near, where
-    the controller sees errors that projection will remove. `rest` is the time to the
-    end of the arc.
+    Near a loss, rounding is divided by sigma at each stage, and by sigma^2 at the end.
+    A step that passes the loss has it between two stages, and is as long as steps were
+    before the loss came near, where the controller sees errors that projection will
+    remove; the step before ends at the distance that this requires. `rest` is the time
+    to the end of the arc.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.planned = 0.0  # it has been tried
@@ -310,7 +316,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
 
 
 def leave_loss(s: Rank, p: Parameters, h: float) -> float:
-    """Return a first step, h or longer, that ends far from a loss of rank.
+    """Return a first step, h or longer, whose end is far from a loss of rank.
 
     If a step over the loss is to be repeated with another solver (`needs_loops`),
     return its planned length instead.
@@ -341,17 +347,18 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
-    """Return the smallest singular value at the fraction x of the last step."""
+    """Return the rows' smallest singular value at the fraction x of the last step."""
     interpolate(s, p, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])
 
 
 def passable(s: Rank, error: float) -> float:
-    """Return the error of a step in tolerances, set to "accepted" past a loss of rank.
+    """Return the error of a step in tolerances, lowered to pass a loss of rank.
 
     Where a step goes over a loss of rank, shorter steps have a smaller truncation error
-    and more rounding: beyond the minimum of both, a shorter step loses all digits.
+    and more rounding: beyond the minimum of both, a shorter step loses all digits. The
+    error there is set to ACCEPTED, unless it exceeds the bound for such steps.
     """
     if s.passes == 0.0 or error < 1.0:
         return error
@@ -362,10 +369,10 @@ def passable(s: Rank, error: float) -> float:
 
 
 def hides_error(s: Rank, p: Parameters) -> bool:
-    """Whether residuals of constraints hide the error of a step.
+    """Whether residuals of the constraints at the stages hide the error of a step.
 
     Close to a singular configuration, residuals at stages are divided by sigma. The
-    estimated error off the constraints says nothing about the motion, which the
+    error estimated off the constraints is then unrelated to the motion, which the
     constraints determine, but would reduce steps without end.
     """
     passes = s.passes > 0.0
@@ -374,7 +381,10 @@ def hides_error(s: Rank, p: Parameters) -> bool:
 
 
 def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
-    """Store the directions along which projection will move the state `new` at t."""
+    """Store the directions in which projection will move the state `new` (size,).
+
+    t : the time of that state.
+    """
     p.least_sigma = NOTE
     velocity_step(t, new, p, s.work)
 
@@ -382,8 +392,8 @@ def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     """Remove, from errors of q and q' (2 n,), the part that projection removes.
 
-    Return twice the kinetic energy of that part, as velocities (errors of q over h),
-    relative to the energy of the mechanism.
+    h : the length of the step. Return twice the kinetic energy of that part, as
+    velocities (errors of q over h), relative to the energy of the mechanism.
     """
     n = s.n
     removed = 0.0
@@ -403,10 +413,11 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
 
 
 def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
-    """Return twice the largest kinetic energy so far of a mechanism.
+    """Return twice the largest kinetic energy so far of the mechanism along z (n,).
 
-    It is the mechanism that rows or the mass matrix couple to the direction z (n,); the
-    energy is at most that of the whole scene. mass : (n,), M z.
+    The mechanism consists of all coordinates that rows or the mass matrix couple to the
+    largest component of the direction z; its energy is at most that of the whole model.
+    mass : (n,), M z.
     """
     n = s.n
     speeds = s.sizes[s.velocities]
@@ -424,8 +435,8 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 def bent(s: Rank, removed: float, left: float) -> float:
     """Return the error of a step in tolerances, with the curvature of the constraints.
 
-    left : the error after the part off the constraints is removed. removed : twice the
-    relative energy of that part, see `forget_removed`: its square, relative to the
-    speed, which remains as an error of second order.
+    left : the error in tolerances after the part off the constraints is removed.
+    removed : the relative energy of that part, see `forget_removed`, which is the
+    square of its size relative to the speed and remains as an error of second order.
     """
     return float(max(left, removed / (LOCAL * s.rtol)))

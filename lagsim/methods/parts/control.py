@@ -115,13 +115,16 @@ class Control(ArcRows):
 
 
 def record_sizes(s: Control, p: Parameters) -> None:
-    """Update the largest sizes and the energy by the accepted state."""
+    """Update the largest sizes and the energy by the state reached, just accepted."""
     store_energies(s, s.t, s.y, p)
     record_measured(s, p)
 
 
 def record_measured(s: Control, p: Parameters) -> None:
-    """Update sizes and energy by the state that `set_tolerances` evaluated last."""
+    """Update sizes and energy by the accepted state, with the energies stored last.
+
+    These are from the last call of `store_energies` (by `set_tolerances`, for one).
+    """
     record_extents(s)
     if s.spared > 0.0:
         s.spared -= 1.0
@@ -146,7 +149,10 @@ def record_measured(s: Control, p: Parameters) -> None:
 
 
 def record_extents(s: Control) -> None:
-    """Update sizes and ranges by the state, sufficient for a fixed step."""
+    """Update sizes and ranges of the components by the state reached.
+
+    A method with a fixed step needs no more.
+    """
     for i in range(s.size):
         now = s.y[i]
         s.sizes[i] = max(s.sizes[i], abs(now))
@@ -156,7 +162,7 @@ def record_extents(s: Control) -> None:
 
 
 def forget_roundoff(s: Control) -> None:
-    """Set the roundoff bounds to 0; they are computed again where they are needed."""
+    """Set the roundoff bounds to 0, so that they are computed again where needed."""
     for i in range(s.size):
         s.roundoff[i] = 0.0
     s.rounding_known = 0.0
@@ -164,9 +170,9 @@ def forget_roundoff(s: Control) -> None:
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Store kinetic energy, energy and diagonal of M at a state.
+    """Store kinetic energy, energy and the diagonal of M at the state y (size,).
 
-    Not in steps for which these are kept, see `spared`.
+    t : the time. While `spared` is positive the former values are kept.
     """
     if s.spared > 0.0:
         return
@@ -178,11 +184,11 @@ def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
 def set_tolerances(
     s: Control, p: Parameters, t: float, new: Floats, rates: Floats, h: float
 ) -> bool:
-    """Set the tolerance of each component for a step of length h to `new` at t.
+    """Set the tolerance of each component for a step of length h to `new` at time t.
 
     new, rates : (size,), the state after the step and y' before it. A tolerance of 0:
-    the component has no scale and is not controlled. Return False if all tolerances are
-    those of the last call.
+    the component has no scale and is not controlled. Return False if the tolerances of
+    the last call hold and are kept, else True.
     """
     store_energies(s, t, new, p)
     if not CONSTRAINED and not SWITCHES and h <= s.steady and is_within(s, new):
@@ -202,12 +208,11 @@ def is_within(s: Control, y: Floats) -> bool:
 
 
 def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
-    """Return the longest step for which the tolerances hold, or 0.
+    """Return the length of steps up to which the tolerances hold unchanged, or 0.
 
-    They hold within the ranges if these alone determine them, by far, and no roundoff
-    of rates is known: that of positions grows with the step.
-
-    new : (size,), the state after a step h, for which they were computed.
+    They hold within the ranges if the ranges alone determine them, by far, and no
+    roundoff of rates is known: the roundoff of positions grows with the step. new :
+    (size,), the state after the step h for which the tolerances were computed.
     """
     if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:
         return 0.0
@@ -279,7 +284,7 @@ def compute_tolerances(
 
 
 def slides_on_a_disc(p: Parameters) -> int:
-    """Return 1 if a pair of slips is sliding (its direction rounds), else 0."""
+    """Return 1 if a pair of slips is sliding, whose direction has rounding, else 0."""
     for k in range(p.laws):
         if p.law_mode[k] == SLIDING and p.law_pair[k] >= 0.0:
             return 1
@@ -289,8 +294,9 @@ def slides_on_a_disc(p: Parameters) -> int:
 def share_tolerances(s: Control) -> None:
     """Raise tolerances that are much finer than those of coordinates coupled by rows.
 
-    In the metric of M, in which projection converts errors of one into errors of
-    another. A coordinate at rest by symmetry has no motion of its own as a scale.
+    They are compared in the metric of M, in which projection converts errors of one
+    coordinate into errors of another. A coordinate at rest by symmetry has no motion of
+    its own as a scale.
     """
     n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
@@ -308,9 +314,10 @@ def share_tolerances(s: Control) -> None:
 
 
 def against(error: float, tolerance: float) -> float:
-    """Return the error in units of the tolerance; the square of the result is finite.
+    """Return |error/tolerance|, at most SQUARABLE if the error is finite.
 
-    For a component at rest, the error may be rounding that far exceeds the tolerance.
+    So its square is finite, also for a component at rest, whose error may be rounding
+    that far exceeds the tolerance.
     """
     part = abs(error / tolerance)
     if abs(error) < OVERFLOW:
@@ -319,11 +326,11 @@ def against(error: float, tolerance: float) -> float:
 
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
-    """Raise the tolerances of works to the error of the corresponding energies.
+    """Raise the tolerances of works to the errors of the corresponding energies.
 
     new : (size,), the state after the step. On a coordinate without inertia a
-    multiplier is a difference of terms that replace the inertia, with the rounding of
-    these terms.
+    multiplier is a difference of terms that replace the inertia, and has the rounding
+    of these terms.
     """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
@@ -348,12 +355,13 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
 def allow_roundoff(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats, sigma: float
 ) -> bool:
-    """Bound the roundoff in a step h to `new`, and adapt tolerances to it.
+    """Bound the roundoff in a step h to `new` (size,), and adapt the tolerances to it.
 
-    Return False if no direction is left. The first call in a step evaluates y' at a
-    state moved in one direction, the second call in another one; where the terms of a
-    component cancel, the first call evaluates both. k : (size,), y' at the start of the
-    step.
+    Return False, without an effect, if both directions have been used in this step,
+    else True. The first call in a step evaluates y' at a state moved in one direction,
+    the second call in another one; where the terms of a component cancel, the first
+    call evaluates both. k : (size,), y' at the start of the step. sigma : see
+    `bound_roundoff`.
     """
     if s.rounding_known >= MOST_WAYS:
         return False
@@ -384,7 +392,8 @@ def bound_by_others(
     """Raise tolerances of states and works to the effect of other components' errors.
 
     A state that follows a constrained coordinate, or the power on it, has no scale but
-    the tolerance of that coordinate; another state may follow this state.
+    the tolerance of that coordinate; another state may follow this state. h, new, k :
+    see `allow_roundoff`.
     """
     for _ in range(1 + s.states):
         for i in range(s.size):
@@ -438,10 +447,11 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
 
 def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
-    """Return a first step, from the change of the rates in one explicit Euler step.
+    """Return the length of the first step of an arc, from an explicit Euler step.
 
-    k : (size,), y' at the start. An error that falls as this power of the step,
-    relative to the change, is within the tolerance.
+    k : (size,), y' at the start. The change of the rates in the Euler step is compared
+    with the rates: with the step returned, an error that falls as the power `order` of
+    the step, relative to that change, is within the tolerance.
     """
     z, slopes = s.work, s.spare
     bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0, 1)
@@ -467,7 +477,8 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
     """Return the time in which a rate changes by its own size, the least of all rates.
 
     k, slopes : (size,), y' at times h apart. Rates that begin at 0 do not count, nor do
-    changes within the tolerances.
+    changes within the tolerances; OVERFLOW if no rate counts, and h/1000 if a rate is
+    not finite.
     """
     least = OVERFLOW
     for i in range(s.size):
@@ -529,7 +540,7 @@ LARGER = 2.0**26
 
 
 def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
-    """Whether a step h moves some position by a few units in the last place only.
+    """Whether a step h moves a position by only a few units in its last place.
 
     With switches, positions at rest count: another body may set them in motion by a
     force that starts at a switch. k : (size,), y' at the start.
@@ -544,8 +555,9 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
 def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
     """Extend the roundoff bound of the rates by that at the middle of a step h.
 
-    Near a switch, forces may have no derivative to judge by (Hertz, a root), and the
-    step itself may end anywhere. k : (size,), y' at its start.
+    Near a switch, forces may have no derivative that shows the effect of rounding
+    (Hertz contact, a root), and the step itself may end anywhere. k : (size,), y' at
+    its start.
     """
     t = s.t + 0.5 * h
     lead_positions(s, 0.5 * h, k)
@@ -557,9 +569,10 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 
 
 def lead_positions(s: Control, h: float, k: Floats) -> None:
-    """Store in `point` the state with positions advanced by a time h.
+    """Store in `point` (size,) the state with the positions advanced by a time h.
 
-    By the velocities in k = y' (size,), or by the accelerations from rest.
+    They are advanced by the velocities in k = y' (size,), or by the accelerations from
+    rest.
     """
     accelerations = k[s.velocities]
     s.point[: s.size] = s.y
@@ -570,9 +583,9 @@ def lead_positions(s: Control, h: float, k: Floats) -> None:
 def add_bound(
     s: Control, p: Parameters, t: float, y: Floats, first: int, end: int
 ) -> None:
-    """Raise the roundoff bounds of components first ...
+    """Raise the roundoff bounds of components first ... end - 1 to those at (t, y).
 
-    End - 1 to the bounds at (t, y).
+    y : (size,).
     """
     rounding(t, y, p, s.work)
     for i in range(first, end):
@@ -609,11 +622,12 @@ def perturb(
     ways: int,
     out: Floats,
 ) -> None:
-    """Compute the change of rates (size,) by a relative change of state and time.
+    """Compute the change of rates (size,) at (t, y) by a relative change of y and t.
 
-    Each of the one or two `ways` changes components in another direction: in one alone,
-    terms may cancel by chance. Rates that are not finite count as unchanged. out :
-    (size,).
+    rates : (size,), y' at (t, y). change : the relative change. ways : 1 or 2, the
+    number of directions in which components are changed: in one alone, terms may cancel
+    by chance. out : (size,), the largest change of each rate; a rate that is not finite
+    counts as unchanged.
     """
     size = s.size
     out[:size] = 0.0
@@ -637,12 +651,12 @@ def bound_roundoff(
     h: float,
     ways: int,
 ) -> None:
-    """Bound the roundoff of the rates k (size,) at y, for a step h from y.
+    """Bound the roundoff of the rates k (size,) at (t, y), for a step h from y (size,).
 
-    By a bound of the rounding in the evaluation, and by y' at states moved in `ways`
-    directions. A sigma below 1 is that of rows close to a loss of rank, which enlarges
-    the first bound; y' off the constraints is of no use there. At a start, h = 0; the
-    bound is renewed with the first step.
+    The bound is that of the rounding in the evaluation, plus the change of y' at states
+    moved by rounding in `ways` (1 or 2) directions. sigma : 1, or less where rows are
+    close to a loss of rank, which enlarges the first bound; y' off the constraints is
+    of no use there. At a start, h = 0, and the bound is renewed with the first step.
     """
     n, roundoff = s.n, s.roundoff
     s.steady = 0.0
@@ -666,12 +680,12 @@ def bound_roundoff(
 def move_aside(
     size: int, y: Floats, sizes: Floats, change: float, way: int, out: Floats
 ) -> None:
-    """Write y moved by a part `change` of `sizes` (size,), in one of many directions.
+    """Write y + change * part * sizes (size,) to out, with a part for each component.
 
-    Components change by different parts: a common change of size or place of the whole
-    scene would not reveal cancellation. In the second direction neighbours change by
-    parts from different halves, since their parts in the first one may be equal by
-    chance.
+    The parts are pseudorandom, in one of two directions (way 0 or 1): a common change
+    of size or place of the whole model would not reveal cancellation. In the second
+    direction neighbours change by parts from different halves, since their parts in the
+    first one may be equal by chance.
     """
     for i in range(size):
         part = scattered(i, way)
@@ -681,7 +695,7 @@ def move_aside(
 
 
 def scattered(i: int, way: int) -> float:
-    """Return a pseudorandom number from 0 to 1 of component i, by `way`.
+    """Return a pseudorandom number in [0, 1) for component i and direction `way`.
 
     Multiples of an irrational number are unsuitable: their second differences are
     integers or 0, so that forces between neighbours would often seem to have no error.
@@ -694,7 +708,7 @@ def scattered(i: int, way: int) -> float:
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
-    """Compute y + h k (size,), and add its roundoff to `left`."""
+    """Write y + h k (size,) to `new`, and add the rounding error of it to `left`."""
     for i in range(size):
         before = y[i]
         rate = k[i]
@@ -708,9 +722,11 @@ def add_exactly(
 
 
 def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
-    """Add `remainder` and the compensation to a state `new` (size,) after a step h.
+    """Add to the new state `new` (size,), in place, the terms too small for a step h.
 
-    k : (size,), y' at its start. The roundoff is stored in `remainder`.
+    These are `remainder`, the old state's `compensation`, and, where rtol < TIGHT, the
+    effect of the compensation on y'. k : (size,), y' at the start of the step. The part
+    that rounding leaves over is stored in `remainder`.
     """
     s.remainder[:] += s.compensation
     if s.rtol < TIGHT:
@@ -739,9 +755,9 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
-    """Add to `remainder` the motion that the compensation term causes in a step h.
+    """Add to `remainder` the displacement in a step h by the compensation term.
 
-    drift : (size,), see `find_drift`.
+    drift : (size,), the change of y' by the compensation, see `find_drift`.
     """
     accelerations = drift[s.velocities]
     for i in range(s.size):
@@ -751,7 +767,10 @@ def add_drift(s: Control, drift: Floats, h: float) -> None:
 
 
 def keep_compensation(s: Control) -> None:
-    """Store the roundoff of an accepted step as the state's compensation term."""
+    """Set the state's `compensation` to the roundoff of the accepted step, `remainder`.
+
+    With constraints or switches it is set to 0.
+    """
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
@@ -764,7 +783,10 @@ def drop_compensation(s: Control) -> None:
 
 
 def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
-    """Add h * rate to y (n,) with compensation term `lost` (n,)."""
+    """Add h * rate to y (n,) by compensated summation.
+
+    lost : (n,), the compensation of y, which is updated.
+    """
     lost[:n] += h * rate[:n]
     add_compensated(n, y, lost, y, lost)
 
@@ -772,7 +794,10 @@ def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
 def add_compensated(
     n: int, y: Floats, change: Floats, out: Floats, left: Floats
 ) -> None:
-    """Compute y + change (n,) and its roundoff `left`; in-place use is allowed."""
+    """Write y + change (n,) to out, and its rounding error to left.
+
+    out and left may be y and change.
+    """
     for i in apart(n):
         before = y[i]
         more = change[i]

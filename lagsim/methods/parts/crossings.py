@@ -111,7 +111,10 @@ class Crossings(Events):
 
 
 def find_crossings(s: Crossings, p: Parameters) -> int:
-    """Write the states of sections in the last step; return 0 if the buffer is full."""
+    """Write the states of sections, crossings and strobes, in the last step.
+
+    Return 0 if the buffer is full before the end of the step, else 1.
+    """
     evaluations = s.evaluations
     complete = find_located(s, p) * find_strobes(s, p)
     s.evaluations = evaluations  # nothing that is decided by them depends on it
@@ -119,7 +122,7 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
 
 
 def same_time(s: Crossings, t: float) -> float:
-    """Return the largest difference of times at one instant."""
+    """Return the largest difference from t of a time at the same instant."""
     return SAME_INSTANT * max(abs(t), abs(s.row_start))
 
 
@@ -146,7 +149,7 @@ def find_located(s: Crossings, p: Parameters) -> int:
 
 
 def begin_search(s: Crossings, p: Parameters) -> None:
-    """Find the sections that acts at the start of the last step have crossed."""
+    """Store the crossings by acts (impacts, events) at the start of the last step."""
     s.banded = 0.0
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
@@ -172,7 +175,7 @@ def know_bands(s: Crossings, p: Parameters) -> None:
 def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
     """Return the fraction of the step just past its next crossing; `end` without one.
 
-    low : the fraction from which the step is searched.
+    low, end : the fractions between which the step is searched.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     width = s.widest
@@ -207,7 +210,7 @@ def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
 
 
 def sample_first(s: Crossings, p: Parameters, low: float) -> None:
-    """Write rows and their slopes at the fraction `low` of the last step to `starts`.
+    """Write all rows and slopes at the fraction `low` of the last step to `starts`.
 
     At the start of a step the values at the end of the step before are used, unless an
     arc begins there.
@@ -225,7 +228,8 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
 def store_last(s: Crossings, end: float) -> None:
     """Store values and slopes of the relations at the end of the last step.
 
-    end : 1 if the step was searched to its end. Values and slopes are in `starts`.
+    They are in `starts`. end : the fraction up to which the step was searched; if it is
+    not 1, the values are not used for the next step.
     """
     s.known_until = s.t if end == 1.0 else -inf
     for j in range(s.sections):
@@ -239,8 +243,8 @@ def crossed_within(
 ) -> float:
     """Store the first crossing in (low, x]; return the fraction just past it, or 0.
 
-    before, after : (2 R,), rows and slopes at low and x. A crossing at the same instant
-    as the end of the step is postponed, and the end is returned.
+    before, after : (2 R,), the R rows and their slopes at low and x. A crossing at the
+    same instant as the end of the step is postponed, and the end is returned.
     """
     if keep_sides(s, x - low, before, after):
         return 0.0
@@ -264,8 +268,8 @@ def crossed_within(
 def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> bool:
     """Whether all relations provably keep their sides on a stretch of the step.
 
-    width : of the stretch, as a fraction of the step. before, after : rows and slopes
-    (2 R,) at its ends.
+    width : the length of the stretch, as a fraction of the step. before, after : (2
+    R,), the R rows and their slopes at its ends.
     """
     for j in range(s.sections):
         k = relations(s) + j
@@ -283,9 +287,9 @@ def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
 
 
 def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
-    """Return the fraction of the step, in (low, x], at which section j is left.
+    """Return the fraction in (low, x] at which the motion leaves section j, or inf.
 
-    inf if it does not. The motion may return very soon: the start of an arc is sampled
+    The motion may return to the section very soon: the start of an arc is sampled
     densely.
     """
     know_bands(s, p)
@@ -312,10 +316,10 @@ def bracket(
     before: Floats,
     after: Floats,
 ) -> None:
-    """Set `roots` and `beyond` of section j, if its row falls below 0 on a stretch.
+    """Set `roots` and `beyond` of section j, if its row falls below 0 in (low, x].
 
     A row that is below 0 at the start of the stretch has its root there. A row that
-    returns above 0 is a touch, and does not wait.
+    returns above 0 is a touch, and does not wait. before, after : see `crossed_within`.
     """
     k = relations(s) + j
     a = s.sides[j] * before[k]
@@ -337,11 +341,11 @@ def bracket(
 
 
 def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
-    """Decide the crossings at the fraction `root` of the step.
+    """Decide the crossings at the fraction `root` of the step, in a stretch up to x.
 
-    A relation that is past its band at the end x of the stretch has crossed; if it is
-    not yet, the crossing waits. Return a fraction just past the root, or 0 if nothing
-    crossed.
+    A relation that is past its band at the end x of the stretch has crossed its
+    section; otherwise the crossing waits. Return a fraction just past the root, or 0 if
+    no section is crossed.
     """
     end = s.cut if s.cut > 0.0 else 1.0
     late = s.t - (s.step_t + root * s.step_h) <= same_time(s, s.t)
@@ -372,7 +376,10 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
 
 
 def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
-    """Whether the relation of section j is discontinuous at the fraction `root`."""
+    """Whether the relation of section j is discontinuous at the fraction `root`.
+
+    False for a crossing that waits, at the start of the step, and at an impact within.
+    """
     if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
         return False
     k = relations(s) + j
@@ -390,7 +397,11 @@ def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
 
 
 def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
-    """Return the fraction near `root` at which section j's relation is 0, or past 0."""
+    """Return the fraction at which section j's relation is 0, or the first past 0.
+
+    root : the first number at which the relation is past 0; the number before is
+    returned if the relation is 0 there.
+    """
     if root == 0.0:
         return root
     last = from_bits(bits(root) - 1)
@@ -400,10 +411,10 @@ def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
 
 
 def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
-    """Store the state of a crossing of section j.
+    """Store the state of a crossing of section j, if its direction counts.
 
     The state is that at the fraction `root` of the step, or the one stored while the
-    crossing waited. A waiting crossing at the time of an instant is shown after all
+    crossing waited. A waiting crossing at the time of an instant is dated after all
     acts.
     """
     x = root_of(s, p, j, root)
@@ -427,7 +438,7 @@ def is_same(s: Crossings, t: float, other: float) -> bool:
 
 
 def next_state(s: Crossings, number: int) -> int:
-    """Begin the record of a state of a section; return the index of its time."""
+    """Begin a record of section `number`; return the index of its time."""
     place = int(s.states_found) * (2 + s.size)
     s.crossed_states[place] = float(number)
     s.states_found += 1.0
@@ -446,9 +457,9 @@ def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
 
 
 def shown_time(s: Crossings, t: float) -> float:
-    """Return the time at which a state is dated: t, or another time of its instant.
+    """Return the time written for a state at t: t, or a special time of its instant.
 
-    These are the start and the end of the arc, and the time of a row.
+    Such times are the start and the end of the arc, and the time of a row.
     """
     if is_same(s, t, s.arc_start):
         return float(s.arc_start)
@@ -459,10 +470,10 @@ def shown_time(s: Crossings, t: float) -> float:
 
 
 def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
-    """Whether the relation of section j is past 0 by more than its band at x.
+    """Whether the relation of section j is past 0 by more than its band.
 
-    side : 1 or -1, the side of 0 from which the motion comes. x : the fraction of the
-    last step. Evaluated for the projected state, as shown.
+    x : the fraction of the last step, at which the projected state is evaluated. side :
+    1 or -1, the side of 0 from which the motion comes.
     """
     t, z = s.step_t + x * s.step_h, s.point
     interpolate(s, p, x, z)
@@ -476,10 +487,10 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
 
 
 def band(s: Crossings, j: int) -> float:
-    """Return the largest value of the relation of section j at a state on the section.
+    """Return the bound of |relation of section j| that counts as 0.
 
-    It is the rounding of the terms, plus the effect of the error of the state by the
-    slopes in `relation_slopes`.
+    It is the rounding of the terms of the relation, plus the error of the state times
+    |`relation_slopes`|; 0 if this is not finite.
     """
     found = SUM_ROUNDOFF * abs(s.relation_slopes[j])
     slopes = s.relation_slopes[s.sections + j * s.size :]
@@ -492,9 +503,10 @@ def band(s: Crossings, j: int) -> float:
 
 
 def meet_instant(s: Crossings, p: Parameters) -> None:
-    """Set the sides of relations before any act at the time reached.
+    """Update the sides of relations by the state just before the acts at this time.
 
-    A jump of a relation itself is no crossing. All acts at one time count together.
+    A jump of a relation itself is no crossing. All acts at one time count together: a
+    second call at one instant has no effect.
     """
     if is_same(s, s.t, s.instant):
         return
@@ -509,9 +521,10 @@ def meet_instant(s: Crossings, p: Parameters) -> None:
 
 
 def find_strobes(s: Crossings, p: Parameters) -> int:
-    """Write the states at the times of strobes; return 0 if the buffer is full.
+    """Write the states at the times of strobes up to the time reached.
 
-    A strobe at the time reached waits for the acts at that time.
+    Return 0 if the buffer is full before, else 1. A strobe at the time reached waits
+    for the acts at that time.
     """
     same = same_time(s, s.t)
     for j in range(s.strobes):
@@ -532,10 +545,10 @@ def strobe_time(s: Crossings, j: int) -> float:
 
 
 def finish(s: Crossings, p: Parameters, whole: float) -> None:
-    """Write the states of sections at the end of a run, at most one for each.
+    """Write the states of sections at the end of a run, at most one for each section.
 
     Acts at the end may have crossed a section. A motion that reaches a section and does
-    not turn crosses it. whole : 1 if the run has reached its end time.
+    not turn crosses the section. whole : 1 if the run has reached its end time, else 0.
     """
     if s.sections > 0:
         finish_located(s, p)
@@ -549,7 +562,7 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
 
 
 def finish_located(s: Crossings, p: Parameters) -> None:
-    """Write the sections that the end of a run has crossed, or reaches."""
+    """Write the states of the sections that the end of a run has crossed or reaches."""
     section_slopes(s.t, s.y, p, s.relation_slopes)
     sections(s.t, s.y, p, s.values[relations(s) :])
     for j in range(s.sections):
@@ -573,7 +586,7 @@ def finish_located(s: Crossings, p: Parameters) -> None:
 
 
 def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
-    """Whether the last step ends on section j, where the motion does not turn."""
+    """Whether the last step ends on section j and the motion does not turn there."""
     if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
         return float(s.postponed[j]) > 0.0
     x = (s.t - s.step_t) / s.step_h

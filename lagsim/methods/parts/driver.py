@@ -77,7 +77,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
     """Integrate until `rows` rows are written, `budget` steps made, or an end.
 
     out : (rows, 1 + size), the time and the state of each row. Return one of the codes
-    of `state`; s.emitted is the number of rows written.
+    of `state`; s.emitted is then the number of rows written.
     """
     s.emitted = 0.0
     begin(s, p)
@@ -110,9 +110,10 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 
 
 def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write states of sections, then rows, of the last step.
+    """Write the states of sections in the last step, then its rows, to out.
 
-    Return 0 if a buffer is full.
+    Return 0 if a buffer is full before, else 1. rows : the most rows that out has room
+    for.
     """
     if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
         return 0
@@ -143,10 +144,7 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def pass_knots(p: Parameters, t: float) -> int:
-    """Advance the cells of tables past all knots up to time t.
-
-    Return the count.
-    """
+    """Advance the cells of tables past all knots up to time t; return their number."""
     count = 0
     while p.passed < p.known and p.knot_times[int(p.passed)] <= t:
         pass_knot(p)
@@ -155,9 +153,10 @@ def pass_knots(p: Parameters, t: float) -> int:
 
 
 def passes_level(s: State, p: Parameters) -> bool:
-    """Continue past the level of a table's surface; return whether that is decided.
+    """Continue past the level of a table's surface that the last step has reached.
 
-    False if the run has to select the modes of surfaces and laws.
+    Return True if the motion continues in the next cell, False if the run has to select
+    the modes of surfaces and laws.
     """
     k = int(s.switched) - 1
     if k >= p.surfaces or p.slides[k] != 0.0:
@@ -189,7 +188,7 @@ def passes_level(s: State, p: Parameters) -> bool:
 
 
 def shift_side(p: Parameters, k: int, way: float) -> None:
-    """Move surface k, of a table, to the next cell in direction `way`, 1 or -1."""
+    """Move surface k, of a table, to the next cell in the direction `way`, 1 or -1."""
     p.side[k] += way
     p.low[k] += way
     p.high[k] += way
@@ -200,7 +199,8 @@ def shift_side(p: Parameters, k: int, way: float) -> None:
 def laws_go_on(s: State, p: Parameters) -> bool:
     """Whether all laws keep their modes after a jump of forces, clear of rounding.
 
-    Without such a margin, an open contact may be pushed together.
+    Without such a margin, an open contact may be pushed together. Laws whose condition
+    `when` is false in this arc do not count.
     """
     event_functions(s.t, s.y, p, s.values)
     for k in range(p.laws):
@@ -214,10 +214,10 @@ def laws_go_on(s: State, p: Parameters) -> bool:
 
 
 def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
-    """Whether surface k passes a level at a rate that is clearly not zero.
+    """Whether surface k passes `level` at a rate that is clearly not zero.
 
-    way : 1 or -1, the direction. False where another surface is followed, or where the
-    same level was passed just before, as by a motion that comes to rest at it.
+    way : 1 or -1, the direction. False where the motion slides along another surface,
+    or where this level was passed just before, as by a motion that comes to rest at it.
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
@@ -239,7 +239,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
 
 
 def go_on(s: State, p: Parameters) -> None:
-    """Restart the method at the present state, with a first step like the last."""
+    """Restart the method at the state reached, with a first step like the last."""
     last = s.step_h
     s.end_step = 0.0
     start(s, p)
@@ -250,21 +250,24 @@ def go_on(s: State, p: Parameters) -> None:
 
 
 def pass_knot(p: Parameters) -> None:
-    """Set the table cell after the next knot."""
+    """Set the table cell that is valid after the next knot."""
     k = int(p.passed)
     p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_after[k]
     p.passed += 1.0
 
 
 def return_past_knot(p: Parameters) -> None:
-    """Set the table cell before the knot that was passed last."""
+    """Set the table cell that is valid before the knot passed last."""
     p.passed -= 1.0
     k = int(p.passed)
     p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_before[k]
 
 
 def has_missed(s: State, p: Parameters) -> int:
-    """Reject the last step if it missed a feature; return 1 if so, else 0."""
+    """Reject the last step if it missed a localized term or has a defect.
+
+    Return 1 if it is rejected, else 0.
+    """
     x = 0.0
     if LOCALIZED and s.feature_possible > 0.0:
         x = search.missed_feature(s, p)
@@ -281,8 +284,9 @@ def has_missed(s: State, p: Parameters) -> int:
 def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Store the largest and smallest value of each inertia, with time and state.
 
-    Where an inertia vanishes beside its usual size, a coordinate loses its meaning.
-    Steps are short there, so that ends of steps are close to the minimum.
+    now : (inertias,), working memory. Where an inertia vanishes beside its usual size,
+    a coordinate loses its meaning. Steps are short there, so that ends of steps are
+    close to the minimum.
     """
     width = s.dynamic.stop
     inertias(s.t, s.y, p, now)
@@ -296,9 +300,10 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 
 def inspect(s: State, p: Parameters) -> None:
-    """Search the last step for an end of the arc or run; update the smallest step.
+    """Search the last step for an end of the arc or run, and update `smallest_step`.
 
-    Steps that an end cuts short do not count as smallest.
+    Steps that an end cuts short do not count as smallest. The state is projected onto
+    the surfaces that the motion slides along.
     """
     known = s.smallest_step
     counts = s.steps > SETTLING and s.t < missed.next_end(s, p)
@@ -313,7 +318,7 @@ def inspect(s: State, p: Parameters) -> None:
 
 
 def take_cut(s: State, p: Parameters) -> None:
-    """Set the state to that at the fraction `cut`, where the last step was ended."""
+    """Set the state to that at the fraction `cut`, where the last step ends early."""
     interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
@@ -328,7 +333,10 @@ def take_cut(s: State, p: Parameters) -> None:
 
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Project a state onto the surfaces it slides along, and store the distance."""
+    """Project y (size,) onto the surfaces along which it slides; store the distance.
+
+    t : the time. The largest relative shift so far is `projected`.
+    """
     if p.sliding == 0.0:
         return
     former = s.work
@@ -339,9 +347,10 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 
 
 def jump_along(p: Parameters, i: int) -> float:
-    """Return the jumps of acceleration i at the surfaces that the motion slides along.
+    """Return the sum of the |jumps| of acceleration i at the surfaces of sliding.
 
-    At a corner that is the acceleration by the whole jump of the constraint force.
+    These are the surfaces along which the motion slides. At a corner of an equality the
+    jump is the acceleration by the whole jump of the constraint force.
     """
     width = p.size + p.m
     j = 0
@@ -363,10 +372,11 @@ def jump_along(p: Parameters, i: int) -> float:
 def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) -> float:
     """Return the relative shift of positions (first = 0) or velocities (first = n).
 
-    Relative to the ranges of the components that the projection moves, and to the
-    change by terms of forces in a step, which may cancel. Forces that jump cancel along
-    a surface, in whichever term they are written. Components are weighted by their
-    shifts: neither other bodies nor the origin matter.
+    y, former : (size,), the state after and before projection. The shift is relative to
+    the ranges of the components that the projection moves, and to the change by terms
+    of forces in a step, which may cancel. Forces that jump cancel along a surface, in
+    whichever term they are written. Components are weighted by their shifts: neither
+    other bodies nor the origin matter. At most 1, also for a shift that is not finite.
     """
     n, h = s.n, s.step_h
     high, low = s.high[s.velocities], s.low[s.velocities]
@@ -390,7 +400,7 @@ def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) ->
 
 
 def begin(s: State, p: Parameters) -> None:
-    """Begin an arc if s.fresh is 1."""
+    """Begin an arc if s.fresh is 1, otherwise change nothing."""
     if s.fresh > 0.0:
         drop_compensation(s)
         s.end_step = 0.0
@@ -399,7 +409,10 @@ def begin(s: State, p: Parameters) -> None:
 
 
 def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write the rows up to the time reached; return 0 if the block is full before."""
+    """Write the projected rows up to the time reached to out (rows, 1 + size).
+
+    Return 0 if the block is full before, else 1.
+    """
     first = int(s.emitted)
     complete = fill(s, p, out, rows)
     end = int(s.emitted)
@@ -419,9 +432,9 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write interpolated rows; return 0 after the last listed state beside the rows.
+    """Write interpolated rows up to the time reached to out (rows, 1 + size).
 
-    Return 0 in a full block, too.
+    Return 0 in a full block, and after the last listed state beside the rows; else 1.
     """
     while True:
         t = s.row_start + s.row * s.row_step
@@ -460,7 +473,7 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
 def tabulate(
     states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Write columns (rows, width) of states (rows, 1 + size).
+    """Write the columns (rows, width) of states (rows, 1 + size) to out.
 
     Tables have the cells that were in force at the time of each state.
     """
@@ -479,7 +492,7 @@ def tabulate(
 
 
 def exchange_lengths(p: Parameters) -> None:
-    """Exchange two sets of constraint rows' scales: that of the run and of the plan."""
+    """Exchange two sets of scales of constraint rows: the run's and the plan's."""
     p.reference, p.usual_reference = p.usual_reference, p.reference
     for i in range(p.m if p.loops > 0 else 0):
         k = p.lengths[i]
@@ -503,7 +516,7 @@ FREE_STEPS = 6.0
 
 
 def usable_step(s: State, p: Parameters) -> float:
-    """Return the step h to try, with t + h exact; 0 if it would be too small."""
+    """Return the step h to try, with t + h exact; 0 if such a step is too small."""
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)
@@ -526,10 +539,10 @@ def usable_step(s: State, p: Parameters) -> float:
 def record_speed(
     s: State, h: float, held: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
-    """Store the rate of the fastest motion, from states y, z and their slopes.
+    """Store the rate of the fastest motion, from states y and z (size,) at one time.
 
     k, slope : (size,), y' at y and at z. The step h counts as held at the stability
-    bound if h times the rate exceeds `held`.
+    bound if h times the rate exceeds `held`; such steps in sequence are counted.
     """
     masses, v, other_v = s.masses, y[s.velocities], z[s.velocities]
     a, other_a = k[s.velocities], slope[s.velocities]

@@ -94,7 +94,7 @@ class EmbeddedPair(NamedTuple):
 
     @property
     def last(self) -> int:
-        """Index s of the slope after the step."""
+        """Index s of the slope after the step: the number of stages of a step."""
         return self.C.index(1.0, self.C.index(1.0) + 1)
 
     @property
@@ -104,7 +104,7 @@ class EmbeddedPair(NamedTuple):
 
     @property
     def combines(self) -> bool:
-        """Whether two estimates are combined."""
+        """Whether the pair has two error estimates, which are combined."""
         return len(self.estimates) > 1
 
     @property
@@ -114,7 +114,7 @@ class EmbeddedPair(NamedTuple):
 
     @property
     def largest_weight(self) -> float:
-        """Largest factor x^i (1 - x)^j of the last term of the dense output."""
+        """Largest factor x^i (1 - x)^j, 0 <= x <= 1, of the last dense term."""
         i, j = self.terms // 2, (self.terms - 1) // 2
         return float(i) ** i * float(j) ** j / float(i + j) ** (i + j)
 
@@ -232,7 +232,7 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
 
 
 def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -> float:
-    """Return the error of a step in tolerances, without the part off the constraints.
+    """Return the error of a step h in tolerances, without the part off the constraints.
 
     errors : (2 size,), see `error_norm`.
     """
@@ -243,7 +243,7 @@ def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -
 
 
 def make_stages(s: Embedded, p: Parameters, t: float, y: Floats, h: float) -> None:
-    """Evaluate the slopes of a step h from y (size,) at t; the first slope is known."""
+    """Evaluate the slopes of a step h from y (size,) at t; the first one is known."""
     size, k = s.size, s.k
     for stage in unrolled(1, PAIR.last):
         for i in apart(size):
@@ -254,7 +254,7 @@ def make_stages(s: Embedded, p: Parameters, t: float, y: Floats, h: float) -> No
 
 
 def estimate(s: Embedded, p: Parameters, t: float) -> None:
-    """Compute the error estimates of a step that ends at t, from the stages' slopes."""
+    """Compute the error estimates of a step that ends at time t, from its slopes."""
     size, k = s.size, s.k
     if PAIR.ends:
         derivative(t, s.new, p, k[PAIR.last * size :])
@@ -268,16 +268,14 @@ def estimate(s: Embedded, p: Parameters, t: float) -> None:
 
 
 def error_norm(s: Embedded, h: float, errors: Floats) -> float:
-    """Return the norm of the error estimates of a step, in units of the tolerance.
+    """Return the norm of the error estimates of a step h, in units of the tolerance.
 
-    errors : (2 size,), both estimates of the slope; the second one is 0 where the pair
-    has one alone.
-
-    A work is normed together with the motion if this norm exceeds that of the motion
-    alone: a work with a large estimate of order 3 alone, as of a polynomial in t beside
-    a tolerance of nearly 0, would hide all other errors. The mean is over the
-    components with an error; others are at rest. A nan remains, and its step is
-    rejected.
+    errors : (2 size,), both estimates of the error of the slope; the second one is not
+    used if the pair has only one. A work is normed together with the motion if this
+    norm exceeds that of the motion alone: a work with a large estimate of order 3
+    alone, as of a polynomial in t beside a tolerance of nearly 0, would hide all other
+    errors. The mean is over the components with an error; others are at rest. A nan
+    remains, and its step is rejected.
     """
     size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
     error5 = 0.0
@@ -318,7 +316,7 @@ def combined(error5: float, error3: float) -> float:
 
 
 def accept(s: Embedded, p: Parameters, h: float) -> None:
-    """Accept the new state, and prepare the dense output if a row needs it."""
+    """Accept the new state after a step h; prepare the dense output for rows."""
     size, k, new = s.size, s.k, s.new
     after = k[PAIR.last * size :]
     if CONSTRAINED or not PAIR.ends:  # a projection has moved the state
@@ -377,7 +375,7 @@ def prepare_dense(s: Embedded, p: Parameters) -> None:
 
 
 def last_term(s: Embedded) -> float:
-    """Return the largest norm of the last term of the dense output, in tolerances."""
+    """Return the norm of the dense output's last term at its largest, in tolerances."""
     terms, count, squares = s.dense[(PAIR.terms - 1) * s.size :], 0, 0.0
     for i in range(s.size):
         if s.tolerances[i] > 0.0 and terms[i] != 0.0:
@@ -388,9 +386,9 @@ def last_term(s: Embedded) -> float:
 
 
 def interpolate(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
-    """Write the state (size,) at the fraction x of the last step (II.6, (6.7)).
+    """Write the state (size,) at the fraction x of the last step to out (II.6, (6.7)).
 
-    If the polynomial is uncertain, by a step that ends there.
+    If the polynomial is uncertain, the state is computed by a step that ends there.
     """
     if PAIR.most_last < inf and s.uncertain > 0.0:
         step_to(s, p, x, out)
@@ -404,7 +402,7 @@ def interpolate(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
 
 
 def step_to(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
-    """Write the state (size,) at the fraction x of the last step, by a shorter step."""
+    """Write the state (size,) at the fraction x of the last step, by a step of x h."""
     size, k, y = s.size, s.k, s.dense
     h = x * s.step_h
     k[:size] = s.first
@@ -417,7 +415,10 @@ def step_to(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Embedded, x: float, out: Floats) -> None:
-    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
+    """Write the derivative of the dense output at x to components n ... of out (size,).
+
+    These are the components of y' after q'.
+    """
     u = 1.0 - x
     for i in range(s.n, s.size):
         value = 0.0

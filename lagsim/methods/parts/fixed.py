@@ -38,9 +38,9 @@ class Fixed(State):
 
 @external
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Compute the state `new` after a step h, and y' there; return a code.
+    """Compute the state `new` after a step h, and y' there; return DONE or a code.
 
-    after : the time there, h later but for rounding.
+    after : the time there, which is t + h but for rounding.
     """
     raise NotImplementedError
 
@@ -54,7 +54,7 @@ def start(s: Fixed, p: Parameters) -> None:
 
 
 def step(s: Fixed, p: Parameters) -> int:
-    """Advance by one step; return DONE or another code."""
+    """Advance by one step; return DONE, or the code of a failure (see `state`)."""
     end = next_end(s, p)
     after = next_time(s, end)
     # Full steps are equal to the last bit, which after - t is not: a symplectic method
@@ -84,10 +84,11 @@ def judge(
 ) -> int:  # fmt: skip
     """Return the state of Newton's iteration: GO_ON, RENEW, SOLVED or LOST.
 
-    v, change : (n,), the velocities and their last change. moved : largest ratio of a
-    change to its component; previous : that of the iteration before. Changes that
-    stagnate may be rounding: of velocities that should stay 0 under forces that cancel,
-    or of positions far from the origin.
+    v, change : (n,), the velocities and their last change. h : the length of the step.
+    iteration : its number, from 0. moved : the largest ratio of a change to the size of
+    its component; previous : the ratio of the iteration before. Changes that stagnate
+    may be rounding: of velocities that should stay 0 under forces that cancel, or of
+    positions far from the origin.
     """
     state = progress(iteration, moved, previous)
     if state == SOLVED or iteration == 0 or not moved < OVERFLOW:
@@ -98,7 +99,7 @@ def judge(
 
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
-    """Whether Newton's changes (n,) of velocities v (n,) are rounding errors."""
+    """Whether Newton's changes (n,) of velocities v (n,) in a step h are rounding."""
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0, 1)
         s.rounding_known = 1.0
@@ -110,7 +111,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Project the new state at time `after`, and evaluate y' there; return a code."""
+    """Project the new state of a step h to `after`, and evaluate y'; return a code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     if CONSTRAINED and project_step(s, p, after, h, s.new) == 0:
@@ -121,7 +122,7 @@ def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def take(s: Fixed, p: Parameters, after: float) -> None:
-    """Accept the new state at time `after`; keep the old state for interpolation."""
+    """Accept the new state at time `after`; the old state is kept for interpolation."""
     s.old[:] = s.y
     s.before[:] = s.k
     s.y[:] = s.new
@@ -140,7 +141,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
 def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """Write the state (size,) at the fraction x of the last step, by cubic Hermite.
 
-    Hairer, Norsett and Wanner, Solving ODEs I, II.6.
+    Source: Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
     h = s.step_h
     u = 1.0 - x

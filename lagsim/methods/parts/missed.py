@@ -123,7 +123,10 @@ class SearchTable(Rank):
 
 
 def events(s: SearchTable) -> int:
-    """Return the number of event functions, which are the first rows."""
+    """Return the number of event functions, of surfaces, laws and conditions.
+
+    These are the rows 0 ... events - 1 of the table.
+    """
     return s.surfaces + s.conditions
 
 
@@ -133,7 +136,7 @@ def relations(s: SearchTable) -> int:
 
 
 def rows(s: SearchTable) -> int:
-    """Return the number of rows."""
+    """Return the number R of rows of the table, with the smallest singular value."""
     return relations(s) + s.sections + 1
 
 
@@ -155,7 +158,7 @@ def check_features(
     new: Floats,
     new_rates: Floats,
 ) -> None:
-    """Set `feature_possible` if a localized term may become active within a step h.
+    """Set `feature_possible`: 1 if a localized term may become active within a step h.
 
     old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
@@ -193,8 +196,9 @@ def shape_step(
 ) -> None:
     """Store polynomials of the state in the fraction u of a step h, in `shape`.
 
-    A cubic between states and rates (size,) at both ends, and for positions the terms
-    by which it lacks their second derivatives there.
+    They are cubics between states and rates (size,) at both ends (see
+    `check_features`), and for positions also the terms that match the second
+    derivatives there.
     """
     shape = s.shape
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
@@ -222,10 +226,10 @@ def shape_step(
 def sample_roughly(
     s: SearchTable, p: Parameters, h: float, x: float, beside: float, out: Floats
 ) -> None:
-    """Estimate the signals and their slopes at the fraction x of a step, in out (2 R,).
+    """Estimate signals and their slopes at the fraction x of a step h, in out (2 R,).
 
-    By the polynomials of `shape_step`. beside : distance over which slopes are
-    differenced, a power of 2.
+    They are evaluated on the polynomials of `shape_step`. beside : the distance over
+    which slopes are differenced, a power of 2.
     """
     z, shape, count = s.point, s.shape, rows(s)
     first = events(s)
@@ -246,7 +250,8 @@ def sample_end(
 ) -> None:
     """Evaluate the signals and their slopes at the end of a step h, in `ends` (2 R,).
 
-    new, new_rates : (size,), y and y' there; beside the end the state follows y'.
+    new, new_rates : (size,), y and y' there; just before the end the state is
+    extrapolated by y'.
     """
     z, first = s.point, events(s)
     part = BESIDE * h
@@ -258,9 +263,9 @@ def sample_end(
 
 
 def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
-    """Replace the signals beside a point, in out (2 R,), by the slopes there.
+    """Replace the signals beside a point, in the second half of out (2 R,), by slopes.
 
-    per : 1/distance.
+    per : 1/distance. The first half holds the signals at the point.
     """
     count = rows(s)
     for k in range(events(s), events(s) + s.signals):
@@ -268,10 +273,10 @@ def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
 
 
 def may_approach(s: SearchTable, k: int, width: float) -> bool:
-    """Whether signal k may come closer to its value inside a stretch than at its ends.
+    """Whether signal k may be closer to its value inside a stretch than at the ends.
 
-    width : of the stretch, as a fraction of the step. Also true if values and slopes at
-    the ends do not determine the signal in between.
+    width : the length of the stretch, as a fraction of the step. Also true if values
+    and slopes at the ends do not determine the signal in between.
     """
     if not signal_is_known(s, k, width):
         return True
@@ -300,11 +305,10 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
 
 
 def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
-    """Whether a power of signal k varies by a part below APPROACH within a step.
+    """Whether a power of signal k varies by a factor below e^APPROACH in a stretch.
 
-    By the hulls of the cubics on both sides of the middle of a stretch.
-
-    width : length of the stretch. power : the exponent.
+    Bounds are the hulls of the cubics on both sides of the middle of the stretch. width
+    : its length, as a fraction of the step. power : the exponent.
     """
     count = rows(s)
     left = THIRD * BETWEEN * width
@@ -335,10 +339,10 @@ def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
 
 
 def off(s: SearchTable, k: int, width: float) -> float:
-    """Return how far row k at the middle of a stretch is from the cubic of its ends.
+    """Return |row k - the cubic of its ends| at the middle point of a stretch.
 
-    width : of the stretch, as a fraction of the step. The cubic has the values and
-    slopes of both ends.
+    width : the length of the stretch, as a fraction of the step. The cubic has the
+    values and slopes of both ends.
     """
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
@@ -347,9 +351,10 @@ def off(s: SearchTable, k: int, width: float) -> float:
 
 
 def turned(s: SearchTable, k: int, width: float) -> float:
-    """Return how far row k's slope at the middle is from that of the cubic of its ends.
+    """Return |slope of row k - that of the cubic of its ends| at the middle point.
 
-    The difference is weighted to be comparable with `off`.
+    The difference is multiplied by `width`, see `off`, and weighted to be comparable
+    with `off`.
     """
     A = width * s.starts[rows(s) + k]
     B = width * s.ends[rows(s) + k]
@@ -367,9 +372,10 @@ def variation(s: SearchTable, k: int) -> float:
 
 
 def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
-    """Whether values and slopes at the ends determine signal k within a stretch.
+    """Whether values and slopes at the ends of a stretch determine signal k within.
 
-    width : of the stretch. It suffices that its distance is determined.
+    width : the length of the stretch, as a fraction of the step. It suffices that the
+    distance of the signal is determined.
     """
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
@@ -386,9 +392,10 @@ def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Return the distance of a signal u from activity of its term.
+    """Return -log of a term relative to 1, where its signal is u.
 
-    That is -log of the term relative to 1. kind, power : see `Indicator`.
+    This is the distance of the signal from activity of the term. kind, power : see
+    `Indicator`. 0 for the kind FALLING.
     """
     if kind == FALLING:
         return 0.0
@@ -402,23 +409,24 @@ def distance(kind: float, power: float, u: float) -> float:
 
 
 def away(s: SearchTable, k: int, at_point: Floats) -> float:
-    """Return the distance of signal k, with the rows' values in `at_point`."""
+    """Return the distance of signal k, with the values of all rows in `at_point`."""
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
 def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return a lower bound of the distance of signal k between two points.
+    """Return a lower bound of the distance of signal k between two points of a step.
 
-    left, right : rows and slopes (2 R,) at the points, `width` apart.
+    left, right : (2 R,), rows and slopes at the points, which are `width` apart.
     """
     kind, power = s.kinds[k - events(s)], s.powers[k - events(s)]
     return distance(kind, power, nearest(s, k, left, right, width))
 
 
 def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return a bound of the distance of signal k from its feature between two points.
+    """Return a bound of signal k itself, on the side of its active value.
 
-    Arguments: see `closest`.
+    The signal is nowhere closer to that value between two points. Arguments: see
+    `closest`.
     """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, left, right, width)
@@ -435,8 +443,9 @@ def lowest(
 ) -> float:
     """Return a lower bound of `way` times row k on its cubic between two points.
 
-    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences: an
-    extremum that seems to be at an end may be just inside.
+    way : 1 or -1. left, right : (2 R,), rows and slopes at the points, which are
+    `width` apart. The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are
+    differences: an extremum that seems to be at an end may be just inside.
     """
     a = way * left[k]
     b = way * right[k]
@@ -451,7 +460,10 @@ def lowest(
 
 
 def is_missed(s: SearchTable, p: Parameters, x: float) -> bool:
-    """Whether the dense output lacks a feature of y' at a fraction x of the step."""
+    """Whether y' has a feature at x that the dense output lacks.
+
+    x : the fraction of the last step.
+    """
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
 
@@ -478,7 +490,7 @@ EXPECTED = 1e-2
 
 
 def find_defect(s: SearchTable, p: Parameters) -> float:
-    """Return the fraction of the last step at a row with a defect, or 0."""
+    """Return the fraction of the last step at a row that has a defect, or 0."""
     s.defect_found = 0.0
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
@@ -500,10 +512,10 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
 
 
 def expect(s: SearchTable) -> None:
-    """Raise the sizes of components by the change that the defect at a row causes.
+    """Raise the sizes of components by the changes that the defect at a row causes.
 
-    Otherwise the first traces of the motion would be controlled as finely as denormal
-    numbers.
+    Without these sizes the very beginning of a motion from rest would be controlled as
+    finely as denormal numbers.
     """
     n, delta = s.n, s.row_step
     sizes = s.sizes_before
@@ -536,10 +548,10 @@ def is_off(s: SearchTable, p: Parameters, x: float) -> bool:
 
 
 def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
-    """Whether the defect computed by `differs` is the state's rounding alone.
+    """Whether the defect that `differs` stored is due to rounding of the state alone.
 
-    Near a root no slope shows the effect of rounding. most : the bound, in tolerances,
-    as in `differs`.
+    x : the fraction of the last step. Near a root no slope shows the effect of
+    rounding. most : the bound, in tolerances, as in `differs`.
     """
     set_reach(s, p, s.point, s.exact_rates, 0.0)
     t = s.step_t + x * s.step_h
@@ -552,10 +564,10 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone on a stretch.
 
-    x is the end of the stretch. Its variation is compared with its change if the time
-    and the state at x are rounded and the state is moved by its tolerances. Along a
-    chain at rest, motion spreads with increasing powers of the time: at first no step,
-    however short, resolves its shape.
+    x is the end of the stretch. The variation is compared with the change of the signal
+    if the time and the state at x are rounded and the state is moved by its tolerances.
+    Along a chain at rest, motion spreads with increasing powers of the time: at first
+    no step, however short, resolves the shape of the signal.
     """
     z = s.point
     now = s.values[events(s) :]
@@ -571,7 +583,7 @@ def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
 
 
 def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
-    """Whether signal k is 0 on a stretch except for roundoff; x is the end of it.
+    """Whether signal k is 0 on a stretch except for roundoff; x is the stretch's end.
 
     Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
     """
@@ -589,10 +601,11 @@ def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
 
 
 def is_beyond(s: SearchTable, p: Parameters, x: float) -> bool:
-    """Whether the defect computed by `differs` exceeds the tolerances.
+    """Whether the defect that `differs` stored exceeds the tolerances.
 
-    The state has an error of LEFT tolerances. The change of y' by such an error, where
-    y' is stiff or close to a loss of rank, and the rounding of y' are allowed.
+    x : the fraction of the last step. The state has an error of LEFT tolerances. The
+    change of y' by such an error, where y' is stiff or close to a loss of rank, and the
+    rounding of y' are allowed.
     """
     t = s.step_t + x * s.step_h
     z = s.point
@@ -606,7 +619,7 @@ def is_beyond(s: SearchTable, p: Parameters, x: float) -> bool:
 
 
 def exceeds(s: SearchTable, most: float, besides: Floats) -> bool:
-    """Whether the defect exceeds `most` tolerances plus `besides` (size,) anywhere."""
+    """Whether the defect of a rate exceeds `most` tolerances plus `besides` (size,)."""
     for i in range(s.n, s.size):
         allowed = most * s.tolerances[i] / s.step_h + besides[i]
         defect = abs(s.exact_rates[i] - s.point_rates[i])
@@ -616,9 +629,10 @@ def exceeds(s: SearchTable, most: float, besides: Floats) -> bool:
 
 
 def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
-    """Move a state by about a number of its tolerances.
+    """Move a state z (size,), in place, by about `tolerances` times the tolerances.
 
-    By a part and sign for each component, since equal changes may cancel.
+    Each component is moved by a part and sign of its own, since equal changes may
+    cancel. way : 0 or 1, the direction.
     """
     for i in range(s.size):
         part = 2.0 * scattered(i, way) - 1.0
@@ -627,7 +641,10 @@ def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
 
 
 def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
-    """Whether the defect at x exceeds `most` tolerances; store both rates."""
+    """Whether the defect at the fraction x exceeds `most` tolerances; store both rates.
+
+    These are `point_rates`, of the dense output, and `exact_rates`, of the equations.
+    """
     interpolate_rates(s, x, s.point_rates)
     interpolate(s, p, x, s.point)
     derivative(s.step_t + x * s.step_h, s.point, p, s.exact_rates)
@@ -636,14 +653,14 @@ def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 
 
 def keep_extents(s: SearchTable) -> None:
-    """Store sizes and ranges of the state before a step that may be shortened later."""
+    """Store sizes and ranges before a step, which may be shortened later."""
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high
 
 
 def restore_extents(s: SearchTable) -> None:
-    """Restore the sizes before the last step."""
+    """Restore the sizes and ranges that were stored before the last step."""
     s.sizes[:] = s.sizes_before
     s.low[:] = s.low_before
     s.high[:] = s.high_before

@@ -25,7 +25,8 @@ LOST = 3
 def progress(iteration: int, change: float, previous: float) -> int:
     """Return the state of an iteration: GO_ON, RENEW, SOLVED or LOST.
 
-    change, previous : relative sizes of the last change and of the one before.
+    iteration : its number, from 0. change, previous : relative sizes of the last change
+    and of the one before.
     """
     if not change < OVERFLOW:
         return LOST
@@ -42,7 +43,7 @@ def progress(iteration: int, change: float, previous: float) -> int:
 
 
 def take_finite(count: int, slopes: Floats) -> None:
-    """Set slopes (count,) that are not finite to 0, for Newton's method.
+    """Set elements of slopes (count,) that are not finite to 0, for Newton's method.
 
     The force |v| v has the slope 0 at v = 0, but its derivative written with a root is
     0/0 there. If such a slope is not 0, the iteration with short steps leads to a state
@@ -57,13 +58,13 @@ def take_finite(count: int, slopes: Floats) -> None:
 
 
 def add(width: Static, factor: float, z: Floats, out: Floats) -> None:
-    """Add a real number times z to `out`."""
+    """Add a real factor times the number z (width,) to the number `out`."""
     for k in unrolled(width):
         out[k] += factor * z[k]
 
 
 def take(width: Static, z: Floats, out: Floats) -> None:
-    """Copy the real or complex number z to `out`."""
+    """Copy the number z, real (width 1) or complex (width 2), to `out`."""
     for k in unrolled(width):
         out[k] = z[k]
 
@@ -74,7 +75,7 @@ def magnitude(width: Static, z: Floats) -> float:
 
 
 def add_product(width: Static, sign: float, y: Floats, z: Floats, out: Floats) -> None:
-    """Add sign * y z to `out`, which is neither y nor z."""
+    """Add sign * y z to the number `out`, which is stored apart from y and z."""
     if width == 1:
         out[0] += sign * (y[0] * z[0])
     else:
@@ -92,7 +93,7 @@ def multiply(width: Static, z: Floats, out: Floats) -> None:
 
 
 def divide(width: Static, z: Floats, out: Floats) -> None:
-    """Divide `out` by z without intermediate overflow (R. L. Smith, CACM 5, 1962)."""
+    """Divide the number `out` by z without overflow (R. L. Smith, CACM 5, 1962)."""
     if width == 1:
         out[0] /= z[0]
     elif abs(z[0]) >= abs(z[1]):
@@ -128,10 +129,11 @@ def too_large(scene: Structure) -> str:
 
 
 def decompose(width: Static, n: int, band: int, A: Floats, pivots: Floats) -> int:
-    """Factor A (n, n) in place; return 0 if it is singular or not finite, else 1.
+    """Factor A (n, n), of numbers of `width` doubles, in place.
 
-    Each pivot is the largest relative to its row, so that units of rows do not matter.
-    band : A_ij = 0 where |i - j| > band. pivots : (n,).
+    Return 0 if A is singular or not finite, else 1. Each pivot is the largest relative
+    to its row, so that units of rows do not matter. band : A_ij = 0 where |i - j| >
+    band. pivots : (n,), on return the rows exchanged.
     """
     row = width * n
     for i in range(n):
@@ -156,7 +158,7 @@ def decompose(width: Static, n: int, band: int, A: Floats, pivots: Floats) -> in
 def eliminate(width: Static, n: int, k: int, band: int, A: Floats) -> None:
     """Subtract multiples of row k of A (n, n) from the rows below.
 
-    The multipliers are stored in column k. Interchanges double the band above the
+    The multipliers are stored in column k. Interchanges double the `band` above the
     diagonal.
     """
     row = A[k * width * n :]
@@ -172,7 +174,11 @@ def eliminate(width: Static, n: int, k: int, band: int, A: Floats) -> None:
 def largest_in_column(
     width: Static, n: int, k: int, end: int, A: Floats, sizes: Floats
 ) -> int:
-    """Return the row i, k <= i < end, with the relatively largest entry in column k."""
+    """Return the row i, k <= i < end, with the relatively largest entry in column k.
+
+    A : (n, n). sizes : (n,), the largest entry of each row, to which entries are
+    relative.
+    """
     best = k
     largest = 0.0
     for i in range(k, end):
@@ -186,7 +192,7 @@ def largest_in_column(
 def solve(
     width: Static, n: int, band: int, A: Floats, pivots: Floats, x: Floats
 ) -> None:
-    """Replace x (n,) by A^-1 x, with the factors of `decompose`."""
+    """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`."""
     for k in range(n):
         best = int(pivots[k])
         for c in unrolled(width):
@@ -212,7 +218,7 @@ def solve(
 
 
 def square(width: Static, g: Floats) -> None:
-    """Write g^2 into the elements of g that follow the number itself."""
+    """Write g^2 behind the number g, into the elements that follow it."""
     take(width, g, g[width:])
     multiply(width, g, g[width:])
 
@@ -226,7 +232,10 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 
 
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
-    """Write x to element i of r, and g x - r_i to element i of s, behind r."""
+    """Write x to element i of r (n,), and g x - r_i to element i of s, which follows r.
+
+    g, x : numbers of `width` doubles.
+    """
     other = r[width * (n + i) :]
     for k in unrolled(width):
         other[k] = -r[width * i + k]
@@ -237,9 +246,10 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 def decompose_newton(
     width: Static, s: Blocks, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
-    """Factor the Newton matrix g^2 - g Jv - Jq into K; return 0 if it is singular.
+    """Factor the Newton matrix g^2 - g Jv - Jq into K; return 0 if singular, else 1.
 
-    K : (n + states, n + states). J : derivatives of the accelerations and rates.
+    K : (n + states, n + states). g : the number and its square. J : derivatives of the
+    accelerations and rates. pivots : see `decompose`.
     """
     n = s.n
     unknowns = n + s.states
@@ -268,7 +278,7 @@ def solve_newton(
 ) -> None:  # fmt: skip
     """Solve the Newton system for the right side r (size,), in place.
 
-    With the factors K of `decompose_newton`. x : (n + states,), working memory.
+    g, J, K, pivots : as in `decompose_newton`. x : (n + states,), working memory.
     """
     n = s.n
     combine(width, n, g, r, x)
@@ -324,7 +334,11 @@ class SparseNewton(Parameters):
 
 
 def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) -> None:
-    """Write C0 + g C1 + g^2 C2, from their entries J, to the slots of the factors K."""
+    """Write C0 + g C1 + g^2 C2 to the slots of the factors K.
+
+    g : the number and its square. J : the entries of C0, C1 and C2, one after the
+    other.
+    """
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
     for e in range(p.still):
@@ -340,7 +354,8 @@ def decompose_sparse(
 ) -> int:
     """Factor C0 + g C1 + g^2 C2 into K; return 0 if a pivot vanishes, else 1.
 
-    x : (N,), working memory. K contains the inverses of the pivots.
+    g, J : see `assemble`. x : (N,), working memory. K contains the inverses of the
+    pivots.
     """
     assemble(width, p, g, J, K)
     starts, columns = p.newton_starts, p.newton_columns
@@ -384,7 +399,8 @@ def solve_sparse(
 ) -> None:  # fmt: skip
     """Solve the sparse Newton system for the right side r (size,), in place.
 
-    With the factors K of `decompose_sparse`. x : (N + n,), working memory.
+    g, J : see `assemble`. K : the factors of `decompose_sparse`. x : (N + n,), working
+    memory.
     """
     n = p.n
     combined = x[width * p.unknowns :]

@@ -46,27 +46,30 @@ TURNS = 16
 
 
 def each_coordinate(p: Parameters) -> int:
-    """Return the length of an array by coordinates, 0 without loops."""
+    """Return the length of an array by coordinates, n, or 0 without loops."""
     return p.n if p.loops else 0
 
 
 def each_row(p: Parameters) -> int:
-    """Return the length of an array by constraint rows, 0 without loops."""
+    """Return the length of an array by constraint rows, m, or 0 without loops."""
     return p.m if p.loops else 0
 
 
 def each_grouped(p: Parameters) -> int:
-    """Return the length of an array with an entry for each row; 0 without laws."""
+    """Return the length of an array with an entry for each row, m; 0 without laws."""
     return p.m if p.laws else 0
 
 
 def each_watched(p: Parameters) -> int:
-    """Return the length of an array with an entry for each event function of a mode."""
+    """Return the length of an array by surfaces and laws, whose modes may end."""
     return p.surfaces + p.laws
 
 
 def columns(p: Parameters) -> int:
-    """Return the length of dr/dy, ds/dy and the slopes of other rates in `slopes`."""
+    """Return the length of dr/dy, ds/dy and the slopes of other rates in `slopes`.
+
+    (n + m + states + works) rows of derivatives by the dynamic components of y.
+    """
     return (p.n + p.m + p.states + p.works) * p.dynamic.stop
 
 

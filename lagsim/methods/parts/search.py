@@ -66,7 +66,7 @@ EVENT, SIGNAL, RANK, CROSSING = 0, 1, 2, 3
 
 
 class Events(SearchTable):
-    """Memory of the conditions that are watched, and of the event found."""
+    """Memory of the conditions that are located, and of the event found."""
 
     # All event functions at one fraction of the step, see `keep_values`.
     kept: Floats = array(lambda s: s.surfaces + s.conditions)
@@ -146,9 +146,10 @@ def search(kind: Static, s: Events, p: Parameters, low: float) -> float:
     EVENT: end the step at the first event, or where the search needs too many points.
     The part before an event is searched again: an earlier event may be too short to be
     seen beside the motion after it, as where a motion turns back through several levels
-    of one surface. SIGNAL: search features that the dense output misses, including a
-    step that needs more than MOST_SIGNALS points. RANK: search a loss of rank. Return
-    the fraction of the event, feature or loss, or 0.
+    of one surface. SIGNAL: search features that the dense output misses; a step that
+    needs more than MOST_SIGNALS points counts as one with a feature. RANK: search a
+    loss of rank. Return the fraction of the event, feature or loss, or 0 if there is
+    none.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = 2.0 / POINTS
@@ -194,7 +195,7 @@ def found_within(
 ) -> float:
     """Return the fraction in (low, x] of an event, feature or loss of rank, or 0.
 
-    `known` is the fraction of an event found before, or 0.
+    known : the fraction of an event found before in this step, or 0.
     """
     if kind == SIGNAL:
         return missed_within(s, p, low, x)
@@ -208,7 +209,7 @@ def found_within(
 
 
 def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
-    """Store the rows of a kind at the fraction x of the last step in s.values.
+    """Store the rows of a kind at the fraction x of the last step in s.values (R,).
 
     Signals are stored for every kind but RANK.
     """
@@ -240,9 +241,10 @@ def rows_at(kind: Static, s: Events, p: Parameters, x: float) -> None:
 def sample(
     kind: Static, s: Events, p: Parameters, x: float, beside: float, out: Floats
 ) -> None:
-    """Write rows of a kind and their slopes (2 R,) at the fraction x of the last step.
+    """Write rows of a kind and their slopes at the fraction x of the last step.
 
-    beside : distance over which values are differenced to slopes.
+    out : (2 R,), the values, then the slopes. beside : the distance over which values
+    are differenced to slopes.
     """
     count = rows(s)
     now = s.values
@@ -256,14 +258,12 @@ def sample(
 def unknown_up_to(
     kind: Static, s: Events, p: Parameters, low: float, x: float
 ) -> float:
-    """Return the width of a shorter stretch to examine than (low, x).
+    """Return the width of a shorter stretch to examine than (low, x); 0 if not needed.
 
-    0 if none is needed.
-
-    None is needed if rows on the stretch follow from values at its ends. For events, no
-    signal may approach its value inside either, since an event function made of its
-    term would be flat at every point; the shorter stretch then ends at the closest
-    approach.
+    No shorter one is needed if rows on the stretch follow from values at its ends. For
+    events, no signal may approach its value inside either, since an event function made
+    of its term would be flat at every point; the shorter stretch then ends at the
+    closest approach.
     """
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
@@ -291,7 +291,7 @@ def unknown_up_to(
 def events_are_known(s: Events, p: Parameters, width: float) -> bool:
     """Whether values and slopes at the ends of a stretch determine all event functions.
 
-    width : of the stretch, as a fraction of the step.
+    width : the length of the stretch, as a fraction of the step.
     """
     known = True
     for k in range(events(s)):
@@ -300,9 +300,10 @@ def events_are_known(s: Events, p: Parameters, width: float) -> bool:
 
 
 def sections_are_known(s: Events, width: float) -> bool:
-    """Whether values and slopes at the ends of a stretch determine all sections.
+    """Whether values and slopes at the ends of a stretch determine all relations.
 
-    width : of the stretch, as a fraction of the step.
+    width : the length of the stretch, as a fraction of the step. The relations are
+    those of sections; an error within the band of a section is allowed.
     """
     for j in range(s.sections):
         k = relations(s) + j
@@ -319,8 +320,8 @@ def sections_are_known(s: Events, width: float) -> bool:
 def one_sided_up_to(s: Events, p: Parameters, low: float, x: float) -> float:
     """Return a point in (low, x] just past the first jump of a condition, or x.
 
-    A condition with a step has equal values at all points, though it may differ in
-    between.
+    A condition with a step has equal values at all points, though its value may differ
+    in between.
     """
     width, near = x - low, x
     for k in range(events(s), events(s) + s.signals):
@@ -367,7 +368,7 @@ def falls_at(s: Events, p: Parameters, k: int, low: float, x: float) -> float:
 def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
     """Whether values and slopes at the ends of a stretch determine event function k.
 
-    width : of the stretch, as a fraction of the step.
+    width : the length of the stretch, as a fraction of the step.
     """
     a = s.starts[k]
     m = s.middles[k]
@@ -398,7 +399,8 @@ def event_is_known(s: Events, p: Parameters, k: int, width: float) -> bool:
 def value_at(kind: Static, s: Events, p: Parameters, k: int, x: float) -> float:
     """Return the value of row k at the fraction x of the last step.
 
-    Of a signal its distance.
+    For the kind SIGNAL it is the distance of the signal; for CROSSING the relation is
+    multiplied by the side from which the motion comes.
     """
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
@@ -419,7 +421,7 @@ def least_of(
 ) -> float:
     """Return the fraction in [low, high] at which row k is least, by golden section.
 
-    rounds : the number of divisions.
+    rounds : the number of divisions of the interval.
     """
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -447,8 +449,9 @@ def least_of(
 def find_end(s: Events, p: Parameters) -> None:
     """Search the last step for its first event, and end the step there.
 
-    s.switched becomes the number of the surface, or s.event that of the condition. A
-    condition that is true is followed until it is false, and is armed from there on.
+    s.switched becomes the number of the surface or law, or s.event that of the
+    condition, from 1. A condition that is true is followed until it is false, and is
+    armed from there on: located when it becomes true again.
     """
     t = s.t
     if UNTIL:
@@ -499,10 +502,10 @@ def keep_values(s: Events, p: Parameters, x: float) -> None:
 
 
 def goes_on(s: Events, p: Parameters, k: int) -> bool:
-    """Whether the step continues past a place where condition k has been located.
+    """Whether the step continues past a point at which condition k has been located.
 
     True at the end of a condition that was true, which is armed there, and at a jump of
-    an equation, which is no passage of 0.
+    the function of an equation, which is no passage of 0.
     """
     if follows(s, k):
         s.orientation[k] = -1.0
@@ -515,9 +518,10 @@ def goes_on(s: Events, p: Parameters, k: int) -> bool:
 
 
 def jumps(s: Events, p: Parameters, k: int) -> bool:
-    """Whether event function k jumps at the cut of the step, within rounding of x.
+    """Whether event function k jumps where the step is cut, within rounding of x.
 
-    A continuous function changes by a small part of its change in the time before.
+    A continuous function changes there by a small part of its change in the time
+    before.
     """
     x = s.cut
     now = value_at(EVENT, s, p, k, x)
@@ -530,7 +534,10 @@ def jumps(s: Events, p: Parameters, k: int) -> bool:
 
 
 def follow_true(s: Events, p: Parameters) -> None:
-    """Follow the inequalities that are true at the start of the last step."""
+    """Prepare the search for conditions that are true at the start of the last step.
+
+    Inequalities are located when they end; roots of equations once they are left.
+    """
     waits = False
     for k in range(s.conditions):
         waits = waits or s.orientation[k] == 0.0
@@ -546,11 +553,11 @@ def follow_true(s: Events, p: Parameters) -> None:
 
 
 def follow_roots(s: Events, p: Parameters) -> None:
-    """Begin the search for roots of equations that hold at the start of an arc.
+    """Arm the equations that hold at the start of an arc, to locate their next roots.
 
-    Their orientation is the sign just after the start, since another root may follow
-    soon. If rounding at the start has the opposite sign, the leeway is kept for this
-    step.
+    The orientation is the sign of the function just after the start, since another root
+    may follow soon. If rounding at the start has the opposite sign, the leeway is kept
+    for this step.
     """
     x = NEXT * BESIDE / POINTS
     while x < BESIDE / POINTS:
@@ -585,7 +592,7 @@ def least_allowed(s: Events, p: Parameters, k: int) -> float:
 
 
 def ends(s: Events, p: Parameters, k: int, value: float, x: float) -> bool:
-    """Whether event function k ends a mode at the fraction x of the last step."""
+    """Whether event function k, with `value` at the fraction x, ends a mode there."""
     if value >= least_allowed(s, p, k):
         return False
     return x >= errs_until(s, p, k, value)
@@ -594,10 +601,12 @@ def ends(s: Events, p: Parameters, k: int, value: float, x: float) -> bool:
 def errs_until(s: Events, p: Parameters, k: int, value: float) -> float:
     """Return the fraction of the step up to which a negative gap counts as an error.
 
-    A gap that is open after the step, and neither closes nor is pushed together at its
-    start, is open in between: a negative value is an error of the interpolant, as for a
-    body that leaves the ground as a power of the time. If the gap is still negative at
-    the end of such a step, within the method's error, it counts from then on.
+    k : the event function. value : its value, the gap, where it is negative. A gap that
+    is open after the step, and neither closes nor is pushed together at its start, is
+    open in between: a negative value is an error of the interpolant, as for a body that
+    leaves the ground as a power of the time (inf). If the gap is still negative at the
+    end of such a step, within the method's error, it counts from then on (1). 0: any
+    negative value counts, as of functions that are no gaps.
     """
     law = k - p.surfaces
     if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
@@ -611,10 +620,12 @@ def errs_until(s: Events, p: Parameters, k: int, value: float) -> float:
 
 
 def error_of_gap(s: Events, p: Parameters, k: int, is_open: bool) -> float:
-    """Return the error of gap k in the last step if it parts at the start, else 0.
+    """Return the error of law k's gap in the last step if it opens at its start.
 
-    If the gap is open after the step, it is that of the interpolant, by the change of
-    the accelerations; else that of the method, by the accelerations; or the tolerance.
+    0 if the gap does not open there. is_open : whether the gap is open after the step;
+    if so, the error is that of the interpolant, by the change of the accelerations;
+    else that of the method, by the accelerations. With step control it is the
+    tolerance.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
     interpolate(s, p, 1.0, s.work)
@@ -641,10 +652,11 @@ def error_of_gap(s: Events, p: Parameters, k: int, is_open: bool) -> float:
 def end_within(
     s: Events, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
-    """End the step at the first event in (low, x] and return its fraction; or return 0.
+    """End the step at the first event in (low, x]; return its fraction, or 0.
 
-    It is not later than any minimum at which a function is negative: an event is in
-    force there still. before, after : (2 R,), rows and slopes at low and x.
+    The event is not later than any minimum at which a function is negative: the
+    function has ended a mode by then. before, after : (2 R,), rows and slopes at low
+    and x.
     """
     high = 0.0
     for k in range(events(s)):
@@ -667,10 +679,10 @@ def end_within(
 
 
 def cut(s: Events, p: Parameters, low: float, high: float) -> None:
-    """End the step at the first moment in (low, high] at which a mode ends.
+    """End the step at the first point in (low, high] at which a mode ends.
 
-    The moment is the root of its function, even if only a value well below 0 revealed
-    it.
+    The point is the root of the event function, even if only a value well below 0
+    revealed that the mode ends.
     """
     first = events(s)
     s.event = 0.0
@@ -758,7 +770,7 @@ def end_of(
 def shorten(s: Events, x: float) -> None:
     """End the last step at its fraction x.
 
-    Its state is kept until the rows before that moment are written: methods may
+    The state after the step is kept until the rows before x are written: methods may
     interpolate from it.
     """
     s.cut = x
@@ -766,9 +778,9 @@ def shorten(s: Events, x: float) -> None:
 
 
 def orient(s: Events, p: Parameters, t: float, y: Floats, most: float) -> None:
-    """Arm the conditions that are false at a state, to be located when they turn true.
+    """Arm the conditions that are false at y (size,), to be located when they are true.
 
-    Of inequalities only conditions with a leeway of at most `most`.
+    Inequalities are armed only with a leeway of at most `most`.
     """
     values = s.values
     located(t, y, p, values)
@@ -793,7 +805,11 @@ DOUBLINGS = 60
 
 
 def missed_feature(s: Events, p: Parameters) -> float:
-    """Return the fraction of the last step at which a feature is missed, or 0."""
+    """Return the fraction of the last step at which a localized term is missed, or 0.
+
+    There the dense output lacks a term of the forces (a pulse, a steep wall), or the
+    search must stop for the number of its points.
+    """
     rows_at(SIGNAL, s, p, 0.0)
     for k in range(s.signals):
         s.farthest[k] = missed.away(s, events(s) + k, s.values)
@@ -801,9 +817,9 @@ def missed_feature(s: Events, p: Parameters) -> float:
 
 
 def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
-    """Return the fraction between two points at which a feature is missed, or 0.
+    """Return the fraction in [low, high] at which a localized term is missed, or 0.
 
-    Update the largest distance of each signal since its last approach.
+    The largest distance of each signal since its last approach is updated.
     """
     half = BETWEEN * (high - low)
     for k in range(events(s), events(s) + s.signals):
@@ -827,7 +843,7 @@ def missed_within(s: Events, p: Parameters, low: float, high: float) -> float:
 
 
 def expect(s: Events, p: Parameters, x: float) -> None:
-    """Raise sizes by the defect at the fraction x, unless a mode ends before it.
+    """Raise sizes by the defect at the fraction x, unless a mode ends before x.
 
     Past the end of a mode the step is no motion, and its rates may have any magnitude.
     """
@@ -842,7 +858,8 @@ def expect(s: Events, p: Parameters, x: float) -> None:
 def missed_about(s: Events, p: Parameters, k: int, x: float) -> float:
     """Compare slopes at the closest approach of signal k, at x, and beside it.
 
-    Return the fraction at which they differ, or 0.
+    Return the fraction at which the slopes of the dense output and of the equations
+    differ, or 0.
     """
     if missed.is_missed(s, p, x):
         return x
@@ -874,18 +891,18 @@ NARROWER = 44
 
 
 def loses_rank(s: Events, p: Parameters) -> bool:
-    """Whether rank is lost within the last step; s.work is the state there."""
+    """Whether rank is lost within the last step; s.work is then the state there."""
     return s.watched > 0.0 and search(RANK, s, p, 0.0) > 0.0
 
 
 def lost_within(s: Events, p: Parameters, low: float, x: float) -> float:
-    """Return the fraction of the step between two points at which rank is lost, or 0.
+    """Return the fraction of the step in [low, x] at which rank is lost, or 0.
 
     Sigma has a kink there, and small jumps where rows change their order, which may
     hide the sign of its slope: a stretch is searched where values or slopes fall and
-    rise again, or where sigma could vanish in between at the steepest slope so far.
-    Where it vanishes at an end, as on a set of states that all lose rank, it does not
-    count that it could.
+    rise again, or where sigma could vanish in between at the steepest slope so far. On
+    a set of states that all lose rank, where sigma vanishes at an end, the latter does
+    not count.
     """
     k = rows(s) - 1
     slopes = rows(s) + k

@@ -92,7 +92,7 @@ KNOTS_PASSED = 13
 
 
 def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
-    """Declare a model function of (t, y, p, out), which writes to `out`.
+    """Declare the model function `name` of (t, y, p, out), which writes to `out`.
 
     All arrays are views into longer arrays; y has the blocks of `Blocks`, and p
     contains the parameters and the working memory of the model.
@@ -171,20 +171,20 @@ signals = of_model("signals")
 
 @external
 def bend(h: float, c: Floats, out: Floats) -> None:
-    """Compute sum_k y_k h^k over k >= 2 (size,) of a series c."""
+    """Write the sum over k >= 2 of y_k h^k (size,) of a series c to out."""
 
 
 @external
 def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> None:
-    """Compute sum_k y_k h^k (size,) of a series c, and its roundoff.
+    """Write sum_k y_k h^k (size,) of a series c to out, and its roundoff to left.
 
-    lost : (size,), the roundoff of y_0, which is added. left : (size,), the roundoff.
+    lost : (size,), the roundoff of y_0, which is added. left : (size,).
     """
 
 
 @external
 def slope(h: float, c: Floats, out: Floats) -> None:
-    """Compute sum_k k y_k h^(k - 1) (size,), the derivative of a series c, at h."""
+    """Write sum_k k y_k h^(k - 1) (size,), the derivative of a series c, to out."""
 
 
 @external
@@ -210,4 +210,7 @@ def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
 
 @external
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
-    """Write the derivative of the dense output at x: the rates that follow q' in y'."""
+    """Write the derivative of the dense output at x to components n ... of out (size,).
+
+    These are the components of y' after q'.
+    """

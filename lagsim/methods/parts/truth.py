@@ -49,6 +49,8 @@ PLACES = 2.0**-40
 def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
     """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
 
+    These are the values, the sizes up to which a value counts as 0, and the rates.
+
     Parameters
     ----------
     found : int
@@ -97,7 +99,10 @@ def evaluate(s: Events, p: Parameters) -> None:
 
 
 def set_rates(s: Events, p: Parameters) -> None:
-    """Store y' at the state reached in `exact_rates`."""
+    """Store y' at the state reached in `exact_rates` (size,).
+
+    Where y' is not known at an instant, only the velocities are stored.
+    """
     rates = s.exact_rates
     if RATED:
         derivative(s.t, s.y, p, rates)
@@ -107,14 +112,14 @@ def set_rates(s: Events, p: Parameters) -> None:
 
 
 def seen(s: Events, i: int) -> float:
-    """Return the largest magnitude of component i, including the current state."""
+    """Return the largest magnitude of component i so far, with the current state."""
     return max(abs(float(s.y[i])), float(s.sizes[i]))
 
 
 def speed_of(s: Events, i: int) -> float:
-    """Return the magnitude to which the error of the rate of component i is relative.
+    """Return the scale of the rate of component i, to which its error is relative.
 
-    That of a coordinate is its largest velocity; that of a velocity its largest force.
+    For a coordinate it is the largest velocity; for a velocity the largest force.
     """
     if i < s.n:
         return seen(s, s.n + i)
@@ -124,7 +129,7 @@ def speed_of(s: Events, i: int) -> float:
 
 
 def terms_of(s: Events, k: int) -> float:
-    """Return the magnitude of the terms of condition k at the largest state so far."""
+    """Return the size of the terms of condition k at the largest state so far."""
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     terms = 0.0
     for i in range(s.dynamic.stop):
@@ -133,15 +138,15 @@ def terms_of(s: Events, k: int) -> float:
 
 
 def error_of_time(s: Events, k: int) -> float:
-    """Return the rounding error of the time at which condition k was located."""
+    """Return the rounding error of the time of condition k; 0 if its rate is 0."""
     rate = abs(float(s.trend[k]))
     return float(s.zero[k]) / rate if rate > 0.0 else 0.0
 
 
 def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> float:
-    """Return the rounding error of the time of the condition located last.
+    """Return the rounding error of the time of the condition located last, or 0.
 
-    Parameters: see `look`.
+    0 if no condition is located. Parameters: see `look`.
     """
     found = int(s.event) - 1
     if found < 0:
@@ -151,9 +156,10 @@ def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> 
 
 
 def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
-    """Store which conditions are true or false at the state just before an instant.
+    """Evaluate the conditions at the state just before an instant.
 
-    Rates are evaluated only where a condition may change. Parameters: see `look`.
+    Rates are evaluated only where a condition may change; `calm` becomes 1 if no
+    condition can change unless the state jumps. Parameters: see `look`.
     """
     s.met_first = float(found)
     s.calm = 0.0
@@ -177,8 +183,8 @@ def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) ->
 def is_calm(s: Events, k: int, least: float) -> bool:
     """Whether condition k can change only if the state or the modes jump.
 
-    That is so where its value is at least `least` from 0 on its side, or where it is
-    true for ever.
+    That is so where its value is at least `least` from 0 on its side, or where the
+    condition is true for ever.
     """
     value, side = float(s.worth[k]), float(s.orientation[k])
     if side != 0.0:
@@ -189,11 +195,11 @@ def is_calm(s: Events, k: int, least: float) -> bool:
 
 
 def meet(s: Events, p: Parameters) -> int:
-    """Find the conditions that the motion satisfies at the instant.
+    """Find the conditions that the motion satisfies at the instant; return the number.
 
-    Return their number; their indices are set in `marked`. A condition that is about to
-    become false at that time counts as false, and so does one that has become false by
-    a jump of a switch within it.
+    `marked` is 1 for these conditions. A condition that is about to become false at
+    that time counts as false, and so does one that has become false by a jump of a
+    switch in its expression.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
@@ -206,7 +212,7 @@ def meet(s: Events, p: Parameters) -> int:
 
 
 def mark(s: Events) -> int:
-    """Set `marked` of the conditions that the motion satisfies; return their number."""
+    """Set `marked` to 1 for conditions that the motion satisfies; return the number."""
     count = 0
     for k in range(s.conditions):
         side = s.orientation[k]
@@ -223,10 +229,11 @@ def mark(s: Events) -> int:
 def wait(s: Events, p: Parameters, width: float, tolerance: float) -> int:
     """Decide whether the conditions just located wait for a more precise one.
 
-    The time at which a condition is located has an error by its rounding. If another
+    The time at which a condition is located has an error by rounding. If another
     condition becomes true within this error, both belong to one instant, at the time of
-    the one with the smaller error. Until then the motion goes on, and the others are
-    located later, by twice their rounding. Return 1 if they wait, else 0.
+    the condition with the smaller error. Until then the motion continues, and the
+    others are located later, by twice their rounding. Return 1 if they wait, else 0.
+    Parameters: see `look`.
     """
     found = int(s.event) - 1
     s.met_first = float(found)
@@ -256,7 +263,7 @@ def wait(s: Events, p: Parameters, width: float, tolerance: float) -> int:
 
 
 def hold(s: Events, _p: Parameters) -> None:
-    """Store that the conditions set in `marked` are true from now on."""
+    """Store that the conditions whose `marked` is 1 are true from now on."""
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
             miss = max(0.0, s.worth[k] * s.orientation[k])
@@ -267,7 +274,7 @@ def hold(s: Events, _p: Parameters) -> None:
 def change(s: Events, p: Parameters) -> int:
     """Find the conditions that become true by modes set, whatever the rates.
 
-    Return their number; their indices are set in `marked`.
+    Return the number of conditions; `marked` is 1 for each.
     """
     s.any_stays = 0.0
     remember(s)
@@ -280,8 +287,8 @@ def settle(
 ) -> int:
     """Find the conditions that become true at the state just after the instant.
 
-    Return their number; their indices are set in `marked`. jumped : 1 if velocities or
-    modes may have jumped. Other parameters: see `look`.
+    Return the number of conditions; `marked` is 1 for each. jumped : 1 if velocities or
+    modes may have jumped, else 0. Other parameters: see `look`.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
@@ -300,9 +307,9 @@ def settle(
 
 
 def remember(s: Events) -> None:
-    """Store the values of the conditions, and mark each condition that is off 0.
+    """Store the values of the conditions in `former`, and whether each is off 0.
 
-    Off 0 by more than their zero tolerance.
+    Off 0 (`was_clear`): by more than the zero tolerance of the condition.
     """
     for k in range(s.conditions):
         s.former[k] = s.worth[k]
@@ -326,7 +333,10 @@ def may_change(s: Events) -> bool:
 
 
 def error_of_value(s: Events, k: int) -> float:
-    """Return the error of condition k's value if each state is off by a tolerance."""
+    """Return the error of condition k's value by the error of the state, in tolerances.
+
+    0 if this is not finite.
+    """
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     found = 0.0
     for i in range(s.dynamic.stop):
@@ -338,9 +348,10 @@ def error_of_value(s: Events, k: int) -> float:
 def become(s: Events, rated: int) -> int:
     """Find the conditions that became true; store the sides of conditions now false.
 
-    Return their number; their indices are set in `marked`. rated : 1 if the state has
-    been looked at: a value of 0 that rises makes its condition true, and so does a
-    value that has jumped to 0, but for the error of the state.
+    Return the number of conditions that became true; `marked` is 1 for each. rated : 1
+    if rates are known: then a condition whose value is 0 and rises becomes true, and so
+    does one whose value has jumped to 0, but for the error of the state; 0: by values
+    alone.
     """
     count = 0
     for k in range(s.conditions):
@@ -364,7 +375,7 @@ def become(s: Events, rated: int) -> int:
 
 
 def leave(s: Events) -> None:
-    """Store the sides of true conditions whose values are off 0 and false."""
+    """Store the sides of conditions that were true and whose values are now false."""
     for k in range(s.conditions):
         value = float(s.worth[k])
         is_off = abs(value) > max(float(s.zero[k]), float(s.leeway[k]))
@@ -374,9 +385,9 @@ def leave(s: Events) -> None:
 
 
 def turn(s: Events, _p: Parameters) -> None:
-    """Store the side to which the rate leads, for each value that is at 0.
+    """Store the side to which the rate leads, for each condition whose value is 0.
 
-    True conditions whose values stay at 0 are set in `stays`.
+    `stays` is 1 for true conditions whose values stay at 0.
     """
     s.any_stays = 0.0
     for k in range(s.conditions):
