@@ -66,16 +66,16 @@ class Rest(Relations):
     Parameters
     ----------
     point : Point
-        With velocities of zero.
+        The guess, with velocities of zero.
     stated : sequence of Condition
-        Further equations for positions.
+        Equations for positions, beside the rows that always hold.
     held : sequence of Row
-        The rows of the active laws.
+        The rows of the active laws, which hold beside the equalities.
     free : tuple of sequence of int
         Indices of the positions, and of the states, that are guesses.
     pinned : mapping of str to int
-        Unknown shares of the upper sides of surfaces, by name, and the node that is
-        zero on the surface.
+        For each surface that holds the state: the name of the variable for the share of
+        its upper side, an unknown, and the node that is zero on the surface.
     """
 
     def __init__(
@@ -154,10 +154,10 @@ class Rest(Relations):
         return point
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Mark the residuals beyond rounding (m,).
+        """Return marks (m,) of the residuals that exceed their rounding errors.
 
-        Each residual includes the rounding of all multipliers, and of the distance from
-        the guess.
+        The bound of a residual includes the rounding of all multipliers, and of the
+        distance of x from the guess. errors : error bounds (k,) of x.
         """
         guesses = len(self.positions) + len(self.states)
         weights = np.sqrt(np.diag(self.metric))
@@ -168,9 +168,10 @@ class Rest(Relations):
 
     @cached_property
     def metric(self) -> Floats:
-        """Metric of changes (k, k): M for positions, displacement for the others.
+        """Metric (k, k) in which changes of the unknowns are measured.
 
-        The displacement by a force is estimated from the stiffness at the start.
+        It is M for positions. For other unknowns it is the square of the displacement
+        that they cause, estimated from the stiffness at the start.
         """
         point, k = self.point, len(self.positions)
         M = point.mass_entries(self.positions).dense(k, k)
@@ -187,20 +188,20 @@ class Rest(Relations):
         return found
 
     def errors(self, x: Floats) -> dict[str, float]:
-        """Return error bounds of the guesses that were solved for, by name."""
+        """Return error bounds of the solved guesses, by name, at x (k,)."""
         point = self.at(x)
         found = point.solved_errors((self.point.q, self.point.v))
         return {**self.point.errors, **{n: found[n] for n in self.names if n in found}}
 
     def pulls(self, x: Floats) -> Floats:
-        """Return the scaled force of each row that pulls (rows,), 0 where it pushes."""
+        """Return how strongly each row pulls (rows,), scaled; 0 where a row pushes."""
         own = np.linalg.norm(self.at(x).jacobian(self.rows) / self.point.sizes, axis=1)
         pushes = x[len(x) - len(self.rows) :] * own
         small = COMPUTED_ZERO * np.max(np.abs(pushes), initial=0.0)
         return np.where(pushes < -small, -pushes, 0.0)
 
     def undetermined(self, x: Floats) -> list[str]:
-        """Return the guesses on which no residual depends, at x0 and at x."""
+        """Return the guesses on which no residual depends at x0 and at x (k,)."""
         flat = np.all([
             np.all(np.nan_to_num(self(at)[1]) == 0.0, axis=0) for at in (self.x0, x)
         ], axis=0)  # fmt: skip
@@ -209,11 +210,13 @@ class Rest(Relations):
 
 
 def _contracted(rest: Rest, metric: Floats) -> Floats | None:
-    """Return the limit of Newton's method if it contracts from the start, else None.
+    """Return the limit (k,) of Newton's method; None if it does not contract.
 
-    Along each step the slopes change by no more than half of their size, and the next
-    step is no longer than half (L. V. Kantorovich's conditions, checked where
-    evaluated).
+    The method contracts if, along each step, the slopes change by no more than half of
+    their size, and the next step is no longer than half (L. V. Kantorovich's
+    conditions, checked at the points where r is evaluated).
+
+    metric : (k, k), in which steps are measured.
     """
     x, L = rest.x0, cholesky(metric)
     r, J = rest(x)
@@ -287,14 +290,18 @@ def _downhill(rest: Rest) -> Floats | None:
 
 
 def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> float:
-    """Return the fraction of a step for which the merit function falls enough; else 0.
+    """Return the largest tried fraction of a step that lowers the merit enough.
+
+    The fraction is 0 if no tried fraction does.
 
     Parameters
     ----------
     rest : Rest
+        The equations of the balance.
     x, step : ndarray, shape (k,)
+        The iterate, and the step from it.
     weights : ndarray, shape (relations,)
-        Penalties.
+        Penalties of the residuals of relations in the merit function.
     gain : float
         Decrease of the merit function predicted by the slopes at x.
     """
@@ -322,16 +329,20 @@ class Way(Enum):
     """Way from a guess to a rest.
 
     NEAR: Newton's method where it contracts, else downhill. CONTRACTED: Newton's method
-    where it contracts, else none. FAR: other starts around the guess, too. DOWN:
-    downhill. ROOT: damped steps, which may end at a saddle of the energy. CORNER: from
-    surface to surface, to a corner of forces or of equalities.
+    where it contracts, else no result. FAR: as NEAR, then from other starts around the
+    guess. DOWN: descent of the energy (`_downhill`). ROOT: damped steps, which may end
+    at a saddle of the energy. CORNER: from surface to surface, to a corner of forces or
+    of equalities.
     """
 
     NEAR, CONTRACTED, FAR, DOWN, ROOT, CORNER = range(6)
 
 
 def solved(rest: Rest, way: Way = Way.NEAR) -> NewtonResult:
-    """Return a rest near the guess, found by one of the ways; see `Way`."""
+    """Solve for a rest near the guess by one of the ways; see `Way`.
+
+    The result has `converged` False if that way finds no rest.
+    """
     x0 = rest.x0
     if rest.exact(x0) or not len(x0):
         return NewtonResult(x0, converged=rest.exact(x0))

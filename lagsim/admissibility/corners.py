@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def raised_by_corners(point: Point) -> int:
-    """Return the rank that rows of corners add to that of the equality rows.
+    """Return the number of independent rows that corners add to the equality rows.
 
-    A motion at rest at a corner stays there unless the equations of one branch alone
-    lead away from the corner.
+    A motion at rest at a corner stays at the corner unless the equations of one branch
+    alone lead away from it.
     """
     e, g = point.e, point.g
     moving = [*e.q, "t"]

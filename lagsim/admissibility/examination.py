@@ -173,7 +173,8 @@ class StartReport(NamedTuple):
     def degrees_of_freedom(self) -> int:
         """Number of coordinates minus the rank of the equality rows that hold.
 
-        On a set on which all states lose rank, its dimension, if known.
+        On a thin set, where all states lose rank, it is `ThinSet.degrees_of_freedom`,
+        if that is known.
         """
         if self.thin is not None and self.thin.degrees_of_freedom is not None:
             return self.thin.degrees_of_freedom
@@ -391,10 +392,10 @@ class _Examiner:
         velocities: bool,
         definitions: bool = True,
     ) -> Relations:
-        """Return the relations that determine the values with indices `free`.
+        """Return the relations that determine the unknowns with the indices `free`.
 
-        velocities : whether these are velocities, not positions. definitions : whether
-        start values of definitions count.
+        velocities : whether the unknowns are velocities, not positions. definitions :
+        whether the relations include stated start values of definitions.
         """
         e = self.e
         # Contacts that touch imply no equation for the rate: an impact decides it.
@@ -406,7 +407,10 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=velocities)
 
     def _metric(self, relations: Relations) -> Floats:
-        """Return the metric of least change (k, k): M as stated; unity for states."""
+        """Return the metric (k, k) in which changes of the unknowns are measured.
+
+        It is M at the stated start; the identity for first-order states.
+        """
         k, free = len(relations.free), relations.free
         if relations.block > 1:
             return np.eye(k)
@@ -415,7 +419,7 @@ class _Examiner:
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> NewtonResult:
-        """Return the values nearest to the point's that satisfy the relations.
+        """Return the solution of the relations that is nearest to the relations' point.
 
         far : whether other starts of the search are tried, too.
         """
@@ -431,7 +435,7 @@ class _Examiner:
         return nearest_solution(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> NewtonResult:
-        """Solve relations for guesses, and describe a failure, or a special root."""
+        """Solve relations for guesses; name a failure or a special root in words."""
         found = self._nearest(relations)
         if not relations.wanted:
             return found
@@ -468,10 +472,10 @@ class _Examiner:
         return found._replace(reason=reason, least=least)
 
     def _exact_values(self, point: Point, *, velocities: bool) -> Point:
-        """Return the nearest point that satisfies the relations to rounding.
+        """Return the nearest point that satisfies the constraints to rounding.
 
-        velocities : whether velocities, not positions, are changed. Values exact to
-        rounding are kept.
+        Values that are exact to rounding stay unchanged. velocities : whether
+        velocities are changed, not positions.
         """
         relations = self._relations(
             point, range(self.n), velocities=velocities, definitions=False
@@ -482,7 +486,7 @@ class _Examiner:
     # Guesses
 
     def _guessed(self) -> tuple[Point, str]:
-        """Solve for guesses: positions, then velocities, then states.
+        """Solve for guesses: first positions, then velocities, then first-order states.
 
         Return the solved point, and the reason of a failure or "".
         """
@@ -542,10 +546,10 @@ class _Examiner:
         return find_rest(still, stated, (positions, states), self.off)
 
     def _asked(self, point: Point, block: int) -> Relations:
-        """Return the relations that guesses have to satisfy.
+        """Return the relations from which guesses are solved.
 
         block : 0 for positions, 1 for velocities, 2 for first-order states, whose rates
-        have to vanish.
+        are to be 0.
         """
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:
@@ -594,9 +598,10 @@ class _Examiner:
             self._warn(UNDETERMINED_GUESS, text)
 
     def _closest_root(self, relations: Relations, found: NewtonResult) -> NewtonResult:
-        """Return the root nearest to the guess, among several.
+        """Search other roots of the relations; return the root nearest to the guess.
 
-        Warn if others are as near.
+        found : a first root. A warning is stored if another root is about as near as
+        the nearest.
         """
         x0, k = relations.x0, len(relations.free)
         J = relations(found.x)[1]
@@ -634,7 +639,7 @@ class _Examiner:
     # The state that is reported
 
     def _inexact(self, point: Point) -> Point:
-        """Return the point with error bounds of its values, stated or solved for."""
+        """Return the point with error bounds of its stated and its solved values."""
         here = {x: point.values[x] for x in self.e.state}
         same = {name for name, x in here.items() if x == self.initial[name].value}
         if same == here.keys():
@@ -657,7 +662,7 @@ class _Examiner:
     def _exact(self, point: Point, laws: Sequence[RelationResiduals]) -> _Judged:
         """Analyse the nearest exact state: its rows, ranks and contradictions.
 
-        laws : verdicts on the laws. Values that are exact to rounding are kept.
+        laws : verdicts on the laws. Values that are exact to rounding stay unchanged.
         """
         passed = {
             x.name
@@ -673,9 +678,10 @@ class _Examiner:
         return judged
 
     def _repaired(self, point: Point) -> _Judged:
-        """Judge the nearest admissible state over all values, and name the changes.
+        """Analyse the nearest admissible state, with all start values as unknowns.
 
-        Without such a state, report the contradictions at the point of least residuals.
+        The changed values are the `repair` of the result. If no admissible state is
+        found, the result has the contradictions at the point of least residuals.
         """
         near, everything = self.stated.at(errors=self.errors), range(self.n)
         if self.rest:
@@ -700,7 +706,7 @@ class _Examiner:
     def _at_other_rest(self, point: Point) -> _Judged:
         """Analyse a state of rest near the start, with all values as unknowns.
 
-        The changes are stored as the repair.
+        The changed values are the `repair` of the result.
         """
         found = self._rest(range(self.n), range(len(self.e.states)))
         if found is None:
@@ -714,15 +720,16 @@ class _Examiner:
     def _touch(
         self, point: Point, *, velocities: bool, free: Sequence[int] | None = None
     ) -> bool:
-        """Add violated contacts as equalities; return whether any is new.
+        """Add violated contacts to the equalities; return whether any is new.
 
         Parameters
         ----------
         point : Point
+            The state at which gaps and their rates are judged.
         velocities : bool
-            Whether rows of velocities, or of positions, are added.
+            Whether rows of velocities are added, or rows of positions.
         free : sequence of int, optional
-            If given, only rows that depend on these values are added.
+            If given, only rows that depend on the values with these indices are added.
         """
         if not self.e.laws:
             return False
@@ -739,7 +746,7 @@ class _Examiner:
         return bool(new)
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
-        """Return the changes beyond rounding: name -> (old, new)."""
+        """Return the values that differ by more than rounding: name -> (old, new)."""
         errors = new.solved_errors((old.q, old.v))
         pairs: Mapping[str, tuple[float, float]] = {
             name: (old.values[name], new.values[name]) for name in errors
@@ -752,7 +759,7 @@ class _Examiner:
 
 
 def _spread(relations: Relations, x: Floats) -> Floats:
-    """Return the radius (k,) of the search for further roots around a root x."""
+    """Return distances (k,) from a root x within which further roots are searched."""
     if relations.velocities:  # 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)

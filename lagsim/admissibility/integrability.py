@@ -65,9 +65,10 @@ class Reach(NamedTuple):
 def classified(
     point: Point, verdicts: Sequence[RelationResiduals]
 ) -> tuple[list[RelationResiduals], Reach]:
-    """Return verdicts with `integrable` for each Pfaffian relation; common reach.
+    """Return the verdicts with `integrable` set, and the reach of all rows.
 
-    Each relation is examined alone; the reach is that of all rows.
+    `integrable` is set for each Pfaffian relation, examined without the other
+    relations.
     """
     rows = {row.name: row for row in point.e.rows}
     whole = reach_of(point, point.e.rows)
@@ -99,7 +100,10 @@ def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
-    """Return the reach on which two random points near the point agree."""
+    """Return the reach that AGREE random points near the point have in common.
+
+    If generic points disagree, or none satisfies the rows, the reach is undecided.
+    """
     random = np.random.default_rng(2)  # the same points each time
     q, weights = point.q, point.sizes
     spread = of_rows(point, rows).spread
@@ -125,10 +129,10 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
 
 
 class _Distribution:
-    """The admissible directions around a point, as vector fields on the graph.
+    """Velocities that the rows admit around a point, as vector fields on the graph.
 
     A field is a list of nodes, one for each of (q, t). Near the point, the components
-    in `bound` follow from the free ones.
+    in `bound` follow from the other components, which are free.
     """
 
     def __init__(self, point: Point, rows: Sequence[Row]) -> None:
@@ -150,7 +154,7 @@ class _Distribution:
         self.scaled /= np.where(lengths > 0, lengths, 1.0)
 
     def reach(self) -> Reach:
-        """Complete the distribution under brackets, and return the reach."""
+        """Add iterated Lie brackets until the span is complete; return the reach."""
         if not np.all(np.isfinite(self.numbers)):
             return Reach(None, None, reason="the forms are not finite near the start")
         fields = self._fields()
@@ -170,11 +174,9 @@ class _Distribution:
         return self._judged(span)
 
     def _extends(self, span: Span, field: Sequence[int]) -> bool:
-        """Whether a vector field is independent of the span.
+        """Extend the span by a vector field; return whether it was independent.
 
-        If so, it is added to the span.
-
-        Beyond rounding.
+        A field within rounding of the span counts as dependent.
         """
         vector = self.point.array(field) * self.weights
         length = np.linalg.norm(vector)
@@ -187,7 +189,7 @@ class _Distribution:
         return span.extend(rest, CAUTION * float(rounding / length))
 
     def _fields(self) -> list[list[int]]:
-        """Return fields that span the kernel of the forms around the point."""
+        """Return fields that span the velocities on which the forms vanish."""
         g = self.g
         table = [list(form) for form in self.forms]
         numbers = self.scaled.copy()
@@ -226,7 +228,7 @@ class _Distribution:
         return [g.call("sub", x, y) for x, y in zip(first, second, strict=True)]
 
     def _judged(self, span: Span) -> Reach:
-        """Return the reach implied by a complete span, with hidden relations."""
+        """Return the reach that a complete span implies, with the hidden relations."""
         # A form that vanishes on the span is a combination of the forms; the holonomic
         # rows are known to be such forms.
         known = Span(len(self.names))

@@ -56,7 +56,10 @@ class Pin(NamedTuple):
 
 
 class Step(Enum):
-    """Where the forces of both sides of a surface drive a state, if they differ."""
+    """Direction in which the forces of both sides of a surface drive a state.
+
+    TOWARDS the surface, AWAY from it, or NONE: the forces do not differ.
+    """
 
     TOWARDS, NONE, AWAY = range(3)
 
@@ -110,9 +113,9 @@ class Kinks:
 
     @property
     def positions(self) -> list[int]:
-        """Nodes of the position relative to each surface.
+        """For each surface the node of its expression, relative to the level.
 
-        Relative to the nearest level below, where there is one at each whole number.
+        If a surface has a level at each whole number, the level is the next one below.
         """
         return [
             self.g.call("sub", x.node, self.g.call("floor", x.node))
@@ -122,11 +125,11 @@ class Kinks:
         ]
 
     def share(self, k: int) -> str:
-        """Return the variable for the share of the upper side of surface k, by name."""
+        """Return the name of the variable for the share of surface k's upper side."""
         return f"share.{k}"
 
     def ends(self, k: int, level: float) -> tuple[float, float]:
-        """Return the values of a mode variable below and above a level."""
+        """Return the values of surface k's mode variable below and above a level."""
         return (level - 1.0, level) if self.sides[k].whole else (-1.0, 1.0)
 
     def frozen(
@@ -134,15 +137,15 @@ class Kinks:
     ) -> Callable[[Sequence[int]], list[int]]:
         """Return a function from nodes to nodes without switches at the given surfaces.
 
-        A surface on a side has the branch of that side. At a pin a node is the mean of
-        both branches, weighted by the share of the upper side.
+        At a surface in `sides` a node has the branch of the given side. At a surface in
+        `pins` it is the mean of both branches, weighted by the share of the upper side.
 
         Parameters
         ----------
         sides : mapping of int to float
             The values of the mode variables of surfaces, by number.
         pins : mapping of int to Pin
-            Surfaces on which the state is held.
+            Surfaces on which the state is held, by number.
         """
         g = self.g
         variable = {k: g.variable(x.variable) for k, x in self.sides.items()}
@@ -209,9 +212,9 @@ class Kinks:
         )
 
     def distance(self, k: int, level: float, sides: Mapping[int, float]) -> int:
-        """Return the node u - level of a surface, with other surfaces on their sides.
+        """Return the node u - level of surface k, other surfaces on fixed sides.
 
-        sides : the values of their mode variables.
+        sides : the values of the mode variables of surfaces, by number.
         """
         g = self.g
         fixed = {
@@ -223,10 +226,11 @@ class Kinks:
     # Sides of a state
 
     def at(self, point: Point) -> tuple[dict[int, float], dict[int, float]]:
-        """Return the sides of a state, and the levels on which it lies.
+        """Return the side of each surface at a state, and the levels the state is on.
 
-        A surface whose expression keeps its level on an interval has no side: its mode
-        variable is 0, or lies between two whole numbers.
+        Both are mappings by the number of the surface. A surface whose expression has
+        the value of its level on an interval has no side: its mode variable is 0, or
+        lies between two whole numbers.
         """
         nodes = [x.node for x in self.sides.values()]
         values, errors = point.array(nodes), CAUTION * point.rounding(nodes)
@@ -259,14 +263,15 @@ class Kinks:
         *,
         beyond: bool,
     ) -> KinkCrossing | None:
-        """Return the first surface between two states, or None.
+        """Return the first surface that a straight path crosses; None without one.
 
         Parameters
         ----------
         points : tuple of Point
-            The ends of a straight path.
+            The ends of the path.
         sides : mapping of int to float
-            Of the start, by the number of a surface: -1 or 1, or a whole number.
+            The sides of the start of the path, by the number of a surface: -1 or 1, or
+            a whole number.
         pinned : mapping of int to float
             Surfaces that are left out, with their levels.
         beyond : bool
@@ -300,7 +305,10 @@ class Kinks:
         return found
 
     def _along(self, nodes: Sequence[int], start: Point, end: Point) -> Floats:
-        """Return the derivatives of nodes along the way between two states."""
+        """Return the derivatives of nodes along the straight path between two states.
+
+        The derivatives are taken at `start`, by the fraction of the path.
+        """
         g, e = self.g, self.e
         names = [*e.q, *(x.name for x in e.states)]
         moved = np.concatenate([end.q - start.q, end.state.s - start.state.s])
@@ -321,15 +329,17 @@ class Kinks:
         pins: Mapping[int, Pin],
         held: Sequence[Row],
     ) -> dict[int, Step]:
-        """Return, for each pinned surface, where the forces of its sides drive a state.
+        """Return where the forces of both sides of each pinned surface drive a state.
 
-        An equality that jumps at a surface has no rest there, which counts as AWAY.
+        An equality that jumps at a surface admits no rest on the surface, which counts
+        as AWAY.
 
         Parameters
         ----------
         point : Point
-            At rest, with shares that have values.
+            A state at rest, with values of the shares.
         sides, pins : mapping
+            See `frozen`.
         held : sequence of Row
             Rows in force beside the equalities.
         """
@@ -356,16 +366,19 @@ class Kinks:
         sides: Mapping[int, float],
         pins: Mapping[int, Pin],
     ) -> Point:
-        """Return the equations on the given sides, with rows `held`, at a state."""
+        """Return the state with equations on the given sides and further rows in force.
+
+        held : these rows. sides, pins : see `frozen`.
+        """
         e, more = self.on(sides, pins), self.rows(held, sides, pins)
         return point.of(replace(e, rows=(*e.rows, *more)))
 
     def _away(
         self, point: Point, k: int, sides: Mapping[int, float]
     ) -> tuple[float, float]:
-        """Return the acceleration of the expression of a surface, and its terms.
+        """Return d^2 u/dt^2 of a surface's expression u, and the sum of its |terms|.
 
-        The rate instead where the expression depends on first-order states.
+        If u depends on first-order states, du/dt is returned in place of d^2 u/dt^2.
         """
         u, e, g = self.distance(k, 0.0, sides), point.e, self.g
         places = {g.variable(x.name): x.rate for x in e.states}
@@ -381,14 +394,17 @@ class Kinks:
         return float(J @ a), float(np.abs(J) @ terms)
 
     def row(self, k: int, level: float, sides: Mapping[int, float]) -> Row:
-        """Return the row that holds a state on a surface."""
+        """Return the row u = level, which holds a state on surface k."""
         name = f"{CORNER}{k}"
         node = self.distance(k, level, sides)
         return constraint_row(self.g, name, node, self.e.flow)
 
 
 def _root(node: int, level: float, start: Point, end: Point) -> float:
-    """Return the fraction of the way at which a node has a level, by bisection."""
+    """Return the fraction of the straight path at which a node has the value `level`.
+
+    start, end : the ends of the path. The fraction is computed by bisection.
+    """
 
     def off(part: float) -> float:
         q = start.q + part * (end.q - start.q)
@@ -403,7 +419,10 @@ def _root(node: int, level: float, start: Point, end: Point) -> float:
 
 
 def drift(point: Point, rows: Sequence[Row]) -> tuple[Floats, Floats]:
-    """Return the accelerations (n,) and the rates of states (s,) with more rows."""
+    """Return accelerations (n,) and rates of first-order states (s,), rounding removed.
+
+    rows : further rows in force, beside the rows of the point's equations.
+    """
     e = replace(point.e, rows=(*point.e.rows, *rows))
     a, terms, _ = accelerations(point.of(e))
     a[np.abs(a) <= RESIDUAL_ROUNDOFF * terms] = 0.0

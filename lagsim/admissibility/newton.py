@@ -105,7 +105,7 @@ class Relations:
 
     @property
     def angles(self) -> int:
-        """Number of values, from the first on, that may be angles."""
+        """Number of unknowns, from the first on, that may be angles."""
         return 0 if self.velocities else len(self.names)
 
     @property
@@ -138,7 +138,7 @@ class Relations:
         return found
 
     def curvature(self, x: Floats, multipliers: Floats) -> Floats:
-        """Return the sum of multipliers[i] d2r_i/dx dx, shape (k, k)."""
+        """Return the sum of multipliers[i] d^2 r_i/dx^2 over i, (k, k), at x (k,)."""
         found = np.zeros((len(self.names), len(self.names)))
         values = self.at(x).array([entry[3] for entry in self._second])
         for (i, j, k, _), value in zip(self._second, values, strict=True):
@@ -152,7 +152,7 @@ class Relations:
         return self.looked_at(x)
 
     def looked_at(self, x: Floats) -> tuple[Floats, Floats]:
-        """Return r (m,) and dr/dx (m, k) for a check, without a dense step."""
+        """Return r (m,) and dr/dx (m, k) at x; no operations of a step are counted."""
         r, entries = self._with_entries(x)
         return r, entries.dense(len(r), len(self.names))
 
@@ -170,16 +170,14 @@ class Relations:
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
     def hold(self, x: Floats, errors: Floats) -> bool:
-        """Whether each residual is small against its terms, or within its rounding.
-
-        errors : error bounds (k,) of x.
-        """
+        """Whether all relations are satisfied at x (k,), see `violated`."""
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Mark the residuals (m,) beyond the part of their terms and their rounding.
+        """Return marks (m,) of the relations that are not satisfied at x (k,).
 
-        errors : error bounds (k,) of x.
+        A relation is satisfied if its residual is at most a given part of its terms, or
+        within its rounding error. errors : error bounds (k,) of x.
         """
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
@@ -188,23 +186,26 @@ class Relations:
         return found
 
     def exact(self, x: Floats) -> bool:
-        """Whether r is within the rounding errors of x as stated in the file."""
+        """Whether r at x is within the rounding errors of the values in the file."""
         point, residual, _ = self._against_terms(x)
         return bool(np.all(residual <= self.rounding(point)))
 
     def _against_terms(
         self, x: Floats, errors: Floats | None = None
     ) -> tuple[Point, Floats, Floats]:
-        """Return the point, |r| (m,), and bounds of |r| relative to its terms (m,)."""
+        """Return the point with values x (k,), |r| (m,), and bounds of |r| (m,).
+
+        The bounds are proportional to the terms of each relation.
+        """
         point = self.at(x, errors)
         scale = np.abs(point.array([x.scale for x in self.wanted]))
         small = CONVERGED * np.maximum(scale, np.abs(self.targets))
         return point, np.abs(point.array(self.nodes) - self.targets), small
 
     def rounding(self, point: Point, rows: Sequence[int] | None = None) -> Floats:
-        """Return error bounds of r by rounding and by errors of stated values.
+        """Return error bounds of residuals by rounding and by errors of stated values.
 
-        rows : indices of the residuals wanted; by default all.
+        rows : indices of the residuals; by default all m.
         """
         rows = range(len(self.nodes)) if rows is None else rows
         found = point.rounding([self.nodes[i] for i in rows])
@@ -240,6 +241,8 @@ def diverges(
     errors: Floats,
 ) -> bool:
     """Whether a relation that x0 violates is satisfied at x by rounding alone.
+
+    Such a relation decreases towards infinity and has no root.
 
     Parameters
     ----------
@@ -406,9 +409,9 @@ def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
 def _others(
     relations: Relations, x0: Floats, best: Floats | None, metric: Floats
 ) -> Iterator[Floats]:
-    """Yield other starts of the search, around x0, at the distance of the point found.
+    """Yield random starts (k,) of the search around x0, with a fixed seed.
 
-    They are random, with a fixed seed. best : (k,), the point found, if any.
+    Their distance from x0 is about that of `best` (k,), the point found so far, if any.
     """
     random = np.random.default_rng(3)
     L = cholesky(metric)
@@ -423,7 +426,10 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """Return the distance within which second-order expansions hold; 0 if unknown."""
+    """Return the distance from x0 within which second-order expansions of r hold.
+
+    It is 0 if it is unknown. L : Cholesky factor (k, k) of the metric.
+    """
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):
@@ -513,7 +519,8 @@ def _damped(
 ) -> tuple[Floats, Floats, Floats] | None:
     """Return x, r, dr/dx after the largest part of a step that lowers |r|, or None.
 
-    The parts are 1, 1/2, 1/4 ...; with `once` 1 alone.
+    The parts 1, 1/2, 1/4, ... are tried; with `once`, 1 alone. None if no part lowers
+    |r|. weights : lengths (m,) by which the residuals are divided.
     """
     before = np.linalg.norm(r / weights)
     damping = 1.0
@@ -527,9 +534,10 @@ def _damped(
 
 
 def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
-    """Return J with rows of length 1 in the metric L L^T (m, n), and the lengths (m,).
+    """Return the rows of J L^-T scaled to length 1 (m, n), and the lengths before (m,).
 
-    The length of a row of zeros is given as 1.
+    J : (m, n). L : Cholesky factor of the metric. A row of zeros is unchanged, and its
+    length is returned as 1.
     """
     Y, lengths = whitened_rows(J, L)
     lengths[lengths == 0] = 1.0
@@ -541,7 +549,8 @@ def _explained(
 ) -> NewtonResult:
     """Return the point of least |r|, with the reason why no root was found.
 
-    reached : the end of the iteration.
+    If that point satisfies the relations, the result has `converged` True. reached :
+    the result of the iteration that failed.
     """
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached
@@ -580,7 +589,7 @@ class _Slope:
     ----------
     relations : Relations
     x0, x : ndarray, shape (k,)
-        Centre, and a point that satisfies the relations.
+        The centre of the distance, and a point that satisfies the relations.
     metric : ndarray, shape (k, k)
     """
 
@@ -598,7 +607,11 @@ class _Slope:
         self.steepness = float(np.linalg.norm(self.gradient))
 
     def step(self) -> Floats:
-        """Return Newton's step along the relations, or a descent step."""
+        """Return the change of x along the relations towards less |x - x0|, shape (k,).
+
+        It is Newton's step, with absolute curvatures; at a maximum or saddle, a short
+        step down from it.
+        """
         # The Hessian of the Lagrange function.
         H = self.metric - self.relations.curvature(self.x, self.multipliers)
         H = H if np.all(np.isfinite(H)) else self.metric
@@ -614,7 +627,11 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def lower(self) -> _Slope | None:
-        """Return the point after the largest part of a step that is nearer, or None."""
+        """Return the slope at a point of the relations that is nearer to x0; else None.
+
+        The point is reached by the largest part (1, 1/2, ...) of `step` that comes
+        nearer.
+        """
         if not self.kernel.shape[1] or self.change == 0:
             return None  # isolated: there is nothing to choose
         step, damping = self.step(), 1.0
@@ -657,10 +674,10 @@ def _square(x: Floats, metric: Floats) -> float:
 
 
 def unwound(relations: Relations, x: Floats) -> Floats:
-    """Return the root x shifted by whole periods so that it is nearest to the guess.
+    """Return the root x (k,), shifted by periods to the place nearest to the guess.
 
-    A component has a period if adding it changes no relation, at the root and beside
-    it: a turn of an angle, or half a turn, as of tan.
+    A component has a period if the addition of that period changes no relation, at the
+    root and beside it: a full turn of an angle, or half a turn, as of tan.
     """
     near = relations.x0
     for period in (TURN, TURN / 2.0):

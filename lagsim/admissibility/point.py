@@ -92,7 +92,7 @@ class Point:
     ) -> Point:
         """Return the equations at another state, or with other errors.
 
-        q, v, t, s, errors : by default this point's, as `sizes` and `multipliers`.
+        Arguments that are not given, `sizes` and `multipliers` are those of this point.
         """
         state = Instant(
             self.t if t is None else t,
@@ -126,7 +126,7 @@ class Point:
 
     @cached_property
     def places(self) -> tuple[dict[int, int], frozenset[int]]:
-        """Nodes of positions, then velocities, with their indices; and these nodes."""
+        """Index of each position and velocity by its node; the set of these nodes."""
         names = (*self.e.q, *self.e.velocities)
         found = {self.g.variable(name): j for j, name in enumerate(names)}
         return found, frozenset(found)
@@ -149,7 +149,7 @@ class Point:
     def rounding(self, nodes: Sequence[int]) -> Floats:
         """Return bounds of the rounding errors of the values of `nodes`.
 
-        They contain the effect of the errors of variables.
+        The bounds include the effect of the errors of the variables.
         """
         found = evaluate_with_error(self.g, nodes, self._inexact)
         return np.array([error for _, error in found])
@@ -157,11 +157,12 @@ class Point:
     def solved_errors(
         self, origin: tuple[Floats, Floats] | None = None
     ) -> dict[str, float]:
-        """Return error bounds of values that were solved for, by name.
+        """Return error bounds of the values that were solved for, by name.
 
-        They add the rounding of a value, the rounding of the distance of all values
-        from `origin`, and the effect of the rounding of its relations: a value that
-        should be zero has the error of its neighbours.
+        The bound of a value adds: the rounding of the value, the rounding of the
+        distance of all values from `origin` (positions, velocities), and the effect of
+        rounding in its relations. A value that should be zero therefore has the error
+        of its neighbours.
         """
         rows, weights, state = self.e.rows, self.sizes, (self.q, self.v)
         names = self.e.state
@@ -187,7 +188,10 @@ class Point:
 
     @property
     def sizes(self) -> Floats:
-        """sqrt(M_jj) (n,), or a substitute for 0, at the first state evaluated."""
+        """Size of each coordinate (n,): sqrt(M_jj), or a substitute where that is 0.
+
+        The sizes are those at the first state that was evaluated.
+        """
         if not self._sizes:
             roots = np.sqrt(np.abs(self.array(self.e.inertias)))
             if not roots.all():
@@ -286,6 +290,7 @@ class Condition(NamedTuple):
     ----------
     name : str
     node : int
+        The expression whose value is prescribed.
     A : mapping of int to int
         The gradient of the node: index of a coordinate, or of its velocity -> node.
     scale : int
@@ -303,9 +308,9 @@ class Condition(NamedTuple):
 
 
 def implied_conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
-    """Return equations that `rows` imply: for positions, or for velocities.
+    """Return the equations for positions, or for velocities, that `rows` imply.
 
-    Rows between velocities imply none for positions.
+    Rows between velocities imply no equation for positions.
     """
     if velocities:
         return [Condition(r.name, r.rate, r.A.entries, r.rate_scale) for r in rows]
@@ -324,9 +329,9 @@ def gradient_of(point: Point, node: int) -> dict[int, int]:
 
 
 def defined_conditions(point: Point, *, velocities: bool) -> list[Condition]:
-    """Return the equations that stated start values of definitions add.
+    """Return the equations that stated start values of definitions imply.
 
-    They are equations for velocities, or for positions.
+    velocities : whether these are equations for velocities, or for positions.
     """
     e, g, n = point.e, point.g, point.n
     wanted = []
@@ -366,13 +371,14 @@ class _ScaledGradient(NamedTuple):
 
     @property
     def shortest(self) -> float:
-        """The shortest length; inf if the condition is affine."""
+        """The shortest length over all positions; inf if the condition is affine."""
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
-        """Return the greatest product of slope and length over the form's coordinates.
+        """Return the greatest product of |slope| and length over the coordinates.
 
-        lengths : (n,). -inf for a form without coordinates.
+        lengths : (n,), of all coordinates. The result is -inf if no coordinate of the
+        gradient has a known length.
         """
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)
@@ -380,7 +386,7 @@ class _ScaledGradient(NamedTuple):
 
 
 def positions_of(e: Equations) -> dict[int, int]:
-    """Return the index of each position by its node."""
+    """Return the index of each position by the node of its variable."""
     return {e.graph.variable(name): j for j, name in enumerate(e.q)}
 
 
@@ -461,11 +467,12 @@ class Lengths:
         return forms
 
     def _shortest(self, least: float, most: float) -> Floats:
-        """Return the shortest lengths (n,) that exceed `least`, with propagation.
+        """Return the shortest length at each coordinate (n,) that exceeds `least`.
 
-        A length that exceeds `most` times the form's shortest belongs to a special
-        direction, as along a rod, and is replaced by the shortest. Affine forms
-        propagate the lengths of their coordinates.
+        A length that exceeds `most` times the shortest of its condition belongs to a
+        special direction, as along a rod, and is replaced by the shortest. Affine
+        conditions, which have no length of their own, pass the lengths of their
+        coordinates on to each other.
         """
         found = np.full(self.point.n, np.inf)
         for form in self.forms:
@@ -485,11 +492,11 @@ class Lengths:
 
     @cached_property
     def spread(self) -> Floats:
-        """Variation of each coordinate around the state, shape (n,).
+        """Distance by which each coordinate is varied around the state, shape (n,).
 
-        It is the coordinate's length, or 0 if no gradient depends on it. If a length is
-        undetermined at the state (at a double root), it is the greatest of the others
-        in the metric of M; without any, the coordinate's own size.
+        It is the coordinate's length, or 0 if no gradient depends on the coordinate. If
+        a length is undetermined at the state (at a double root), it is the greatest of
+        the other lengths in the metric of M; without any, the coordinate's own size.
         """
         own = [item for form in self.forms for item in form.lengths.items()]
         known = [length for _, length in own if 0.0 < length < np.inf]
@@ -504,10 +511,10 @@ class Lengths:
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:
-        """Return the size of each condition (m,) by its lengths; inf if unknown.
+        """Return the size of each condition (m,), slope times length; inf if unknown.
 
-        It is the slope times the length: unlike the terms, it does not grow with the
-        distance from the origin.
+        Unlike the terms of a condition, this size does not grow with the distance from
+        the origin.
         """
         values = self.point.array([x.node for x in self.asked])
         missed = values - np.array([x.target for x in self.asked])
@@ -535,11 +542,11 @@ class Lengths:
         return np.inf if constant <= SURFACE_ROUNDOFF * terms else max(constant, moved)
 
     def motions(self) -> Floats:
-        """Return the size of the motion in each form (m,); inf if unknown.
+        """Return the size of the motion in each condition (m,); inf if unknown.
 
-        It is |A| in the metric of M^-1 times |v| in that of M, over the coordinates of
-        the form. Velocities that do not change the form or its derivatives (of both
-        ends of a rod alike) are projected out.
+        The size is |A| in the metric of M^-1 times |v| in the metric of M, over the
+        coordinates of the condition. Velocities that change neither the condition nor
+        its derivatives (equal velocities of both ends of a rod) are projected out.
         """
         return np.array([self._motion(form) for form in self.forms])
 
@@ -563,9 +570,9 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
 
 
 def _length(size: float, first: float, second: float) -> float:
-    """Return the length over which a gradient of this size changes by its own size.
+    """Return the distance over which a gradient changes by its own size.
 
-    first, second : sizes of its first and second derivative.
+    size : of the gradient. first, second : sizes of its first and second derivative.
     """
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf

@@ -93,7 +93,7 @@ class Dependence(NamedTuple):
         return f"{self.name} = {text.removeprefix(' + ') or '0'}"
 
     def contradiction(self) -> str:
-        """Return a text on the first level with a contradiction; "" without one."""
+        """Return the first contradiction as text; "" if there is none."""
         for level, size in self.contradictions.items():
             if not self.combination:
                 return (
@@ -226,9 +226,9 @@ def scaled_rows(
 
 
 def row_lengths(point: Point) -> Floats:
-    """Return lengths (m,) of the rows in the metric of the solver; 0 within rounding.
+    """Return the lengths (m,) of the rows in the metric of the solver.
 
-    They are nan if M is not finite.
+    A length within rounding is 0; all are nan if M is not finite.
     """
     if point.is_large and point.is_safely_positive:
         found = lengths_in(*_sparse(point))
@@ -242,14 +242,15 @@ def row_lengths(point: Point) -> Floats:
 def weakest_rows(
     point: Point, rank: int, usual: Sequence[float]
 ) -> tuple[Floats, float]:
-    """Return the combination (m,) of rows that is closest to zero, and its length.
+    """Return the combination of rows (m,) that is closest to zero, and its length.
 
     Parameters
     ----------
     point : Point
     rank : int
-        The combination belongs to the singular value of this number.
-    usual : sequence of float
+        The number of the singular value to which the combination belongs; 1 for the
+        largest.
+    usual : sequence of float, length m
         Usual lengths of the rows: a row counts as at least this long.
     """
     if point.is_large:
@@ -301,7 +302,9 @@ def _smallest_of_sparse(
 
 
 def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
-    """Mark the scaled rows in the span of earlier rows (m,).
+    """Return marks (m,) of the scaled rows that lie in the span of earlier rows.
+
+    A row counts as dependent if the part outside that span is at most `cutoff`.
 
     Examples
     --------
@@ -316,9 +319,10 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Return each dependent row as coefficients of the independent rows before it.
+    """Return each dependent row as a combination of the independent rows before it.
 
-    flags : marks of dependent rows (m,).
+    As index of the row -> index of an independent row -> coefficient. Y : scaled rows
+    (m, n). lengths : their lengths before (m,). flags : marks of dependent rows (m,).
     """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
@@ -336,7 +340,7 @@ def _combinations(
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
     """Return right-hand sides (m,) of the rows on each level, with error bounds (m,).
 
-    As level -> both. Levels : positions, velocities, accelerations.
+    levels : some of position, velocity, acceleration; they are the keys of the result.
     """
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
@@ -361,9 +365,10 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
 def _contradictions(
     demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
 ) -> dict[str, float]:
-    """Return the levels on which row i contradicts a combination of other rows.
+    """Return the levels on which row i contradicts the row that others imply.
 
-    As level -> difference of the right-hand sides. others : index -> coefficient.
+    As level -> difference of the right-hand sides. demands : from `_demands`. others :
+    index -> coefficient of a row in the combination that equals row i.
     """
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
@@ -414,7 +419,11 @@ class Neighbourhood:
     def varied(
         self, size: float, random: np.random.Generator, *, velocities: bool
     ) -> Floats:
-        """Return positions or velocities (n,), varied by `size` times the spread."""
+        """Return positions or velocities (n,), varied at random.
+
+        size : the variation in units of the spread. velocities : whether velocities are
+        varied.
+        """
         x = self.point.v if velocities else self.point.q
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
         return np.asarray(x + size * self.spreads[velocities] * kick)
@@ -422,9 +431,10 @@ class Neighbourhood:
     def admissible(
         self, size: float, random: np.random.Generator
     ) -> tuple[Point, bool] | None:
-        """Return a state that all rows admit, and whether it is a double root.
+        """Return a random state that all rows admit, and whether it is a double root.
 
-        None if no such state is found.
+        size : the distance of the state, in units of the spread. None if no such state
+        is found.
         """
         if not np.all(np.isfinite(self.metric)):
             return None
@@ -457,7 +467,7 @@ class Neighbourhood:
         return found
 
     def dimension(self, relations: Relations) -> int | None:
-        """Return the dimension of the solution set of relations, if found."""
+        """Return the dimension of the solution set of relations; None if not found."""
         n, k = self.point.n, relations.velocities
         if n > MOST:
             return None
@@ -480,7 +490,9 @@ class _Generic(NamedTuple):
 
 
 def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None:
-    """Return rank and dependent rows at generic admissible states nearby, or None.
+    """Return rank and dependent rows at generic admissible states nearby.
+
+    None if no such state is found.
 
     Parameters
     ----------
@@ -518,9 +530,10 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
 
 
 def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> Floats:
-    """Set to zero the rows of Y that nearly vanish here, but not at distance `moved`.
+    """Set to zero the rows of Y that nearly vanish at the point, but not around it.
 
-    Return the lengths (m,), with 0 for these rows.
+    moved : distances (n,) within which the rows are also evaluated. Return the lengths
+    (m,), with 0 for the rows set to zero.
     """
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)
@@ -553,7 +566,7 @@ class ThinSet(NamedTuple):
     names : tuple of str
         The rows that are dependent on the set, and violated at all points around it.
     dimension : int or None
-        Of the set; None if it was not found.
+        The dimension of the set; None if it was not found.
     degrees_of_freedom : int or None
         The dimension minus the number of independent relations between velocities.
     """
@@ -590,8 +603,9 @@ def thin_set(
     Returns
     -------
     thin : ThinSet or None
+        None if no row has a multiple root on the whole set.
     real : tuple of str
-        Dependent rows that states admitted by the others violate.
+        Dependent rows that are violated by states on which all other rows hold.
     """
     suspects = [d for d in dependences if d.everywhere is not False]
     if not suspects or point.is_large:
@@ -634,7 +648,20 @@ def _violated(
 ) -> list[Dependence]:
     """Return the dependent rows that are violated by states on which all others hold.
 
-    dependent : names of dependent rows. Such a row is no consequence of the others.
+    Such a row is a constraint of its own, no consequence of the others.
+
+    Parameters
+    ----------
+    around : Neighbourhood
+        The source of the states.
+    rows : sequence of Row
+        All rows.
+    dependences : sequence of Dependence
+        The rows to be tested.
+    dependent : collection of str
+        Names of all dependent rows.
+    velocities : bool
+        Whether relations between velocities are tested, or between positions.
     """
     known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]

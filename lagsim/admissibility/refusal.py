@@ -104,6 +104,7 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     Raises
     ------
     InputError
+        If an energy, a force or a checked row is not finite.
     """
     e = point.e
     named = [("kinetic", e.model.kinetic), ("potential", e.model.potential)]
@@ -208,9 +209,9 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
-    """Return values and directional derivatives (2, k) of nodes.
+    """Return the values of nodes, and their derivatives in one direction, shape (2, k).
 
-    The direction has no zero component.
+    The direction has no component 0.
     """
     g = point.g
     moving = [g.variable(name) for name in point.e.state]
@@ -221,7 +222,7 @@ def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
 def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
     """Return the expression of the file because of which `node` is not finite.
 
-    None if several could be the cause.
+    None if several expressions could be the cause.
     """
     if not sources:
         return None
@@ -241,8 +242,8 @@ def _problem(
 ) -> Problem:
     """Return the fault of an expression that is not finite, with its consequences.
 
-    faulty : quantities that are not finite: name, node and value. home : place if the
-    source has none.
+    source : the expression; None if it is unknown. faulty : quantities that are not
+    finite: name, node and value. home : the place of the fault if `source` has none.
     """
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
@@ -262,7 +263,7 @@ def _problem(
 def _innermost(point: Point, node: int) -> tuple[int, str]:
     """Return the innermost expression without finite value or slope, and a text on it.
 
-    Its arguments have finite values and slopes.
+    The arguments of that expression have finite values and slopes.
     """
     if (member := _member(point, node)) is not None:
         return _innermost(point, member)
@@ -275,9 +276,10 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
 
 
 def _member(point: Point, node: int) -> int | None:
-    """Return the term, written out, of a member of elements below a node.
+    """Return the node of a member's term that has no finite value or slope.
 
-    It is the first term without finite value or slope; None if there is none.
+    It is the first such term of the elements below `node`, written out; None without
+    one.
     """
     g = point.g
     vectors = [n for n in g.cone([node]) if g.ops[n] == ELEMENTS]
@@ -310,12 +312,14 @@ def _hint(point: Point, node: int) -> str:
 def refuse_negative(point: Point, active: Collection[str]) -> None:
     """Refuse frictions and limits of active laws that are out of their range.
 
-    They must not be negative, and static values must not be less than dynamic ones. The
-    latter is checked at slip 0 only, since friction may increase with the slip.
+    Frictions and limits must not be negative, and static values must not be less than
+    dynamic ones. Static and dynamic values are compared at slip 0 only, since friction
+    may increase with the slip.
 
     Raises
     ------
     InputError
+        If a friction or a limit is out of its range.
     """
     laws = point.e.laws
     some = [
@@ -346,7 +350,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
 
 
 def _is_at_rest(point: Point, law: Law) -> bool:
-    """Whether the slip of a law, and that of the other row of its disc, is 0."""
+    """Whether the slip of a law, and the other slip of its disc if any, is 0."""
     pair = [point.e.laws[law.pair]] if law.pair >= 0 else []
     nodes = [x.row.rate for x in (law, *pair)]
     return bool((np.abs(point.array(nodes)) <= STILL * point.rounding(nodes)).all())
@@ -355,8 +359,9 @@ def _is_at_rest(point: Point, law: Law) -> bool:
 def out_of_scale(equations: Equations) -> InputError:
     """Return the error that the numbers of the start exceed the range of doubles.
 
-    It is the only cause of LAPACK failures: arguments overflow. The message contains
-    the least and the largest number in energies, forces and constraints.
+    It is raised where LAPACK fails: the only cause of such failures is overflow in the
+    arguments. The message contains the least and the largest number in energies, forces
+    and constraints.
     """
     g, model = equations.graph, equations.model
     energies = (model.kinetic, model.potential, model.lagrangian, model.dissipation)
@@ -383,12 +388,13 @@ def out_of_scale(equations: Equations) -> InputError:
 
 
 def needs_constraints(point: Point) -> bool:
-    """Whether M is singular alone, but positive definite on admissible velocities.
+    """Whether M alone is singular, but positive definite on admissible velocities.
 
     Raises
     ------
     InputError
-        If an admissible direction has no inertia, or any direction a negative one.
+        If an admissible direction has no inertia, or any direction has a negative
+        inertia.
     """
     if (point.is_large or point.e.chains) and point.is_safely_positive:
         return False
@@ -455,7 +461,7 @@ def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
 
 
 def _admissible(rows: Floats) -> Floats:
-    """Return directions (n, k) that span the null space of rows (m, n)."""
+    """Return directions (n, k), as columns, that span the null space of rows (m, n)."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return null_space(rows / np.where(lengths > 0, lengths, 1.0))
 
@@ -576,11 +582,11 @@ class _Term(NamedTuple):
     Attributes
     ----------
     name, subject : str
-        The term, and the beginning of a sentence on it.
+        The text of the term, and the beginning of a sentence about the term.
     value : float or None
-        None if its unit shows that it is in degrees.
+        The value; None if the unit of the term shows that it is in degrees.
     sure : bool
-        Whether its unit is that of an angle.
+        Whether the unit of the term is that of an angle.
     """
 
     name: str
@@ -605,8 +611,8 @@ class _Term(NamedTuple):
 def about_angles(model: Model) -> Iterator[Caution]:
     """Yield a warning for each angle in degrees in sin, cos or tan, once per name.
 
-    Expressions of the model are examined, and expressions that give numbers of
-    parameters and starts, which are evaluated at once and are in no graph.
+    The expressions of the model are examined, and also the expressions of the file for
+    the values of parameters and the start, which are in no graph.
     """
     numbers, reported = Graph(), set[str]()
     given = list(model.stated.numbers())
@@ -635,7 +641,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
 def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
     """Yield the parsed expressions of texts that contain sin, cos or tan.
 
-    Of a relation, both sides.
+    Of a relation both sides are yielded.
     """
     for text in texts:
         for side in re.split("[<>]?=", text) if _NAMED.search(text) else ():
@@ -649,9 +655,11 @@ def _terms(
     model: Model,
     defined: Mapping[int, tuple[str, str]],
 ) -> dict[int, _Term]:
-    """Return the term in degrees of each sum in `arguments` or below, by node.
+    """Return the terms that seem to be in degrees, by the node of their sum.
 
-    A number that is added to a time or a length is not in degrees.
+    The sums are the nodes `arguments` and the nodes below. A number that is added to a
+    time or a length is not in degrees. defined : node of a definition -> its name and
+    unit.
     """
     units = {p.name: p.unit for p in model.parameters}
     units |= {q.name: q.unit for q in model.coordinates} | {"t": "s"}
@@ -687,7 +695,7 @@ def _is_of_degrees(value: float) -> bool:
 
 
 def _summed(g: Graph, node: int) -> Sequence[int]:
-    """Return the nodes whose sum, or integer multiple, a node is."""
+    """Return the terms of the sum, or of a multiple of a sum, that a node is."""
     op, args = g.ops[node], g.args[node]
     if op == "mul":
         factors = [g.value(a) for a in args]
@@ -707,7 +715,11 @@ def rough_starts(
     verdicts: Sequence[RelationResiduals],
     starts: Sequence[RelationResiduals],
 ) -> Iterator[Caution]:
-    """Yield warnings on relations that are satisfied to a few digits, with advice."""
+    """Yield warnings on relations that the start satisfies to a few digits only.
+
+    verdicts, starts : on the constraints, and on start values of definitions. Each
+    warning has advice.
+    """
     rows = {row.name: row for row in equations.rows}
     relations = {c.name: c.relation.text for c in equations.model.constraints}
     for verdict in verdicts:
@@ -735,7 +747,10 @@ def _rough(what: str, residual: Residual, advice: str) -> Caution:
 
 
 def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
-    """Return the advice to mark a start value in a row as a guess."""
+    """Return the advice to mark a start value as a guess that `row` determines.
+
+    velocities : whether it is a velocity, or a position.
+    """
     names = equations.velocities if velocities else equations.q
     free = [in_file(names[j]) for j in row.A.entries]
     if len(free) == 1:
@@ -748,8 +763,8 @@ def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
 def suggestion(model: Model, relation: str) -> str:
     """Return a line of `initial` that makes a relation exact; "" if there is none.
 
-    There is one if one side of `=` is a coordinate or a velocity, and the other side
-    uses only parameters and the start values above that line.
+    There is such a line if one side of `=` is a coordinate or a velocity, and the other
+    side contains only parameters and start values that are stated above the line.
     """
     left, equals, right = relation.partition("=")
     if not equals:
@@ -817,7 +832,8 @@ def about_ranks(
 ) -> Iterator[Caution]:
     """Yield warnings on dependent rows and, if `sound`, on nonunique multipliers.
 
-    Rows of a thin set are reported elsewhere.
+    thin : rows of a thin set, which are reported elsewhere. sound : whether the start
+    is admissible.
     """
     for d in ranks.dependences:
         if d.name not in thin:

@@ -62,7 +62,7 @@ class AtRest(NamedTuple):
     held : list of Row
         The rows of the active laws.
     multipliers : ndarray, shape (m + held,)
-        Of the rows that always hold, then of `held`.
+        The multipliers of the m rows that always hold, then of the rows `held`.
     corner : Corner or None
         The surfaces on which the state rests; the equations of `point` are then those
         of both sides, with shares as variables.
@@ -116,9 +116,9 @@ def _balance(
     free: tuple[Sequence[int], Sequence[int]],
     way: Way,
 ) -> _Balance | None:
-    """Return a balance of forces with the rows `held` in force, or None.
+    """Return a balance of forces with the rows `held` in force; None if none is found.
 
-    point, stated, held, free : see `Rest`.
+    point, stated, held, free : see `Rest`. way : see `Way`.
     """
     if way is Way.CORNER:
         return _Walk(point, stated, held, free).found()
@@ -140,12 +140,12 @@ def _beside_kinks(
     *,
     near: bool,
 ) -> _Balance:
-    """Return the corner in which a balance lies, or one that is nearer.
+    """Return the rest in a corner in place of a balance, where it lies in one.
 
     Parameters
     ----------
     found : _Balance
-        Of the equations as written.
+        A balance of the equations as written. It is returned where no corner is found.
     stated, held, free
         See `Rest`.
     near : bool
@@ -234,9 +234,10 @@ class _Walk:
         return None
 
     def _decided(self, rest: Rest, x: Floats, *, first: bool) -> _Balance | None:
-        """Return the balance x (k,) if forces hold it there; else leave a surface.
+        """Return the balance x (k,) if the forces hold the state there; else None.
 
-        first : whether no surface was met or left before.
+        Without a balance the walk leaves a surface. first : whether no surface was met
+        or left before.
         """
         own = self._shares(rest, x)
         off = [max(-w, w - 1.0) for w in own]
@@ -273,7 +274,8 @@ class _Walk:
     def _pins(self, shares: Mapping[int, float] | None = None) -> dict[int, Pin]:
         """Return the pin of each surface that holds the state, by the surface's number.
 
-        Shares are variables of the graph, or constants where values are given.
+        shares : by number, the values of the shares; without it the shares are
+        variables.
         """
         g, kinks = self.guess.g, self.kinks
         return {
@@ -299,7 +301,7 @@ class _Walk:
         return Rest(self.here.of(e), self.stated, held, self.free, pinned)
 
     def _at(self, rest: Rest, x: Floats) -> Point:
-        """Return the equations as written, at the values x (k,)."""
+        """Return the state with the unknowns x (k,), with the equations as written."""
         at = rest.at(x).state
         return self.guess.at(at.q, s=at.s)
 
@@ -308,17 +310,16 @@ class _Walk:
         return [float(w) for w in x[first : first + len(rest.shares)]]
 
     def _meet_in_a_point(self, rest: Rest, x: Floats) -> bool:
-        """Whether gradients of the surfaces and relations are linearly dependent."""
+        """Whether gradients of surfaces and relations are linearly dependent at x."""
         J = rest(x)[1][: rest.relations] / np.sqrt(np.diag(rest.metric))
         lengths = np.linalg.norm(J, axis=1)
         J /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
         return bool(np.linalg.matrix_rank(J, tol=SAME_RESULT) < rest.relations)
 
     def _with_bounds(self, rest: Rest, x: Floats) -> Floats:
-        """Return x (k,) with shares between 0 and 1 where these balance the forces.
+        """Return x (k,) with shares in [0, 1] that balance the forces; else x itself.
 
-        The shares of more surfaces than directions are not unique. Without a balance x
-        is returned.
+        With more surfaces than directions of motion the shares are not unique.
         """
         from scipy.optimize import least_squares as bounded  # slow to load
 
@@ -375,9 +376,9 @@ class _Walk:
         return False
 
     def _unbalanced(self, rest: Rest) -> Iterator[Point]:
-        """Yield the state displaced along the part of the forces that stays unbalanced.
+        """Yield the state displaced along the forces that no displacement balances.
 
-        No displacement balances this part. Without such a part no state is yielded.
+        Yield no state if there are no such forces.
         """
         n, m = self.here.n, rest.relations
         r, J = rest(rest.x0)
@@ -403,31 +404,32 @@ class _Walk:
         yield self._moved(rest, a, rates[rest.states])
 
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
-        """Return the state with q displaced by a (n,), first-order states by rates."""
+        """Return the state with q displaced by a (n,), other states by `rates`."""
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
         s[rest.states] += rates
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key (see `_mode`) of the walk once surface k has been left."""
+        """Return the walk's key (see `_mode`) after surface k would have been left."""
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}
         return _mode(levels, {**self.sides, k: end})
 
     def _cross(self, k: int) -> None:
-        """Let the state leave a surface to the side from which it did not come."""
+        """Leave surface k to the side opposite to that from which the state came."""
         low, _ = self.kinks.ends(k, self.levels[k])
         self._release(k, above=self.sides[k] == low)
 
     def _release(self, k: int, *, above: bool) -> None:
-        """Let the state leave a surface, to its upper or lower side."""
+        """Leave surface k, to its upper side (`above`) or its lower side."""
         self.sides[k] = self.kinks.ends(k, self.levels.pop(k))[above]
 
     def _balance(self, rest: Rest, x: Floats, shares: Mapping[int, float]) -> _Balance:
-        """Return the record of a balance x (k,) with its state and its corner.
+        """Return the record of a balance x (k,), with its state and its corner.
 
-        Away from surfaces the equations of the state are those of the model.
+        shares : of the upper sides, by the number of the surface. Without surfaces, the
+        equations of the state are those of the model.
         """
         there, corner = rest.at(x).of(self.guess.e), None
         there.multipliers = dict(zip(rest.shares, shares.values(), strict=True))
@@ -520,9 +522,10 @@ def find_rest(
 def _changes(
     rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
 ) -> set[int]:
-    """Return the indices of laws to be added to the laws in force, or removed.
+    """Return the indices of laws whose rows are to be added to the rest, or removed.
 
-    held : indices of the laws in force at the rest x. off : constraints out of force.
+    rest, x, there : the equations, the solution (k,), and the state at rest. held :
+    indices of the laws in force there. off : constraints out of force.
     """
     laws, verdicts = there.e.laws, judge_laws(there, off)
     if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):

@@ -83,12 +83,12 @@ class Residual(NamedTuple):
 
     @property
     def bound(self) -> float:
-        """Upper bound of |value| of a satisfied relation."""
+        """Largest |value| with which the relation counts as satisfied."""
         return max(SATISFIED * self.scale, self.rounding, self.floor)
 
     @property
     def why(self) -> str:
-        """Reason for the bound."""
+        """Description, for messages, of the size from which `bound` follows."""
         if self.rounding == self.bound:
             return "the rounding error of the start"
         if self.floor == self.bound:
@@ -107,7 +107,10 @@ class Residual(NamedTuple):
 
     @property
     def digits(self) -> int | None:
-        """Number of digits with which the start seems to be typed; None if exact."""
+        """Number of correct digits of the start values, as they seem to be typed.
+
+        None if the relation is exact to rounding.
+        """
         exact = self.exact or abs(self.value) <= RESIDUAL_ROUNDOFF * self.scale
         if not self.satisfied or exact:
             return None
@@ -121,14 +124,17 @@ class RelationResiduals(NamedTuple):
     ----------
     name, kind : str
     scleronomic, pfaffian : bool
+        Whether the relation is independent of t, and affine in the velocities.
         `pfaffian` is None for holonomic relations.
     position : Residual
-        Of g, or of a relation between velocities itself.
+        The residual of g, or of a relation between velocities.
     velocity : Residual or None
-        Of A q' + g_t for holonomic relations.
+        The residual of A q' + g_t for holonomic relations.
     redundant : bool
+        Whether the row depends on other rows at all nearby states.
     integrable : bool or None
-        Of a Pfaffian relation alone; None if undecided, or for other relations.
+        Whether a Pfaffian relation alone is integrable; None if undecided, or for other
+        relations.
     undecided : str
         Why `integrable` is undecided, for a Pfaffian relation.
     judged : bool
@@ -219,7 +225,7 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
     """Return the indices of rows that share coordinates with the rows `asked`.
 
-    Their lengths propagate to these rows.
+    asked : indices of rows, whose lengths are influenced by the lengths of the result.
     """
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
@@ -240,10 +246,10 @@ def _of_size(residual: Residual, own: float) -> Residual:
 
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
-    """Return the residual of a rate with a scale limited by the motion.
+    """Return the residual of a rate, with a scale limited by the size of the motion.
 
     motion : size of the motion in the relation; a tenth of it is the least scale. body
-    : size of the motion of its bodies, to which rounding is relative.
+    : size of the motion of the bodies in the relation, to which rounding is relative.
     """
     scale, size = residual.scale, residual.size
     if motion < residual.scale:
@@ -255,9 +261,10 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
 
 
 def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]:
-    """Return |A| |v| of rows A, over all coordinates with coupled inertia.
+    """Return |A| |v| for each row A, over all coordinates coupled to it by inertia.
 
-    The relative accuracy of a rate with this scale is CONVERGED at best.
+    Rows are mappings of a coordinate's index to a node. The relative accuracy of a
+    rate, compared with this scale, is CONVERGED at best.
     """
     if not rows:
         return []
@@ -277,7 +284,7 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
 
 
 def judge_laws(point: Point, off: Collection[str]) -> list[RelationResiduals]:
-    """Return verdicts on the constraints that are no rows of `point`.
+    """Return verdicts on the constraints that have no row among the rows of `point`.
 
     A gap and the rate of a freewheel must not be negative; a limited equality may slip;
     constraints in `off`, out of force, are not judged.
@@ -335,9 +342,9 @@ def _of_law(
 
 
 def of_gaps(verdicts: Sequence[RelationResiduals]) -> list[RelationResiduals]:
-    """Return the verdicts with those of a gap's pieces merged into one.
+    """Return the verdicts with the verdicts on the pieces of each gap merged into one.
 
-    It is the verdict on the least piece.
+    The merged verdict is that on the least piece.
     """
     found: dict[str, list[RelationResiduals]] = {}
     for x in verdicts:
@@ -348,9 +355,10 @@ def of_gaps(verdicts: Sequence[RelationResiduals]) -> list[RelationResiduals]:
 
 
 def _of_gap(name: str, own: Sequence[RelationResiduals]) -> RelationResiduals:
-    """Return one verdict on a gap from the verdicts on its pieces.
+    """Return one verdict on the gap `name` from the verdicts on its pieces.
 
-    Closed pieces come before open ones, then the least.
+    It is the verdict on the least piece that holds, else on the least closed piece,
+    else on the least piece; its `position` is always that of the least piece.
     """
     least = min(own, key=lambda x: (not x.holds, not x.active, x.position.value))
     position = min((x.position for x in own), key=lambda x: x.value)
@@ -379,10 +387,10 @@ def judge_starts(point: Point) -> list[RelationResiduals]:
 def _against_levers(
     point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Return differences of nodes from target values, as residuals.
+    """Return the differences of nodes from target values, as residuals.
 
-    targets : pairs (node, value). The scale is the largest of |value| and |q_i
-    dg/dq_i|.
+    targets : pairs (node, value). The scale of a residual is the largest of |value| and
+    |q_i dg/dq_i|.
     """
     sizes, nodes = np.abs([*point.q, *point.v]), [node for node, _ in targets]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
@@ -401,13 +409,13 @@ def _against_levers(
 def judge_rest(
     point: Point, laws: Sequence[RelationResiduals], *, velocities: bool = True
 ) -> list[RelationResiduals]:
-    """Return verdicts on velocities or, if these vanish, accelerations, all to be zero.
+    """Return verdicts on velocities or, if these vanish, accelerations, all to be 0.
 
     Parameters
     ----------
     point : Point
     laws : sequence of RelationResiduals
-        Verdicts on the laws; active ones act.
+        Verdicts on the laws. The forces of active laws act.
     velocities : bool
         Whether velocities are judged, too.
     """
@@ -486,7 +494,7 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
 
 
 def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
-    """Return rows of named contacts and freewheels, and of sliders at their limits."""
+    """Return rows of named contacts, freewheels, and sliders at limits, by name."""
     e, found = point.e, {}
     for law in e.laws:
         if law.constraint in names and law.kind.one_sided:
@@ -501,7 +509,7 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
 def in_force(
     verdicts: Sequence[RelationResiduals], equations: Equations
 ) -> list[RelationResiduals]:
-    """Return verdicts in which timed equalities, if judged, are marked as in force."""
+    """Return the verdicts, with timed equalities that are judged marked as in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
         v._replace(active=True, holds=v.satisfied, mode="in force")
@@ -527,9 +535,9 @@ def contact_status(
     ----------
     point : Point
     verdicts : sequence of RelationResiduals
-        Of the laws.
+        The verdicts on the laws.
     rank : int
-        Of the equalities in force.
+        The rank of the equalities in force.
     sound : bool
         Whether the state is admissible. If not, modes are undecided, and limited
         equalities without slip count as held.
@@ -537,10 +545,11 @@ def contact_status(
     Returns
     -------
     verdicts : list of RelationResiduals
-        With `holds` and `mode`.
+        The verdicts with `holds` and `mode` set.
     raised : int
         The rank added by limited equalities that hold.
     warnings : list of Caution
+        Warnings about the modes.
     """
     found, paradox = list(verdicts), False
     if sound:
@@ -626,10 +635,7 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
-    """Return the modes of sliders without mass by index.
-
-    Held, or sliding at a limit.
-    """
+    """Return the mode (held or sliding) of each slider without mass, by index of law."""
     own = {k: x.slider for k, x in enumerate(point.e.laws) if x.slider}
     if not own:
         return {}
@@ -674,7 +680,10 @@ class _LawValues:
         )  # fmt: skip
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
-        """Return accelerations (r,) without these laws' forces, rates, rounding."""
+        """Return R q'' - b, rates, and rounding errors of the rows, each (r,).
+
+        The accelerations q'' are those without the forces of these laws.
+        """
         R, b = self.R, self.point.array([row.b for row in self.rows])
         a, terms, _ = accelerations(self.point)
         rounding = RESIDUAL_ROUNDOFF * (np.abs(R) @ terms + np.abs(b))
@@ -682,9 +691,10 @@ class _LawValues:
 
 
 def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
-    """Return accelerations (n,) by equality rows alone, their terms (n,), and K (n, n).
+    """Return accelerations (n,) with equality rows alone, their terms, and K (n, n).
 
-    K f is the change of the accelerations by forces f (n,).
+    The terms (n,) are sums of magnitudes. K f is the change of the accelerations by
+    further forces f (n,).
     """
     M, A, e = point.mass_matrix, point.gradients, point.e
     f, forced = point.array(e.f), np.zeros(point.n)

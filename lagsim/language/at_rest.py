@@ -58,7 +58,7 @@ MOST_HELD, DEPENDENT = 32, 1e-9
 
 
 class Bounds(NamedTuple):
-    """Nodes of a bound at rest and while sliding."""
+    """Nodes of a friction bound: its value at rest (slip 0), and while sliding."""
 
     resting: int
     sliding: int
@@ -131,7 +131,11 @@ def bounds_at_rest(
 def _coupled(
     g: Graph, nodes: Sequence[int], held: Sequence[int], velocities: Collection[str]
 ) -> list[int]:
-    """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`."""
+    """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`.
+
+    held : rates of equalities, which are 0 in each motion. Rates that share velocities
+    with a rate already found are found, too.
+    """
     names = g.depends(nodes) & frozenset(velocities)
     left, found = list(held), list[int]()
     while len(found) < MOST_HELD:
@@ -164,10 +168,10 @@ def _points(
     known: Mapping[str, tuple[float, float]],
     held: Sequence[int],
 ) -> list[_SlipPoint]:
-    """Return points at which all slips and the rates `held` are 0.
+    """Return test points at which all slips and the rates `held` are 0.
 
-    names : variables of the bound. known : value and error of each parameter. Points at
-    which a slip has no value are left out.
+    names : variables of the bound. known : value and error of each parameter; other
+    variables have arbitrary values. Points at which a slip has no value are left out.
     """
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
@@ -194,7 +198,21 @@ def _at_zero(
     speeds: Sequence[str],
     values: Values,
 ) -> _SlipPoint | None:
-    """Return the point with changed velocities at which all slips and `held` are 0."""
+    """Return the point, with velocities changed such that all slips and `held` are 0.
+
+    None if no change of velocities achieves this.
+
+    Parameters
+    ----------
+    slips, held
+        Nodes of the slips, and of rates that are 0.
+    slopes
+        Their derivatives by the velocities, a row of nodes for each.
+    speeds
+        Names of the velocities.
+    values
+        Value and error of each variable before.
+    """
     plain = {name: value for name, (value, _) in values.items()}
     rows = [evaluate(g, row, plain) for row in slopes]
     inverse = _inverse(rows, len(slips))
@@ -223,13 +241,14 @@ def _at_zero(
 
 
 def _inverse(rows: list[list[float]], first: int) -> list[list[float]] | None:
-    """Return changes of velocities (r, n), each of which changes one of `rows` by 1.
+    """Return r changes of velocities (r, n); change k changes row k alone, by 1.
 
-    rows : coefficients (r, n) of the velocities
+    rows : coefficients (r, n) of the velocities.
 
-    Each row changes the velocity with its largest slope, by elimination with complete
-    pivoting, so that no other velocity is rounded. Rows that depend on others have a
-    change of 0; the result is None where one of the `first` rows does.
+    A row is changed by the velocity with the largest slope, by elimination with
+    complete pivoting, so that no other velocity is rounded. A row that depends on
+    others has the change 0. The result is None if one of the `first` rows depends on
+    others.
     """
     count = len(rows)
     if not all(math.isfinite(x) for row in rows for x in row) or not rows[0]:
@@ -271,7 +290,7 @@ _AROUND += [(0.0, 1.0), (0.0, -1.0)]
 
 
 class _UnclearError(Exception):
-    """The value of a switch at slip 0 cannot be determined."""
+    """Signal that the value of a switch at slip 0 cannot be determined."""
 
 
 # Versions of an expression: at slip 0, on either side, and with only the switches
@@ -280,7 +299,7 @@ REST, ABOVE, BELOW, EVEN = range(4)
 
 
 class _Beside:
-    """Versions of an expression at slip 0 and beside slip 0."""
+    """Decision of the switches of an expression at slip 0, and at small slips."""
 
     def __init__(
         self,
@@ -296,7 +315,7 @@ class _Beside:
         self.steps = self.even = self.near = False
 
     def bounds(self, slips: Sequence[int]) -> Bounds | None:
-        """Return the bound at rest and while it slides; None where that is unclear."""
+        """Return the bound at rest and while sliding; None where it is unclear."""
         g, node = self.g, self.node
         try:
             versions = self._versions()
@@ -317,9 +336,11 @@ class _Beside:
         return Bounds(rest, even) if self.even else own
 
     def _versions(self) -> list[int]:
-        """Return four versions of the expression as nodes: REST, ABOVE, BELOW and EVEN.
+        """Return four versions of the expression as nodes: REST, ABOVE, BELOW, EVEN.
 
-        They are equal to it at slip 0, at small slips of either sign, and at both.
+        In each version the switches at slip 0 are decided. REST equals the expression
+        at slip 0, ABOVE and BELOW at small slips of positive and negative sign, EVEN at
+        small slips of both signs where these agree.
         """
         g = self.g
         done: dict[int, list[int]] = {}
@@ -340,10 +361,10 @@ class _Beside:
     def _decide(
         self, n: int, below: list[list[int]], done: dict[int, list[int]]
     ) -> None:
-        """Decide switch n, whose argument vanishes at slip 0, there and beside it.
+        """Decide switch n, whose argument vanishes at slip 0, in all four versions.
 
-        below : the versions of its arguments. done : the versions of each node,
-        extended here.
+        below : the versions of each argument. done : the versions of each node, to
+        which those of n are written.
         """
         g, op = self.g, self.g.ops[n]
         parts = [args[0] if op in STEPS else g.call("sub", *args) for args in below]
@@ -368,9 +389,9 @@ class _Beside:
             done[n][EVEN] = done[n][ABOVE]
 
     def _steps_near(self, parts: Sequence[int]) -> bool:
-        """Whether an argument changes its sign at a slip that no run resolves.
+        """Whether an argument changes its sign at a slip too small for any run.
 
-        parts : the versions of the argument. A change near slip 0 is stored.
+        parts : the versions of the argument. Such a change near slip 0 is recorded.
         """
         near = [self._changes(parts, x, SPEEDS[0]) for x in self.points]
         self.near = self.near or any(map(any, near))
@@ -384,7 +405,7 @@ class _Beside:
     ) -> list[bool]:
         """Return, for each direction of slip, whether the sign of an argument changes.
 
-        From slip 0 to a slip of this size.
+        The signs at slip 0 and at a slip of size `slip` are compared.
         """
         found = []
         here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
@@ -396,7 +417,10 @@ class _Beside:
         return found
 
     def _falls(self, rest: int) -> bool:
-        """Whether the bound beside slip 0 is less than the bound at rest, `rest`."""
+        """Whether the bound beside slip 0 is less than the bound at rest.
+
+        rest : the node of the bound at rest.
+        """
         for point in self.points:
             here = evaluate(self.g, [rest], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:
@@ -433,7 +457,7 @@ class _Beside:
     def _refuse_jump(self, versions: list[int]) -> None:
         """Raise _UnclearError if a whole-number function jumps at slip 0.
 
-        versions : its versions.
+        versions : nodes of the function in the four versions.
         """
         for point in self.points:
             here = evaluate(self.g, [versions[REST]], _plain(point.values))
@@ -443,7 +467,10 @@ class _Beside:
                     raise _UnclearError
 
     def _sign(self, part: int, way: float) -> float:
-        """Return the sign of an expression at small slips of one direction."""
+        """Return the sign of an expression at small slips in one direction.
+
+        way : 1 or -1, the direction.
+        """
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:
@@ -482,9 +509,10 @@ class _Beside:
         return evaluate(self.g, [part], _plain(beside))[0]
 
     def _least(self, part: int, point: _SlipPoint, speed: float, i: int) -> float:
-        """Return the least magnitude of an expression near direction i.
+        """Return the least magnitude of an expression over slips near direction i.
 
-        The direction is found by repeated division into thirds.
+        The slips have size `speed`. The minimum is found by repeated division of the
+        range of directions into thirds.
         """
         low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
         for _ in range(48):
@@ -505,11 +533,11 @@ class _Beside:
         return True
 
     def is_steep(self) -> bool:
-        """Whether the expression falls within slips that a run takes for 0.
+        """Whether the expression falls within slips that a run cannot tell from 0.
 
-        So does `F0*(1 - 1e20*abs(v))`: static friction without a switch. Its slope is
-        too steep for an integration of the slip that begins. With the parameters of the
-        file.
+        An example is `F0*(1 - 1e20*abs(v))`: static friction without a switch, whose
+        slope is too steep for the integration of a slip that begins. The parameters
+        have the values of the file.
         """
         for point in self.points:
             here = evaluate(self.g, [self.node], _plain(point.values))[0]
@@ -542,7 +570,10 @@ def _plain(values: Values) -> dict[str, float]:
 
 
 def _decided(g: Graph, op: str, x: float) -> int:
-    """Return the value of a step, or the truth of a comparison with 0, at x."""
+    """Return the value of a step function, or the truth of a comparison with 0.
+
+    x : the argument of the step, or the number that is compared with 0 by `op`.
+    """
     row = OPERATIONS[op]
     if op in STEPS:
         return g.constant(float(row(x)))

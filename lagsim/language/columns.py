@@ -30,7 +30,7 @@ class ColumnKind(NamedTuple):
     prefix : str
         Beginning of its names; the whole name where the owner is the run.
     owner : Owner
-        Owner of the rest of a name.
+        Kind of name that follows the prefix.
     meaning : str
         The meaning in messages, with {} for the rest of the name.
     energy, along, seconds : int
@@ -117,9 +117,11 @@ class Column(NamedTuple):
     ----------
     name : str
     node : int
-        Its expression of the state, q'', multipliers and impulses.
+        The expression of the column: a node of the state, q'', multipliers and
+        impulses.
     unit : str
-        Its unit as the file states it; "" where it follows, or is unknown.
+        The unit as the file states it; "" where the unit follows from others, or is
+        unknown.
     """
 
     name: str
@@ -130,7 +132,7 @@ class Column(NamedTuple):
 def parsed(name: str) -> tuple[ColumnKind, str] | None:
     """Return the kind of a column made of other names, and the rest of its name.
 
-    None for another column. That the rest is the name of an owner is not checked.
+    None for other columns. Whether the rest is the name of an owner is not checked.
 
     Examples
     --------
@@ -158,6 +160,6 @@ def base(name: str) -> str:
 
 
 def halves(rest: str) -> list[tuple[str, str]]:
-    """Return the ways to split `column.name` of a sensitivity at a dot."""
+    """Return all ways to split `column.name`, of a sensitivity's column, at a dot."""
     parts = rest.split(".")
     return [(".".join(parts[:k]), ".".join(parts[k:])) for k in range(1, len(parts))]

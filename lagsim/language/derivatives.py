@@ -53,7 +53,8 @@ def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
 def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
     """Return d node / d variable for each of `variables` that `node` depends on.
 
-    A variable that is no leaf counts as independent of its own arguments.
+    The result maps variables to derivatives (nodes). A variable that is itself an
+    operation counts as independent of its arguments.
     """
     if not g.args[node]:
         return {node: g.one} if node in variables else {}
@@ -67,17 +68,21 @@ def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
 
 
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
-    """Return the slopes of the sum of nodes times `weights`, taken as constant."""
+    """Return the derivatives of the sum of weight * node over `weights`, as nodes.
+
+    weights : node -> weight; the weights count as constant. The result maps each of
+    `variables` that matters to a derivative.
+    """
     return _Reverse(g, g.cone(weights), variables).gradient(weights)
 
 
 def pulled_within(
     g: Graph, node: int, weight: int, variables: Collection[int]
 ) -> Gradient:
-    """Return the slopes of `node` times `weight` in the variables below the node.
+    """Return the derivatives of `node` times `weight` by the variables below the node.
 
-    The node itself may be one of the variables. Nodes below variables are not visited:
-    the time is that of the expression of `node` in the variables.
+    The node itself may be one of the variables. Nodes below variables are not visited,
+    so that the time is that of the expression of `node` in the variables.
     """
     below = g.cone(g.args[node], variables)
     return _Reverse(g, [*below, node], variables, node).gradient({node: weight})
@@ -148,8 +153,10 @@ class _Reverse:
     ) -> Iterable[tuple[int, int]]:
         """Return the contributions of node n to the adjoints of its arguments.
 
-        Pairs of nodes: an argument, and the contribution. weight : the adjoint of n.
-        of_sums : the adjoint of each component of a vector of sums.
+        As pairs of nodes: an argument, and the contribution to its adjoint.
+
+        weight : the adjoint of n. of_sums : the adjoint of each component of a vector
+        of sums.
         """
         g = self.g
         if g.ops[n] == ELEMENTS:
@@ -268,7 +275,7 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
 def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
     """Return pairs of a node and d log |n| / d node, without quotients of infinities.
 
-    They exist for products and powers of exp, cosh and numbers, and for such an
+    Such pairs exist for products and powers of exp, cosh and numbers, and for such an
     expression plus a number; else the result is None.
     """
     op, args = g.ops[n], g.args[n]
@@ -304,7 +311,10 @@ def _times(
 
 
 def _quotient(g: Graph, number: int, grown: int) -> int:
-    """Return number / grown; a divisor exp(x) becomes a factor exp(-x)."""
+    """Return number / grown; a divisor exp(x) becomes a factor exp(-x).
+
+    number, grown : nodes, the second of which may overflow.
+    """
     op, args = g.ops[grown], g.args[grown]
     if op == "exp":
         return g.call("mul", number, g.call("exp", g.call("neg", args[0])))

@@ -69,7 +69,8 @@ class ElementOutput(NamedTuple):
     slot : int
         Index of the slot that determines the place, or TOTAL or EACH.
     error : int or None
-        In elements that bound roundoff: a node.
+        In elements that bound roundoff: the node of a bound of the output's error; else
+        None.
     """
 
     node: int
@@ -118,7 +119,7 @@ class Elements:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of everything that determines the values."""
+        """Digest of all data that determine the values of the sums."""
         g, cone = self.graph, self.cone
         place = {n: k for k, n in enumerate(cone)}
         variables = {slot.node: k for k, slot in enumerate(self.slots)}
@@ -167,9 +168,9 @@ class Elements:
 
     @cached_property
     def filled(self) -> list[int]:
-        """Indices, ascending, of components of the vector that some member adds to.
+        """Indices, ascending, of the components of the vector to which a member adds.
 
-        Of outputs whose place a slot determines.
+        Only outputs whose place a slot determines are considered.
         """
         slots = (self.slots[o.slot] for o in self.outputs if o.slot >= 0)
         return sorted({k for slot in slots for k in slot.places.tolist()})
@@ -206,9 +207,10 @@ class Elements:
     def _with(
         self, outputs: Iterable[ElementOutput], size: int, more: Sequence[Slot] = ()
     ) -> Elements:
-        """Return elements with other outputs of the members, and the slots these use.
+        """Return elements with other outputs of the members.
 
-        more : further slots, whose arguments follow the arguments of these elements.
+        outputs, size : the outputs, and the length of their vector. more : further
+        slots that outputs use, whose arguments follow the arguments of these elements.
         """
         outputs = list(outputs)
         slots = [*self.slots, *more]
@@ -230,10 +232,10 @@ class Elements:
         )
 
     def _beside(self, word: str, slot: Slot) -> Slot:
-        """Return a slot for a further argument for each argument that `slot` reads.
+        """Return a slot with a further argument for each argument that `slot` reads.
 
-        word : the quantity, such as `rate`. The further arguments follow all others, in
-        the same order.
+        word : the quantity of the further arguments, such as `rate`. These follow all
+        other arguments, in the order of the arguments to which they belong.
         """
         name = f"{self.graph.payload(slot.node)}.{word}"
         return slot._replace(
@@ -247,7 +249,10 @@ class Elements:
     # Elements derived from these
 
     def derived(self, method: str, *how: frozenset[int]) -> Elements:
-        """Return elements that the named method derives; each is derived once."""
+        """Return the elements that the named method derives; memoized.
+
+        how : the arguments of the method.
+        """
         if (method, how) not in self._derived:
             self._derived[method, how] = getattr(self, method)(*how)
         return self._derived[method, how]
@@ -293,7 +298,8 @@ class Elements:
     def pushed(self, some: Collection[int]) -> Elements:
         """Return elements for the time derivatives of the results.
 
-        some : indices of the arguments that vary; their rates are further arguments.
+        some : indices of the arguments that vary. The rates of all arguments are
+        further arguments.
         """
         g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
         more = [self._beside("rate", slot) for slot in read]
@@ -305,10 +311,10 @@ class Elements:
     def bounded(self, moving: Collection[int], state: Collection[int]) -> Elements:
         """Return elements for roundoff bounds of the results, in units of the roundoff.
 
-        Bounds of the arguments' own errors are further arguments.
+        Bounds of the errors of the arguments are further arguments.
 
-        moving, state : the arguments that vary, and those whose own roundoff is
-        accounted for elsewhere, see `evaluate.roundings`.
+        moving, state : indices of the arguments that vary, and of arguments whose own
+        roundoff is accounted for elsewhere, see `evaluate.roundings`.
         """
         g = self.graph
         varying = [x for x in self.slots if self.reads(x, moving)]
@@ -338,9 +344,9 @@ class Elements:
         return self._with([ElementOutput(node, EACH)], self.members)
 
     def without_value(self, arguments: Sequence[float]) -> int | None:
-        """Return the first member whose term, or a slope of it, is not finite.
+        """Return the first member with a term or slope that is not finite; else None.
 
-        None if there is none. Only of totals.
+        Only for elements whose outputs are totals.
         """
         everything = frozenset(range(self.count))
         for of in (self, self.derived("slopes", everything)):
@@ -380,9 +386,11 @@ class Elements:
     ) -> list[tuple[int, int]]:
         """Return the contributions of a vector of sums to adjoints of its arguments.
 
-        Pairs of nodes: an argument, and the contribution (reverse differentiation).
+        As pairs of nodes: an argument, and the contribution to its adjoint (reverse
+        differentiation).
 
-        weights : adjoint of each number of the vector. active : nodes that vary.
+        weights : index of a component of the vector -> its adjoint. active : nodes that
+        vary.
         """
         args = g.args[vector][1:]
         some = _where(args, active)
@@ -419,8 +427,8 @@ class Elements:
     ) -> int:
         """Return the node of the roundoff bounds of a vector of these sums.
 
-        varying, state : nodes that vary, and variables whose own roundoff is accounted
-        for elsewhere. errors : node -> bound of an argument's error.
+        varying, state : nodes that vary, and names of variables whose own roundoff is
+        accounted for elsewhere. errors : node -> bound of an argument's error.
         """
         args = g.args[vector][1:]
         made = self.derived("bounded", _where(args, varying), _where(args, state))
@@ -481,7 +489,11 @@ class Elements:
 
 
 def _partial_sums(where: Ints, terms: Floats) -> Floats:
-    """Return the magnitude of each partial sum of terms at equal places."""
+    """Return |partial sum| (members,) at each term, over the terms at the same place.
+
+    where : (members,), the place of each term (members,). Terms are added in the order
+    of members.
+    """
     order = np.argsort(where, kind="stable")
     running = np.cumsum(terms[order])
     first = np.flatnonzero(np.diff(where[order], prepend=-1))
@@ -501,7 +513,7 @@ _BY_ARRAYS: dict[str, Any] = {
 
 
 def value_of(op: str, args: Sequence[Any]) -> Any:
-    """Return the values of an operation on arrays."""
+    """Return the value of the operation `op` on arrays, element by element."""
     rule = _BY_ARRAYS.get(op)
     if rule is None:
         row = OPERATIONS[op]
@@ -513,7 +525,7 @@ def value_of(op: str, args: Sequence[Any]) -> Any:
 
 
 def payload(g: Graph, node: int) -> Elements:
-    """Return the elements that a node `elements.sums` evaluates."""
+    """Return the Elements whose sums a node `elements.sums` computes."""
     found: Elements = g.payload(g.args[node][0])
     return found
 
@@ -521,13 +533,13 @@ def payload(g: Graph, node: int) -> Elements:
 def sums(g: Graph, elements: Elements, arguments: Sequence[int]) -> int:
     """Return the node of the vector of the sums of `elements`.
 
-    arguments : at least as many as the elements read.
+    arguments : nodes of the arguments, at least as many as the elements read.
     """
     return g.kept(ELEMENTS, (g.data(elements), *arguments[: elements.count]))
 
 
 def part(g: Graph, vector: int, k: int) -> int:
-    """Return the node of component k of a vector of sums."""
+    """Return the node of component k of the node `vector`, a vector of sums."""
     return g.kept(PART, (vector, g.constant(float(k))))
 
 
@@ -537,7 +549,7 @@ def gathered(g: Graph) -> bool:
 
 
 def _where(args: Sequence[int], some: Collection[int]) -> frozenset[int]:
-    """Return the indices of the arguments that are among the nodes `some`."""
+    """Return the indices of those arguments that are among the nodes `some`."""
     return frozenset(k for k, a in enumerate(args) if a in some)
 
 
@@ -546,7 +558,10 @@ def _each(g: Graph, keys: Iterable[int], known: Mapping[int, int]) -> list[int]:
 
 
 def sizes(g: Graph, node: int) -> int:
-    """Return the node of the sum of magnitudes of the terms of a component."""
+    """Return the node of the sum of the magnitudes of all terms of a component.
+
+    node : the component, a node `elements.part`.
+    """
     vector, k = g.args[node]
     made = payload(g, vector).derived("magnitudes")
     return part(g, sums(g, made, g.args[vector][1:]), int(g.value(k) or 0.0))

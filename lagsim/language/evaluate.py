@@ -34,9 +34,9 @@ BY_ARRAYS, BOUNDED = 1000, 4
 
 
 def _of_vectors(g: Graph, cone: Sequence[int]) -> float:
-    """Return the cost of evaluating the sums over tables in a cone.
+    """Return the cost of evaluating the vectors of sums in a cone of nodes.
 
-    In units of the cost of creating a node.
+    The unit is the cost of creating a node.
     """
     vectors = g.of((ELEMENTS,))
     some = set(vectors).intersection(cone) if vectors else ()
@@ -166,7 +166,10 @@ def evaluate_with_error(
 
 
 def _sums_with_error(op: str, args: list[tuple[Any, Any]]) -> tuple[Any, Any]:
-    """Return the values and errors of a vector of sums, or those of one number."""
+    """Return values and errors of a vector of sums, or of one component of it.
+
+    op : `elements.sums` or `elements.part`. args : values and errors of the arguments.
+    """
     (first, errors), *others = args
     if op == ELEMENTS:
         found: tuple[Any, Any] = first.evaluate_with_error(others, 2.0 * UNIT_ROUNDOFF)
@@ -205,11 +208,11 @@ def roundings(
     The bound is 0 for a node that does not depend on `moving`.
 
     state : variables whose own rounding is accounted for elsewhere. Far from the
-    origin, that is the whole rounding error of an expression that is linear in one such
+    origin, this rounding is the whole error of an expression that is linear in one such
     variable, except for a shift, and it is equal in all uses of the variable.
 
-    known : bounds of the errors of variables and of other nodes, as nodes; variables
-    have 0 without them.
+    known : node -> node of the bound of its error, for variables and other nodes; the
+    error of other variables is 0.
     """
     nodes = list(nodes)
     varying, placed = g.dependents(nodes, moving, state)
@@ -239,7 +242,8 @@ def roundings(
 def _less_shift(g: Graph, error: int, linear: int | None) -> int:
     """Return the error bound of a x + b less the part that the rounding of x causes.
 
-    linear : a x, if the expression has this form.
+    error : the bound, a node. linear : the node a x; None if the expression has another
+    form, for which the bound is returned.
     """
     if linear is None or error == g.zero:
         return error
@@ -253,7 +257,10 @@ def _less_shift(g: Graph, error: int, linear: int | None) -> int:
 def _of_sums(
     g: Graph, n: int, varying: set[int], state: Collection[str], errors: dict[int, int]
 ) -> int:
-    """Return the bound of the error of a vector of sums, or of one number of it."""
+    """Return the node of the error bound of a vector of sums, or of one component.
+
+    n : the node of the vector or component. errors : bounds of arguments by node.
+    """
     first, *others = g.args[n]
     if g.ops[n] == PART:
         return g.kept(PART, (errors[first], *others))

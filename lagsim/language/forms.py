@@ -74,7 +74,7 @@ class Products(Generic[Atom]):
             product -= digits << k * bits
 
     def common(self, products: Collection[int]) -> int:
-        """Return the code of the greatest common factor of several products."""
+        """Return the code of the greatest common factor of the codes `products`."""
         lowest: dict[Atom, int | Fraction] = {}
         present = Counter[Atom]()
         for m in products:
@@ -90,7 +90,10 @@ class Products(Generic[Atom]):
 
     @staticmethod
     def multiplied(a: Terms, b: Terms, budget: Budget) -> Terms:
-        """Return the product of two sums; `budget` counts the pairs of terms."""
+        """Return the product of two sums; each pair of terms counts as an operation.
+
+        budget : the counter of these operations.
+        """
         total: Terms = {}
         if len(a) == 1:
             budget.add(len(b))
@@ -112,7 +115,7 @@ class Products(Generic[Atom]):
 
 
 def add_term(terms: Terms, product: int, number: Any) -> None:
-    """Add `number` times `product` to a sum, in place."""
+    """Add `number` times the product with the code `product` to a sum, in place."""
     total = terms.pop(product, 0) + number
     if total:
         terms[product] = total
@@ -123,23 +126,23 @@ _SWAPPED = {"sin": "cos", "cos": "sin"}
 
 
 class Turning(Products[Atom]):
-    """Products with sines and cosines among their atoms."""
+    """Products with sines and cosines among their atoms, merged by identities."""
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
         """Return the sines, then the cosines, in a product.
 
-        Each with function, angle and exponent.
+        Each as function, angle and exponent.
         """
         raise NotImplementedError
 
     def turn(self, op: str, angle: Any) -> int:
-        """Return the sine or cosine of an angle as a product."""
+        """Return the code of the sine or cosine (`op`) of an angle."""
         raise NotImplementedError
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return the function `op` of a + sign b as a product code, and a number.
+        """Return sin or cos (`op`) of a + sign b: a number and the code of a product.
 
-        The number is a factor, such as -1 of sin(b - a).
+        The number is a factor, such as -1 where sin(b - a) is used for sin(a - b).
         """
         raise NotImplementedError
 
@@ -262,7 +265,8 @@ class _Expansion(Turning[int]):
     turning : set of int
         The nodes that depend on sines or cosines.
     origins : dict
-        The sines and cosines of sums of angles, created by merging terms.
+        Node of each sine or cosine of a sum of angles that merging has created -> its
+        origin.
 
     Raises
     ------
@@ -298,7 +302,8 @@ class _Expansion(Turning[int]):
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
         """Return an operation on sums of products as a sum of products.
 
-        None where it is expanded no further.
+        op, args : the operation, and the nodes of its arguments. The second value is a
+        bound of the exponents. None if the operation is not expanded.
         """
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
@@ -442,8 +447,8 @@ FACTORED = 2
 def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list[int]:
     """Return equal expressions for `nodes`, as sums of monomials.
 
-    The nodes in `moving` are expanded; others are kept as atoms. The expressions are
-    equal where both are finite: a cancelled factor may have been zero.
+    The nodes in `moving` are expanded; other nodes below are atoms. The expressions are
+    equal where both are finite: a factor that was cancelled may have been zero.
     """
     nodes = list(nodes)
     form = _Form(g)
@@ -628,11 +633,12 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Whether a product is left as it is, not grouped with others.
+        """Whether a product is left unchanged, not grouped with other products.
 
-        still : its constant factor. factors : of its moving part, which occurs in no
-        other product. Its constant factors can be shared with other expressions, and
-        are collected only where that leaves fewer of them.
+        still : the constant factor of the product. factors : the factors of its moving
+        part, which occurs in no other product. A constant factor among these can be
+        shared with other expressions, and is moved to `still` only where fewer
+        constants remain.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]
@@ -649,7 +655,7 @@ class Collected:
     ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
         """Group the moving parts of products by their constant factors.
 
-        The second result has the products of each group as they were given.
+        The second result has the given products of each group.
         """
         g = self.g
         given: dict[Key, list[Sequence[int]]] = {}
@@ -724,7 +730,7 @@ class Collected:
         return self.sum((sign, *self.parts(x)) for sign, x in self.addends(node))
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
-        """Yield the terms of the sum `node`: a sign, as a node, and an addend.
+        """Yield the terms of the sum `node`: pairs of a sign, as a node, and an addend.
 
         A sum without products is one term: it may be a small difference.
         """
@@ -794,9 +800,10 @@ class Collected:
     def _common(
         self, n: int, one: tuple[int, int], other: tuple[int, int]
     ) -> tuple[int, int]:
-        """Return constant and moving part of a sum or difference n of two products.
+        """Return the constant and moving part of n, a sum or difference of products.
 
-        one, other : the parts of its arguments; a common constant is factored out.
+        one, other : constant and moving part of each of the two arguments of n. A
+        common constant is factored out.
         """
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other
@@ -810,7 +817,7 @@ class Collected:
         return g.one, n
 
     def still(self, factors: Sequence[int]) -> int:
-        """Return the product of constant factors; a factor and its inverse cancel."""
+        """Return the product of constant factors; a factor cancels its inverse."""
         g = self.g
         key = tuple([n for n in factors if n != g.one])
         if len(key) < 2:
@@ -827,10 +834,7 @@ class Collected:
         return self._still[key]
 
     def _powers(self, factors: Sequence[int]) -> tuple[float, dict[int, int]]:
-        """Return a product as a number and the exponents of its factors.
-
-        Node -> exponent.
-        """
+        """Return a product as a number, and the exponent of each factor by its node."""
         g = self.g
         number, powers = 1.0, dict[int, int]()
         waiting = [(n, 1) for n in factors]

@@ -70,11 +70,13 @@ class Function(NamedTuple):
     steep
         Whether a slope is infinite somewhere.
     domain
-        The condition under which there is a value; None where there always is one.
+        The condition on the arguments under which the function has a value; None if it
+        always has one.
     switch, step
-        Whether the graph has a corner or a jump; whether it is constant between jumps.
+        Whether the graph of the function has a corner or a jump; whether the function
+        is constant between jumps.
     decided_by
-        The step whose value tells the side of the corner.
+        The step function whose value identifies the side of the corner.
     data
         Number of leading arguments that are data, see `tables`.
     binds, sign
@@ -108,9 +110,10 @@ class Function(NamedTuple):
     sign: str = ""
 
     def chosen(self, g: Builder, a: Arguments, x: int, y: int) -> int:
-        """Return the selection of node x or y as this function selects one of `a`.
+        """Return the selection of node x or y by the condition of this function.
 
-        A smooth selection remains one.
+        a : arguments of the function, which determine the condition. A smooth selection
+        remains smooth.
         """
         assert self.branches is not None
         kept = self.name if self.name == SMOOTH else "if"
@@ -434,9 +437,10 @@ def _smooth(
     open_end: bool = False,
     **more: Any,
 ) -> Function:
-    """Return the row of a monotone library function, with bounds `within`, if any.
+    """Return the row of a monotone library function of one or more arguments.
 
-    slopes : (graph, *arguments, itself) -> node, for each argument
+    slopes : (graph, *arguments, itself) -> node, for each argument. within : bounds of
+    the values. open_end : whether the function is unbounded at the ends of its domain.
     """
     arity, own = len(slopes), numpy or name
     operands = ", ".join(f"{{{i}}}" for i in range(arity))
@@ -605,9 +609,9 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Return the function of partial derivatives of a table's piece.
+    """Return the partials of a table's piece, 0 except for `count` coordinates.
 
-    They are 0 but for the `count` coordinates within the piece.
+    The coordinates are the arguments of the table within the piece.
     """
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),

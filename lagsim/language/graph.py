@@ -75,7 +75,10 @@ FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # other nodes, and 
 def _degrees_of(
     op: str, exponent: float | None, *below: Degrees | None
 ) -> Degrees | None:
-    """Return the degrees of an operation from its arguments' degrees."""
+    """Return the degrees of an operation; None if it is no polynomial.
+
+    exponent : the last argument if it is a number. below : degrees of the arguments.
+    """
     if all(d in (FLAT, NOTHING) for d in below):
         return FLAT
     known = [d for d in below if d is not None]
@@ -101,9 +104,10 @@ class TooMuchError(InputError):
 
 
 class Leaves(NamedTuple):
-    """Nodes of some variables, and the least of them.
+    """Nodes of the variables with given names.
 
-    `variables` is the count of variables in the graph when the nodes were collected.
+    `first` is the least of these nodes, `variables` the number of variables in the
+    graph when the nodes were collected.
     """
 
     nodes: set[int]
@@ -212,7 +216,7 @@ class Graph:
         return TooMuchError([Problem(TOO_LARGE, text, self.place, hint)])
 
     def count(self, work: float) -> None:
-        """Subtract `work`, in operations, from the budget before it is done.
+        """Subtract `work`, in operations, from the budget; called before the work.
 
         Raises
         ------
@@ -232,7 +236,7 @@ class Graph:
         self._work += more
 
     def unbind(self) -> None:
-        """Remove the limit on work, once the model is checked and planned."""
+        """Remove the limit on work; called once the model is checked and planned."""
         self._left = math.inf
 
     def known(self, op: str, args: tuple[int, ...]) -> int | None:
@@ -240,7 +244,7 @@ class Graph:
         return self._known[op].get(args)
 
     def of(self, ops: Iterable[str]) -> list[int]:
-        """Return all nodes of the graph with one of the operations `ops`, in order."""
+        """Return all nodes of the graph whose operation is in `ops`, ascending."""
         return sorted(n for op in ops for n in self._known.get(op, {}).values())
 
     def constant(self, x: float) -> int:
@@ -271,7 +275,7 @@ class Graph:
         return self._payload[node] if self.ops[node] == CONSTANT else None
 
     def payload(self, node: int) -> Any:
-        """Return the number, the name, the truth value or the array of a leaf."""
+        """Return the number, name, truth value, array or Elements of a leaf."""
         return self._payload[node]
 
     def call(self, op: str, *args: int) -> int:
@@ -386,15 +390,18 @@ class Graph:
     def degree(self, node: int, names: Collection[str]) -> Degrees | None:
         """Return the degrees of the terms of `node` as a polynomial in `names`.
 
-        They are bounds, which include terms that cancel. The result is None where
-        `node` is not a polynomial, or is not recognised as one.
+        They are bounds, since terms that cancel are counted. None if `node` is not a
+        polynomial, or is not recognised as one.
         """
         return self.degrees([node], names)[0]
 
     def degrees(
         self, nodes: Iterable[int], names: Collection[str]
     ) -> list[Degrees | None]:
-        """Return the degrees of several nodes, as `degree` does of one."""
+        """Return the degrees of several nodes as polynomials in `names`.
+
+        See `degree`.
+        """
         nodes = list(nodes)
         found = self.degrees_below(nodes, names)
         return [found.get(n, FLAT) for n in nodes]
@@ -402,7 +409,10 @@ class Graph:
     def degrees_below(
         self, nodes: Iterable[int], names: Collection[str]
     ) -> dict[int, Degrees | None]:
-        """Return the degrees of 0, and of nodes below `nodes` that use `names`."""
+        """Return, by node, the degrees of nodes below `nodes` that depend on `names`.
+
+        The node of the number 0 is included. See `degree`.
+        """
         one = Degrees(1, 1)
         found: dict[int, Degrees | None] = {self.zero: NOTHING}
         for n in sorted(self.dependent(nodes, names)):

@@ -99,7 +99,7 @@ def point(x: float) -> Interval:
 
 
 def select(which: Flags, x: Interval, y: Interval) -> Interval:
-    """Return x where `which` holds, else y."""
+    """Return x where the flags `which` are True, else y."""
     return Interval._make(np.where(which, a, b) for a, b in zip(x, y, strict=True))
 
 
@@ -119,14 +119,14 @@ def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Flo
 def _but(
     where: Flags, size: Floats | float, lo: Floats, hi: Floats
 ) -> tuple[Floats, Floats]:
-    """Return bounds with -`size` and `size` in place of those selected by `where`."""
+    """Return bounds with -`size` and `size` in place of bounds where `where` holds."""
     return np.where(where, -size, lo), np.where(where, size, hi)
 
 
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    """Return bounds, moved to the next double where they are not exact.
+    """Return bounds, each moved to the next double where the bound is not exact.
 
-    exact : flags. toward : -inf or inf, the direction.
+    exact : flags. toward : -inf or inf, the direction of the move.
     """
     return np.where(exact, bound, np.nextafter(bound, toward))
 
@@ -180,9 +180,9 @@ def _whole(x: Interval) -> Flags:
 def _one_sided(
     lo: Floats, hi: Floats, x: Interval, y: Interval
 ) -> tuple[Floats, Floats]:
-    """Return bounds of a product or quotient, widened, with known signs kept.
+    """Return bounds of a product or quotient, widened, on the known side of 0.
 
-    x, y : the operands.
+    lo, hi : bounds before. x, y : the operands.
     """
     alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
@@ -242,7 +242,7 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
 
 
 def _real_power(x: Interval, y: Interval) -> Interval:
-    """Return x^y, a real number for x >= 0 only, or where y happens to be whole."""
+    """Enclose x^y, which is real for x >= 0 only, or where y is a whole number."""
     base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
     lo, hi = outward(*_corners(np.power, base, y))
     lo = np.maximum(lo, 0.0)
@@ -265,7 +265,11 @@ def _comparison(
     surely: Callable[[Interval, Interval], Flags],
     never: Callable[[Interval, Interval], Flags],
 ) -> Callable[[Interval, Interval], Interval]:
-    """Return the rule of a comparison; one with nan is false."""
+    """Return the rule of a comparison; a comparison with nan is false.
+
+    surely : (x, y) -> whether it is true throughout. never : whether it is false
+    throughout.
+    """
 
     def rule(x: Interval, y: Interval) -> Interval:
         true = surely(x, y) & ~(x.partial | y.partial)
@@ -299,7 +303,8 @@ def le(x: Interval, y: Interval) -> Interval:
 def ends(f: Any) -> Callable[..., Interval]:
     """Return the rule of a function f that increases in each argument.
 
-    The bounds are its values at the ends, which are not rounded.
+    The bounds are the values of f at the lower and at the upper bounds of the
+    arguments. The values are exact.
     """
     return lambda *x: interval(f(*(y.lo for y in x)), f(*(y.hi for y in x)))
 
@@ -435,7 +440,8 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
     """Return the rule of min or max, with nan as in IEEE 754's comparison.
 
-    choose : np.minimum or np.maximum. y where it is selected, x where either is nan.
+    choose : np.minimum or np.maximum. The function has the value y where y is selected,
+    and x where x or y is nan.
     """
 
     def rule(x: Interval, y: Interval) -> Interval:
@@ -468,13 +474,16 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 
 
 def _each(op: str, axis: Data, x: Interval) -> Floats:
-    """Return the values (2, k) of a table's function at the lower and upper bounds."""
+    """Return the values (2, k) of a table's function `op` at both bounds of x."""
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 
 
 def _cells(numbers: Floats | list[Floats]) -> Floats:
-    """Return the first and the last cell (2, k) between two knot numbers (2, k)."""
+    """Return the numbers (2, k) of the first and last cell between two knot numbers.
+
+    numbers : (2, k).
+    """
     return np.asarray(np.floor(np.nan_to_num(numbers)))
 
 
@@ -512,9 +521,12 @@ table_piece2 = table_piece
 
 
 def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
-    """Return coefficients (k, ...) of the cells at one end, and distances from knots.
+    """Return the numbers (k,) of the coefficients of the cells at one end of x.
 
-    end : 0 for the first cells, 1 for the last.
+    The second value encloses x less the lower knot of these cells.
+
+    cells : numbers (2, k) of first and last cells. end : 0 for the first cells, 1 for
+    the last.
     """
     m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
     cell = cells[end]
@@ -540,9 +552,9 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 
 
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """Return `rule` extended by the flags of its arguments.
+    """Return `rule` extended by the flags of the arguments.
 
-    Its result is nan, partial or jumping where an argument is.
+    The result of the extended rule is nan, partial or jumping where an argument is.
     """
 
     def whole(*args: Interval) -> Interval:
@@ -569,11 +581,11 @@ SQUARE = _strict(_square)
 
 
 def _of_steps(op: str) -> Callable[..., Interval]:
-    """Return the rule of a function whose arguments depend on t by steps alone.
+    """Return the rule of a function whose arguments depend on t through steps only.
 
-    Where all its arguments are single it has one value in double precision throughout
-    the interval, which is computed as such: in an enclosure of its rounding error,
-    `mod(floor(t), 1.5)` would seem to jump wherever it is 0.
+    Where all arguments are single, the function has one value in double precision
+    throughout the interval. That value is computed directly: in an enclosure of its
+    rounding error, `mod(floor(t), 1.5)` would seem to jump wherever it is 0.
     """
     rule, value = RULES[op], OPERATIONS[op]
 

@@ -46,9 +46,9 @@ def rated(name: str) -> tuple[str, int]:
 
 
 def member_hint(name: str, columns: Collection[str]) -> str:
-    """Return a hint for the name of a family or vector, whose members are columns.
+    """Return a hint that names the columns of a family or vector; else "".
 
-    Else an empty text.
+    name : the name in question. columns : names of all columns.
     """
     for column in columns:
         if name == in_file(column):

@@ -69,7 +69,7 @@ class ExpressionError(Exception):
 
 
 def silent() -> ExpressionError:
-    """Return the ExpressionError of a fault that is reported elsewhere."""
+    """Return the error for a fault that is reported elsewhere, without a message."""
     return ExpressionError(0, 1, "", code=SILENT)
 
 
@@ -264,7 +264,7 @@ class Parsed(NamedTuple):
 class ParsedRelation(NamedTuple):
     """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`.
 
-    at : the place of this sign.
+    at : the offset of that sign.
     """
 
     left: Parsed
@@ -329,7 +329,10 @@ class Parser:
         return Parsed(self.text, tuple(self.output))
 
     def _operand(self, token: Token) -> bool:
-        """Process a token where an operand is expected; return whether it still is."""
+        """Process a token where an operand is expected.
+
+        Return whether an operand is still expected, as after a sign.
+        """
         if token.kind == "number":
             self._value(token, "number", float(token.text))
             return False
@@ -438,9 +441,9 @@ class Parser:
             self.output.append((top.op, top.arity, top.token))
 
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
-        """Remove the arguments of an operation from the stack of value kinds.
+        """Remove the kinds of an operation's arguments from the stack; check them.
 
-        wanted : marks arguments that must be conditions.
+        top : the operation. wanted : for each argument, whether it must be a condition.
         """
         args = self.kinds[-len(wanted) :]
         for (condition, at), conditional in zip(args, wanted, strict=True):
@@ -531,9 +534,9 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
 def relation(
     text: str, found: list[Token], parsed: Callable[[list[Token]], Parsed]
 ) -> ParsedRelation:
-    """Return the relation that tokens of a text form; others are faults.
+    """Return the relation that the tokens of a text form; report faults as errors.
 
-    found : the tokens. parsed : parses the tokens of one side.
+    found : the tokens. parsed : function that parses the tokens of one side.
     """
     left, right, sense = _sides(text, found)
     other = parsed(right) if right else None

@@ -47,7 +47,7 @@ class Recurrence(NamedTuple):
     Attributes
     ----------
     state, rates : tuple of node
-        y and y'.
+        Nodes of y and y'.
     carried, following : tuple of node
         The variables of y_k, and the nodes of y_(k+1).
     sums : tuple of node
@@ -115,19 +115,25 @@ class Coefficients:
         return self._known[n]
 
     def inner(self, a: int, b: int) -> int:
-        """Return a variable for the sum of a_j b_(k-j), j from 1 to k - 1."""
+        """Return a variable for the sum of a_j b_(k-j) over j from 1 to k - 1.
+
+        a, b : nodes, whose coefficients of order j are a_j and b_j.
+        """
         return self._sum(min(a, b), max(a, b), rated=False)
 
     def inner_rate(self, a: int, b: int) -> int:
-        """Return a variable for the sum of (j/k) a_j b_(k-j), j from 1 to k - 1."""
+        """Return a variable for the sum of (j/k) a_j b_(k-j) over j from 1 to k - 1.
+
+        a, b : as for `inner`.
+        """
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
 
     def newest(self, known: int, *terms: tuple[int, int]) -> int:
         """Return `known` plus the sum of the products of `terms`.
 
         terms : pairs of a factor of order 0 and a coefficient of order k. The product
-        whose coefficient takes the most operations is added last, so that all others
-        can be computed before.
+        whose coefficient takes the most operations is added last, so that the sum of
+        all other products can be computed before.
         """
         total = known
         for factor, coefficient in sorted(terms, key=lambda term: self._depth(term[1])):
@@ -152,9 +158,9 @@ class Coefficients:
         return self._moves[n]
 
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Return a node equal to `n` whose series is shorter, or None.
+        """Return a node equal to `n` whose series is shorter; None if there is none.
 
-        made : computes it at the first call.
+        made : computes that node; called once for each n.
         """
         if n not in self._twins:
             self._twins[n] = made()
@@ -169,7 +175,7 @@ class Coefficients:
         self._extended.update(cone)
 
     def factors(self, variable: int) -> tuple[int, int]:
-        """Return a_k and b_k of the sum of a variable."""
+        """Return the nodes a_k and b_k of the sum of the variable, see `inner`."""
         a, b, rated = self.sums[variable]
         self.extend((a, b))
         k = self.g.variable(K)
@@ -211,7 +217,7 @@ _CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.conditio
 
 
 def _mul(s: Coefficients, n: int) -> int:
-    """Return the sum of x_j y_(k-j)."""
+    """Return the node of order k of a product x y: the sum of x_j y_(k-j)."""
     g = s.g
     x, y = g.args[n]
     if x == y:
@@ -239,7 +245,7 @@ def _sqrt(s: Coefficients, n: int) -> int:
 
 
 def _hypot(s: Coefficients, n: int) -> int:
-    """Return the coefficient of sqrt(x^2 + y^2)."""
+    """Return the node of order k of sqrt(x^2 + y^2)."""
     g = s.g
 
     def root() -> int:
@@ -275,7 +281,11 @@ def _power(s: Coefficients, n: int) -> int:
 
 
 def _as_products(s: Coefficients, n: int) -> int | None:
-    """Return x^p as products and a root or as an exponential, or None."""
+    """Return x^p as products and a square root, or as an exponential.
+
+    An exponential is returned if p changes along the motion. None if p is no multiple
+    of 1/2, or too large.
+    """
     g = s.g
     x, p = g.args[n]
     if s.moves(p):
@@ -372,7 +382,11 @@ def taylor_series(
 
 
 def _inner(g: Graph, a: Sequence[int], b: Sequence[int], *, same: bool) -> int:
-    """Return the sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
+    """Return the sum of a_j b_(k-j), j from 1 to k - 1; newest terms are added last.
+
+    a, b : nodes of the coefficients of orders 0, 1, ... same : whether a and b are
+    equal.
+    """
     k = len(a) + 1
     if not same:
         js = sorted(range(1, k), key=lambda j: (-min(j, k - j), j))

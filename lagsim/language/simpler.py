@@ -49,7 +49,7 @@ class Builder(Protocol):
         """Return the node of an operation, simplified."""
 
     def cone(self, nodes: Iterable[int]) -> Sequence[int]:
-        """Return some nodes and all nodes below, arguments first."""
+        """Return `nodes` and all nodes below these, arguments first."""
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
         """Return the node of an operation, not simplified."""
@@ -69,9 +69,9 @@ MOST = 200
 
 
 def direction(g: Builder, x: int, y: int) -> int | None:
-    """Return x/y where one contains the absolute value of a factor of the other.
+    """Return x/y simplified if one contains the absolute value of the other's factor.
 
-    The result is None elsewhere.
+    None if there is no such factor.
     """
     if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
         return g.call("sign", y)
@@ -87,7 +87,10 @@ def direction(g: Builder, x: int, y: int) -> int | None:
 
 
 def directed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y simplified if one contains u and the other divides by |u|, or None."""
+    """Return x y simplified if one contains u and the other divides by |u|.
+
+    None in other cases.
+    """
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
         if op == "div":
@@ -140,7 +143,10 @@ def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, fl
 
 
 def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
-    """Return x/u where u is recognised as a factor of x, else None."""
+    """Return x/u if u is recognised as a factor of x, else None.
+
+    depth : the number of nested products that are searched.
+    """
     if x == u:
         return g.one
     op, args = g.ops[x], g.args[x]
@@ -159,7 +165,7 @@ def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
 
 
 def raised(g: Builder, x: int, exponent: float) -> int | None:
-    """Return x^exponent without the root in x, else None."""
+    """Return x^exponent without the root in x; None if x has no such root."""
     op, args = g.ops[x], g.args[x]
     if exponent % 1.0 or exponent < 2.0:
         return None
@@ -180,7 +186,7 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def signed_product(g: Builder, x: int, y: int) -> int | None:
-    """Return x y as |c u|, if x is sign(u) and y a multiple of u, or None."""
+    """Return x y as |c u| if x is sign(u) and y = c u with a number c; else None."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] != "sign":
             continue
@@ -192,9 +198,10 @@ def signed_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def joined_product(g: Builder, x: int, y: int) -> int | None:
-    """Return (c u)(d v) as (c d)(u v) with variables u, v: exact for powers of two.
+    """Return (c u)(d v) as (c d)(u v) with numbers c, d and variables u, v; else None.
 
-    The force of a spring with the energy k q^2/2 is then -k q and not (-k/2)(2 q).
+    The result is exact for powers of two. The force of a spring with the energy k q^2/2
+    is then -k q and not (-k/2)(2 q).
     """
     if g.ops[x] != "mul" or g.ops[y] != "mul":
         return None
@@ -466,9 +473,10 @@ def _of_square(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def _squared(g: Builder, x: int, depth: int = DEEP) -> tuple[int | None, int]:
-    """Return u and r of x = u^2 r; None and x where there is no such u.
+    """Return (u, r) with x = u^2 r; (None, x) where there is no such u.
 
-    u is no number. A sum of multiples of one square is such a multiple.
+    u is no number. A sum of multiples of one square counts as a multiple of that
+    square.
     """
     op, args = g.ops[x], g.args[x]
     if not depth:

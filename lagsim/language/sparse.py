@@ -65,7 +65,10 @@ class Budget:
         self.operations += operations
 
     def foresee(self, operations: int) -> None:
-        """Raise TooLongError if `operations` more would pass the limit; count none."""
+        """Raise TooLongError if `operations` more would pass the limit.
+
+        The operations are not counted.
+        """
         if self.operations + operations > self.limit:
             raise TooLongError
 
@@ -75,10 +78,10 @@ def minimum_degree(
     budget: Budget,
     after: Mapping[int, Collection[int]] | None = None,
 ) -> list[int]:
-    """Return an order of elimination with little fill; count its operations.
+    """Return an order of elimination with little fill; operations are counted.
 
-    The row with the fewest entries is next; of several such rows, the first (A. George
-    and J. W. H. Liu, SIAM Review 31 (1989), section 2).
+    The row with the fewest entries is eliminated next; of several such rows, the first
+    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
 
     Parameters
     ----------
@@ -87,7 +90,7 @@ def minimum_degree(
     budget
         Counter of the operations.
     after
-        Row -> its neighbours that must be eliminated before.
+        Row -> neighbours of the row that must be eliminated before it.
     """
     order: list[int] = []
     waits = {k: set(before) for k, before in (after or {}).items() if before}
@@ -161,7 +164,10 @@ class DisjointSets:
         self._leader[max(i, j)] = min(i, j)
 
     def unite(self, some: Iterable[int | None]) -> int | None:
-        """Merge the sets of several indices, and return the first; None is skipped."""
+        """Merge the sets of the given indices; return the first index, or None.
+
+        Entries None are skipped. The result is None if there is no index.
+        """
         first = None
         for j in some:
             if first is None:

@@ -144,7 +144,11 @@ def table_rate(axis: Floats, x: float) -> float:
 
 
 def table_chosen(axis: Floats, piece: float) -> int:
-    """Return the number of an existing cell for the number of a piece."""
+    """Return the number of the cell whose polynomial is used for a piece number.
+
+    piece : the number of a piece, which may lie beyond the ends of a table that is not
+    periodic: the cell is then that at the end.
+    """
     k = floor(piece)
     return k if axis[2] > 0.0 else max(-1, min(k, int(axis[0])))
 
@@ -245,7 +249,11 @@ def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
 
 
 def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> int:
-    """Return the node of a piece's derivative in its argument `which`, 0 or 1."""
+    """Return the node of the partial derivative of a piece.
+
+    op, args : the operation of the piece, and its arguments. which : 0 or 1, the
+    argument of the table by which it is differentiated.
+    """
     data = 1 + (op == "table.piece2")
     pieces, at = g.payload(args[data]), data + 1 + which
     order = g.value(args[at])
@@ -267,7 +275,10 @@ def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) ->
 
 
 def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
-    """Return axis and argument if `discrete` is a cell number of a table, else None."""
+    """Return axis and argument of the table of which `discrete` is the cell number.
+
+    None if `discrete` is no cell number.
+    """
     (inner,) = g.args[discrete][:1] or (discrete,)
     if g.ops[discrete] != "floor" or g.ops[inner] != "table.knot":
         return None
@@ -288,9 +299,9 @@ def at_ends(g: Builder, axis: Data, x: int) -> int:
 
 
 def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
-    """Return the highest derivative of each table used below `nodes`.
+    """Return the highest order of derivative of each table that `nodes` contain.
 
-    Node of a cell number -> order.
+    As node of a cell number -> order.
     """
     found: dict[int, int] = {}
     for n in g.cone(nodes):
@@ -302,9 +313,9 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 
 
 def continuous(axis: Data, order: int) -> tuple[float, float]:
-    """Return the open range of knot numbers at which a derivative is continuous.
+    """Return the open range of knot numbers in which a derivative is continuous.
 
-    order : of the derivative.
+    order : of the derivative. The range (0, 0) is empty.
     """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > smooth:
@@ -323,7 +334,7 @@ class Written(NamedTuple):
 
 
 def written(g: Builder, n: int) -> Written:
-    """Return table, order and arguments of the table operation that a node is.
+    """Return table, orders of derivative and arguments of a table's operation n.
 
     A knot number counts as a value of order 0.
     """
@@ -338,7 +349,7 @@ def written(g: Builder, n: int) -> Written:
 
 
 def arguments(g: Builder, n: int) -> tuple[int, ...]:
-    """Return the arguments of a node, without the data of a table."""
+    """Return the arguments of a node; of a table's operation without the data."""
     return written(g, n).args if g.ops[n].startswith("table.") else g.args[n]
 
 
@@ -358,9 +369,10 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table that ends a run in a cell, and the knot at its end; else None.
+    """Return the table that ends a run in a cell, and the x at which it ends.
 
-    knot : node of the knot number. cell : number of the cell.
+    knot : node of the knot number. cell : number of the cell. None if no table ends
+    there.
     """
     if g.ops[knot] != "table.knot":
         return None
@@ -419,9 +431,10 @@ def made(
 
 
 def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
-    """Return polynomial coefficients (p, m + 2, ...) through points.
+    """Return polynomial coefficients (p, m + 2, ...) through the points of a table.
 
-    x : (m + 1,). y : (m + 1, ...). The first and last piece hold outside the points.
+    x : (m + 1,). y : (m + 1, ...). how, outside : see `made`. The first and the last
+    piece are those outside the points.
     """
     import numpy as np
 

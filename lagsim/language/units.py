@@ -106,7 +106,10 @@ class Quantity(NamedTuple):
 def combined(
     op: str, parts: Sequence[Quantity], power: float | None
 ) -> tuple[Unit | None, str]:
-    """Return unit and text of an operation; `power` is its last, constant argument."""
+    """Return unit and text of an operation; the unit is None if it is unknown.
+
+    parts : the arguments. power : the last argument, if it is a constant.
+    """
     one, other = parts[0], parts[-1]
     if op in ("mul", "div"):
         if one.unit is None or other.unit is None:
