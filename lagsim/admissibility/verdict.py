@@ -635,7 +635,10 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
 
 
 def _sliders(point: Point) -> dict[int, Mode]:
-    """Return the mode (held or sliding) of each slider without mass, by index of law."""
+    """Return the mode (held or sliding) of each slider without mass, by index.
+
+    The index is that of the law.
+    """
     own = {k: x.slider for k, x in enumerate(point.e.laws) if x.slider}
     if not own:
         return {}

@@ -169,11 +169,10 @@ BANDED, NARROW = 32, 1.0 / 8.0
 
 
 def symmetric_band(D: Floats) -> Floats | None:
-    """Return the band (b + 1, r) of a symmetric matrix; None if small, or not narrow.
+    """Return the band (b + 1, r) of a symmetric matrix D (r, r).
 
-    Row k holds the k-th diagonal below the main one, as scipy's lower form has it.
-
-    D : ndarray, shape (r, r)
+    Row k holds the k-th diagonal below the main one, as scipy's lower form has it. None
+    where D is small, or its band is not narrow.
     """
     r, left = len(D), np.count_nonzero(D)
     rows: list[Floats] = []
@@ -187,9 +186,10 @@ def symmetric_band(D: Floats) -> Floats | None:
 
 
 class BandFactor:
-    """Cholesky factor of a symmetric, positive definite matrix (r, r) by its band.
+    """Cholesky factor of a symmetric, positive definite matrix (r, r), from its band.
 
-    band : ndarray, shape (b + 1, r), see `symmetric_band`. Raises LinAlgError.
+    band : ndarray, shape (b + 1, r), see `symmetric_band`. A matrix that is not
+    positive definite raises LinAlgError.
     """
 
     def __init__(self, band: Floats) -> None:
@@ -285,7 +285,10 @@ class Metric:
 
 
 def multiple_of(x: Floats, y: Floats) -> float:
-    """Return c with y = c x within rounding, for x, y (n,); 0 if y is no multiple."""
+    """Return the number c with y = c x within rounding; 0 if there is none.
+
+    x, y : (n,).
+    """
     square = float(x @ x)
     factor = float(y @ x) / square if square > 0.0 else 0.0
     same = np.max(np.abs(y - factor * x)) <= COMPUTED_ZERO * np.max(np.abs(y))

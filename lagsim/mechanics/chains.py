@@ -183,7 +183,7 @@ class Factorisation:
         return g.call("mul", a, b)
 
     def _put_in(self, k: int) -> Iterable[int]:
-        """Substitute sum k in all rows of S.
+        """Replace sum k by the velocities and sums in it, in all rows of S.
 
         Return the unknowns whose rows have changed.
         """
@@ -221,7 +221,8 @@ class Factorisation:
     def forward(self, right: Mapping[int, int]) -> Vector:
         """Return L^-1 right, as unknown -> node.
 
-        The entry of an unknown that is a sum is distributed to the unknowns in it.
+        right : unknown -> node. The entry of an unknown that is a sum is distributed to
+        the unknowns in that sum.
         """
         z = {i: node for i, node in right.items() if node != self.g.zero}
         for k, column in self._filled:
@@ -235,7 +236,8 @@ class Factorisation:
     def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
         """Return L^-T D^-1 z, as unknown -> node.
 
-        given : values (nodes) of unknowns that are not eliminated.
+        z : unknown -> node. given : values (nodes) of unknowns that have not been
+        eliminated.
         """
         return self.upward({k: self._over_pivot(z[k], k) for k in z}, given)
 
@@ -245,7 +247,8 @@ class Factorisation:
     def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
         """Return L^-T scaled, as unknown -> node.
 
-        given : values (nodes) of unknowns that are not eliminated.
+        scaled : unknown -> node, such as D^-1 z. given : values (nodes) of unknowns
+        that have not been eliminated.
         """
         g, x = self.g, dict(given or {})
         for k, column in reversed(self.columns.items()):
@@ -348,14 +351,14 @@ class Chains(NamedTuple):
         return [forces.get(j, g.zero) for j in range(self.size)]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
-        """Return bounds (n,) of the terms of |M| x, the scale of rounding errors.
+        """Return bounds (n,), as nodes, of the terms of |M| x: scales of rounding.
 
         Rounding of the factors of M is included.
 
         Parameters
         ----------
         x : sequence of int, length n
-            Nonnegative.
+            Nodes of nonnegative values.
         moving : collection of str
             The names of the variables that change along a motion.
         """
@@ -370,7 +373,10 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Return pairs: nodes of M, and indices of the coordinates that they couple."""
+        """Return pairs of lists: nodes of M, and the coordinates that these couple.
+
+        Coordinates are given by their indices.
+        """
         found = [(list[int](), [j]) for j in range(self.size)]
         first = [*range(self.size)]  # one coordinate in each unknown
         for form in self.sums:
@@ -465,7 +471,10 @@ def chains(
 
 
 def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
-    """Return the sum of scale * vector over pairs `parts`, without zeros."""
+    """Return the sum of scale * vector over the pairs (scale, vector) `parts`.
+
+    Entries that are 0 are left out.
+    """
     total = Vector()
     for scale, form in parts:
         for i, factor in form.items():
@@ -519,8 +528,8 @@ def _parts(
 ) -> dict[int, list[tuple[int, int]]]:
     """Return the terms of each affine node in use, from `_slopes`, by node.
 
-    cone : the nodes below L, in order of evaluation. degrees : their degrees in the
-    velocities. uses : the number of uses of each node, to which the uses of the terms
+    cone : the nodes below L, in order of evaluation. degrees : node -> its degree in
+    the velocities. uses : node -> number of its uses, to which the uses of the terms
     are added in place. ends : nodes that are not expanded.
     """
     found = {}
@@ -592,7 +601,10 @@ class Composites(Composite):
         return super()._eliminate(k)
 
     def _in_velocities(self, row: Mapping[int, int]) -> Vector:
-        """Substitute the sums of velocities in a linear form, outer sums first."""
+        """Return a linear form with its sums replaced by velocities, outer sums first.
+
+        row : unknown -> node of its coefficient.
+        """
         g, left = self.g, dict(row)
         queue = [-i for i in left if i in self.sums]
         heapify(queue)

@@ -112,7 +112,7 @@ class ComplementarityProblem:
     def part(self, rows: list[int]) -> ComplementarityProblem:
         """Return the problem of `rows` alone.
 
-        The other rows must not be coupled with these.
+        The other rows must not be coupled with these rows.
         """
         place = np.full(len(self.c) + 1, -1)  # the last entry is for index -1
         place[rows] = np.arange(len(rows))
@@ -147,9 +147,9 @@ class ComplementarityProblem:
         return self.low[0] + self.low[1] * push, self.high[0] + self.high[1] * push
 
     def limits(self, p: Floats) -> Floats:
-        """Return the bound of each |p_k| at p (r,).
+        """Return the bound of each |p_k| at multipliers p (r,).
 
-        0 for rows without two-sided bounds.
+        It is 0 for rows without two-sided bounds.
         """
         most = np.abs(self.bounds(p)[1])
         return np.where(np.isfinite(most), most, 0.0)
@@ -212,9 +212,9 @@ def solve(problem: ComplementarityProblem) -> Solution:
 def _solved_alone(
     problem: ComplementarityProblem, rows: list[int]
 ) -> tuple[Floats, Floats]:
-    """Return p (k,) and w (k,) of k rows that no other row is coupled with.
+    """Return p (k,) and w (k,) of the k `rows`, which are coupled with no other row.
 
-    Their diagonal elements of D are not negative.
+    The diagonal elements of D of these rows must not be negative.
     """
     own, c = problem.D.diagonal()[rows], problem.c[rows]
     moves = own > 0.0
@@ -235,10 +235,10 @@ def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
 
 @lru_cache(maxsize=64)
 def _groups(r: int, coupled: bytes, *others: tuple[int, ...]) -> list[list[int]]:
-    """Return groups of r rows that are coupled; memoized, as they change seldom.
+    """Return the groups of r rows that are coupled; memoized, since they seldom change.
 
-    coupled : flags (r, r) of coupled rows, as bytes.
-    others : each has for each row the index of another one in its group, or -1.
+    coupled : flags (r, r) of coupled rows, as bytes. others : tuples with the index,
+    for each row, of another row in its group, or -1.
     """
     sets = DisjointSets(r)
     pairs = np.frombuffer(coupled, dtype=bool).reshape(r, r)
@@ -252,7 +252,9 @@ def _groups(r: int, coupled: bytes, *others: tuple[int, ...]) -> list[list[int]]
 
 
 def solved_regular(D: Floats, right: Floats) -> Floats | None:
-    """Solve D x = right for x (k,); None for one row, or nearly dependent ones.
+    """Solve D x = right for x (k,) by a Cholesky factor.
+
+    None for a single row, or where rows are nearly dependent.
 
     D : ndarray, shape (k, k)
         Symmetric to rounding.
@@ -353,10 +355,10 @@ def _solved_by_band(problem: ComplementarityProblem) -> Solution | None:
 
 
 def _scaled(problem: ComplementarityProblem) -> tuple[ComplementarityProblem, Floats]:
-    """Return the problem scaled to a diagonal near 1, and multipliers' scales (r,).
+    """Return the problem scaled to a diagonal near 1, and scales (r,) of multipliers.
 
-    The scales are powers of two. Multipliers of the given problem are multipliers of
-    the scaled one times the scales. Rows without an entry in D have bounds 0.
+    The scales are powers of two. The multipliers of the given problem are those of the
+    scaled problem times the scales. Rows without an entry in D have the bounds 0.
     """
     D, pairs, n = problem.D, problem.pairs, problem.normals
     own = D.diagonal()
@@ -408,8 +410,9 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
 def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
     """Yield a point of Newton's method with the single rows that hold eliminated.
 
-    Beside a row that holds, the inertia in the directions of a disc may be another than
-    without it, by the ratio of masses. The remaining problem is scaled by itself.
+    The inertia in the directions of a disc can differ by the ratio of masses with and
+    without the rows that hold. The problem of the remaining rows is therefore scaled
+    anew.
 
     Parameters
     ----------
@@ -461,10 +464,11 @@ def _proximal(
 def _start(unit: ComplementarityProblem) -> Floats:
     """Return the multipliers (r,) from which Newton's method starts.
 
-    Where the solution is unique, because no bound depends on another multiplier and D
-    is symmetric and positive definite: the ones with which all rows hold, within the
-    bounds. From 0, the method reaches the rows of a stack one by one. Where rows are
-    dependent, such a start would end at an arbitrary one of several solutions.
+    Where no bound depends on another multiplier and D is symmetric and positive
+    definite, the solution is unique: the start is then the solution with all rows held,
+    cut at the bounds. (From 0, Newton's method would reach the rows of a stack one by
+    one.) In other cases, as for dependent rows, the start is 0: the former start would
+    end at an arbitrary one of several solutions.
     """
     D, start = unit.D, np.zeros(len(unit.c))
     plain = unit.own.all() and not unit.discs

@@ -339,7 +339,7 @@ class Law(NamedTuple):
         return (self.bound, self.static, *bounce)
 
     def bouncing(self, restitution: float) -> Law:
-        """Return the law with another restitution; unchanged unless it is one-sided."""
+        """Return the law with another restitution; unchanged if not one-sided."""
         return self._replace(restitution=restitution) if self.kind.one_sided else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:

@@ -42,7 +42,7 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
     Parameters
     ----------
     e : Equations
-        Without pushes.
+        The equations, without the forces of `with_pushes`.
     switches : Switches
         The switches of `e`.
 
@@ -87,7 +87,7 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
 
 
 def _followers(g: Graph, switches: Switches) -> list[tuple[tuple[str, int], ...]]:
-    """Return the sides that may change with each side, see `Corner`."""
+    """Return the sides that may change with each side, see `Corner.followers`."""
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]
     found = []

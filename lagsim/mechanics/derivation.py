@@ -112,10 +112,10 @@ def in_fewer_terms(
     convective: Sequence[int],
     Q: Sequence[int],
 ) -> tuple[tuple[SparseVector, ...], list[int]]:
-    """Return M and f with inertial terms rewritten in fewer terms, where possible.
+    """Return M and f with the inertial terms rewritten in fewer terms, where possible.
 
-    The terms of the potential and of the applied forces stay as they are: they may
-    contain small differences, which would cancel if multiplied out.
+    The terms of the potential and of the applied forces are unchanged: they may contain
+    small differences, which would cancel if multiplied out.
 
     Parameters
     ----------
@@ -163,9 +163,9 @@ OF_ELEMENTS = frozenset(("power",))
 
 
 def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
-    """Whether equations of motion with the elements of a model can be integrated.
+    """Whether the equations can be integrated with the elements of the model.
 
-    needs : names of functions that the method uses besides y'.
+    needs : names of functions, besides y', that the method evaluates.
     """
     g, output = model.graph, model.output
     if not g.of((ELEMENTS,)) or not OF_ELEMENTS.issuperset(needs):
@@ -279,7 +279,7 @@ def derive(
 
 
 def has_angles(g: Graph, node: int | None) -> bool:
-    """Whether an expression contains a sine or cosine."""
+    """Whether an expression contains a sine or cosine; False for None."""
     circular = g.of(("sin", "cos"))
     if node is None or not circular:
         return False
@@ -338,10 +338,10 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Return definitions and their derivatives along the motion, to be substituted.
+    """Return a substitution of definitions and their rates by functions of the motion.
 
-    The definitions are listed in `output.reactions`. The result maps the variable x, x'
-    or x'' to a node of t, q, q' and q''.
+    For each definition x in `output.reactions`: the variables x, x' and x'' -> nodes of
+    t, q, q' and q''.
     """
     g = e.graph
     seed = {**e.flow.forward}

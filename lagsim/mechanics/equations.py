@@ -68,9 +68,9 @@ class Work(NamedTuple):
 
 
 class Quadrature(NamedTuple):
-    """Quantity that occurs in no equation and is integrated from its rate: the action.
+    """Integral over time that occurs in no equation: the action.
 
-    `rate` is the node of its rate.
+    `rate` is the node of the integrand.
     """
 
     name: str
@@ -165,7 +165,7 @@ class Equations:
     tree: TreeOfFrames | None = None
 
     def of(self, model: Model, *, begun_by: Begun = NOT_BEGUN) -> Equations:
-        """Return these equations for `model`, which differs in parameter values.
+        """Return these equations for `model`, which has other values of parameters.
 
         begun_by : the events that have acted at the start of `model`.
         """
@@ -176,7 +176,7 @@ class Equations:
         return replace(self, model=model, laws=laws, begun_by=begun_by)
 
     def has_pieces_of(self, model: Model) -> bool:
-        """Whether gaps have the same pieces with the parameter values of `model`."""
+        """Whether gaps have equal pieces with the parameter values of `model`."""
         g, flow, values = self.graph, self.flow, model.parameter_values
         rows = {x.row.name: x.row.residual for x in self.laws if x.kind.one_sided}
         found: dict[str, int] = {}
@@ -186,9 +186,9 @@ class Equations:
 
     @property
     def nodes(self) -> tuple[object, ...]:
-        """Hashable key of the motion.
+        """Hashable key of the motion, equal for all values of parameters.
 
-        Names and nodes, equal for all values of parameters.
+        It consists of names and nodes.
         """
         return (
             self.q,
@@ -240,9 +240,9 @@ class Equations:
 
     @property
     def worked(self) -> list[int]:
-        """The index in `works` of the work on each coordinate (n,).
+        """The index in `works` of the work on each coordinate, length n.
 
-        -1 for a coordinate without work, or without mass.
+        -1 for a coordinate on which no work is done, or without mass.
         """
         own = {q: k for k, x in enumerate(self.works) for q in x.coordinates}
         massless = {self.q[x.slider.coordinate] for x in self.laws if x.slider}
@@ -257,7 +257,7 @@ class Equations:
     def other_rates(self) -> list[int]:
         """The rates that follow q'' in y', as nodes.
 
-        Of `states`, `works`, `quadratures`.
+        These are the rates of `states`, `works` and `quadratures`.
         """
         first, rest = (x.rate for x in self.states), (x.rate for x in self.quadratures)
         return [*first, *self.powers, *rest]
@@ -271,10 +271,10 @@ class Equations:
     def known_roundings(
         self, moving: Collection[str], state: Collection[str] = ()
     ) -> dict[int, int]:
-        """Return bounds of the roundoff of nodes that no bound of their terms gives.
+        """Return bounds of the roundoff of nodes whose terms give no good bound.
 
-        These are the entries of matrices of a tree of frames; moving, state : see
-        `evaluate.roundings`.
+        As node -> node of the bound: for the entries of matrices of a tree of frames.
+        Empty without a tree. moving, state : see `evaluate.roundings`.
         """
         return self.tree.roundings(self.graph, moving, state) if self.tree else {}
 
@@ -311,10 +311,7 @@ class Equations:
         return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
-        """Return the row of a constraint by name.
-
-        Of a gap with pieces that of the first.
-        """
+        """Return the row of a constraint by its name; of a gap, of its first piece."""
         return next(row for row in self.every_row if whole(row.name) == name)
 
     @property
@@ -328,7 +325,7 @@ class Equations:
 
     @property
     def chains(self) -> Chains | None:
-        """The chains that M is factored along; None where M is stored as entries."""
+        """The chains along which M is factored; None where M is stored as entries."""
         return None if isinstance(self.M, tuple) else self.M.chains
 
     @property
@@ -346,7 +343,10 @@ class Equations:
 
     @property
     def coupled(self) -> list[tuple[list[int], list[int]]]:
-        """Pairs of nodes of M and of the indices of coordinates that these couple."""
+        """Pairs of lists: nodes of M, and the coordinates that these nodes couple.
+
+        Coordinates are given by their indices.
+        """
         if (chains := self.chains) is not None:
             return chains.groups()
         rows = (row.entries for row in self.M)
@@ -394,10 +394,10 @@ Found = TypeVar("Found")
 
 
 def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
-    """Decorate a function of `Equations` so that its result is stored.
+    """Decorate a function of `Equations` so that its result is memoized.
 
-    It is computed once for all equations with equal `Equations.nodes`, whatever the
-    values of parameters.
+    The result is computed once for all equations with equal `Equations.nodes`, whatever
+    the values of parameters.
     """
 
     @wraps(find)
@@ -423,9 +423,10 @@ def pushes(e: Equations) -> list[int]:
 
 
 def _size(g: Graph, n: int, moving: set[int]) -> int:
-    """Return the magnitude of a term; of a sum of elements that of all its terms.
+    """Return the node of the magnitude of a term; for elements, of all their terms.
 
-    moving : nodes that vary with the motion; other factors belong to each term.
+    moving : nodes that vary with the motion. Factors that do not vary belong to each
+    term.
     """
     if g.ops[n] == PART:
         return sizes(g, n)
@@ -437,12 +438,12 @@ def _size(g: Graph, n: int, moving: set[int]) -> int:
 
 
 def may_strike(e: Equations, row: Row) -> bool:
-    """Whether the rate of a constraint may jump: an impact, which takes energy."""
+    """Whether the rate of a constraint may jump: an impact, which costs energy."""
     return may_jump(e, [row.rate])
 
 
 def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
-    """Whether a node may jump: by a switch, or by a mode of the file."""
+    """Whether one of the nodes may jump: by a switch, or by a mode of the file."""
     g, cone = e.graph, deciding_cone(e.graph, nodes)
     if not e.model.modes.isdisjoint(g.depends(nodes)):
         return True

@@ -42,7 +42,7 @@ def generalized_impulses(e: Equations) -> list[list[int]]:
 def without_momentum(e: Equations) -> list[int]:
     """Return the indices of coordinates that no impulse can move.
 
-    They have no momentum, and no equality determines their velocities.
+    These coordinates have no momentum, and no equality determines their velocities.
     """
     held = {j for row in e.rows for j in row.A.entries}
     timed = (law for law in e.laws if law.kind is Kind.TIMED)
@@ -51,9 +51,9 @@ def without_momentum(e: Equations) -> list[int]:
 
 
 def lost_impulses(e: Equations) -> list[Problem]:
-    """Return a problem for each event with an impulse on a coordinate without inertia.
+    """Return a problem for each event with an impulse that moves nothing.
 
-    These are the coordinates of `without_momentum`.
+    Such an impulse acts on a coordinate of `without_momentum`.
     """
     still, found = without_momentum(e) if e.model.kicks else [], []
     for event in e.model.events if still else ():

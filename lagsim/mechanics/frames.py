@@ -134,9 +134,9 @@ def tree_of_frames(model: Model, flow: Flow) -> TreeOfFrames | None:
 
 
 def _with_negative(g: Graph, node: int, rate: int) -> dict[int, int]:
-    """Map a node to its rate, and its negative too where this is another node.
+    """Map a node to its rate, and the negative of the node to the negative rate.
 
-    The negative of a difference a - b is the difference b - a.
+    The negative of a difference a - b is the node b - a, which may exist in the graph.
     """
     found, negative = {node: rate}, g.call("neg", node)
     if g.ops[negative] != "neg" and g.args[negative]:

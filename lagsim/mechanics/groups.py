@@ -68,7 +68,7 @@ def groups(e: Equations) -> list[list[int]]:
 
 
 def coordinates_of(e: Equations) -> dict[str, int]:
-    """Return the index of each coordinate by its variables' names, q_j and q_j'."""
+    """Return the index of each coordinate by the names of its variables q_j and q_j'."""
     return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
@@ -125,7 +125,7 @@ def shared(
 def owners_of(
     g: Graph, cone: Iterable[int], names: Mapping[str, int]
 ) -> dict[int, int]:
-    """Return the group that each node depends on, or NOBODY or SEVERAL.
+    """Return the group on which each node depends; NOBODY for none, SEVERAL for more.
 
     Parameters
     ----------
@@ -149,7 +149,8 @@ def _addends(
 ) -> list[tuple[int, int]]:
     """Return the terms of `factor * n` as pairs (node, factor); [] where n is no sum.
 
-    Factors that depend on no group are moved into `factor`; owners : see `owners_of`.
+    Factors of n that depend on no group are multiplied into `factor`. owners : see
+    `owners_of`.
     """
     op, args = g.ops[n], g.args[n]
     if op in ("add", "sub"):
@@ -204,9 +205,10 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
 def _of_groups(
     e: Equations, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
-    """Return the work of each group on which forces have power or impacts act.
+    """Return the work on each group on which forces have power or impacts act.
 
-    () where a term of an energy or a power depends on several groups.
+    timed : whether energies depend on t. found : the coordinates of each group. The
+    result is () where a term of an energy or of a power depends on several groups.
     """
     g = e.graph
     energies, _ = shared(e, found, e.energy)
@@ -242,7 +244,7 @@ def _of_groups(
 def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:
     """Return the node of the power of all forces on the coordinates `some`.
 
-    The partial derivative dL_dt is subtracted: d(energy)/dt is this power.
+    The partial derivative dL_dt is subtracted, so that the result is d(energy)/dt.
     """
     g, among = e.graph, {*some}
     rates = [g.variable(name) for name in e.velocities]

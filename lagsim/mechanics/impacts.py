@@ -111,9 +111,9 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
 
 
 def _at_rest(closed: Closed, rates: Floats) -> Flags:
-    """Mark the slips at rest whose static friction coefficient is not the dynamic one.
+    """Return a mask (r,) of the slips at rest with a static coefficient of friction.
 
-    Returns a mask (r,).
+    The coefficient counts where it differs from the dynamic one. rates : (r,).
     """
     pairs = closed.table.pairs
     still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
@@ -174,8 +174,10 @@ def _impulses(
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     """Whether the rates after the impact depend on the order of single impacts.
 
-    They do where two contacts that are struck are coupled, except for contacts without
-    restitution and friction whose impulses lower each other's rates.
+    This is so where two contacts that are struck are coupled, unless both have neither
+    restitution nor friction and their impulses lower each other's rates.
+
+    before : rates (r,) before the impact. p : impulses (r,).
     """
     pushed = np.abs(p) > SOLUTION_ROUNDOFF * np.abs(p).max(initial=0.0)
     struck = np.flatnonzero(closed.table.gapped & (pushed | (before < 0.0))).tolist()

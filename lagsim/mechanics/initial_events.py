@@ -87,7 +87,8 @@ def _begin(e: Equations, values: dict[str, float]) -> Begun:
 def _comes(equality: bool, before: float, after: float) -> bool:
     """Whether a condition changed from false to true between two values.
 
-    equality : whether it is an equation, true where its value crosses 0.
+    equality : whether the condition is an equation, which is true where its value
+    crosses 0. before, after : the values, not negative where an inequality is true.
     """
     least = FALSE * abs(after - before)
     if equality and before > 0.0:

@@ -108,7 +108,7 @@ def turns(e: Equations) -> bool:
 def elimination_of(equations: Equations) -> Elimination | None:
     """Return the elimination of equations, memoized; None where loops are faster.
 
-    Parameter values have no influence on it, except by whether links have masses.
+    Of the values of parameters only the distinction matters whether links have masses.
     """
     e = equations
     key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
@@ -131,7 +131,7 @@ def without_rows(equations: Equations) -> Elimination:
 
 
 def collected_along(e: Equations) -> Collected:
-    """Return a rewriter of sums of products, with the variables of the motion."""
+    """Return a rewriter of sums of products in which the motion's variables change."""
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
@@ -198,9 +198,9 @@ class Elimination:
         return collected_along(self.equations)
 
     def _unit(self) -> int:
-        """Return a node used as unit of mass.
+        """Return the node of a mass that serves as the unit of mass.
 
-        The commonest pivot in Z, or 1 if one varies.
+        It is the commonest pivot in Z, or 1 if a pivot varies along the motion.
         """
         met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
         if not met or any(map(self.collected.moves, met)):
@@ -208,7 +208,7 @@ class Elimination:
         return Counter(met).most_common(1)[0][0]
 
     def _inverse(self, k: int) -> int:
-        """Return the node of unit / D_k, with the unit of mass."""
+        """Return the node of unit / D_k, where `unit` is the unit of mass."""
         g, inverse = self.g, self.mass.inverse[k]
         if self.unit == g.one:
             return inverse
@@ -229,7 +229,10 @@ class Elimination:
         return entries
 
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Return the node of unit z^T D^-1 other, for sparse vectors z and other."""
+        """Return the node of unit z^T D^-1 other.
+
+        z, other : sparse vectors, unknown -> node. unit : the unit of mass.
+        """
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):
             self.budget.add(2)
@@ -250,7 +253,7 @@ class Elimination:
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Return lambda_k^2 (A M^-1 A^T)_kk of each row k, shape (m,)."""
+        """Return lambda_k^2 (A M^-1 A^T)_kk of each row k, shape (m,), as nodes."""
         g = self.g
         return [
             g.call("mul", g.call("mul", lam, lam), self.square(k))
@@ -281,7 +284,10 @@ class Elimination:
         return [q.get(j, g.zero) for j in range(self.n)], lam
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
-        """Return the node of b - z^T D^-1 f, the right side for a multiplier."""
+        """Return the node of b - z^T D^-1 f, the right-hand side for one multiplier.
+
+        b : right-hand side of the row. z, f : sparse vectors L^-1 A_k and L^-1 f.
+        """
         g, x = self.g, self.collected
         minus = g.constant(-1.0)
         terms: list[tuple[int, ...]] = list(x.addends(b))
@@ -317,10 +323,10 @@ class Elimination:
         return mass.upward(scaled)
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
-        """Return the smallest change of q, in the metric of M, that cancels residuals.
+        """Return the least change of q, in the metric of M, that cancels residuals.
 
-        The change -M^-1 A^T S^-1 residuals, shape (n,), for nodes of `residuals`,
-        shape (m,), cancels these to first order.
+        The change -M^-1 A^T S^-1 residuals, shape (n,), cancels the `residuals`, shape
+        (m,), to first order. All are nodes.
         """
         g = self.g
         right = {

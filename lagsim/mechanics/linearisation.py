@@ -76,12 +76,13 @@ class Eigenmodes(NamedTuple):
     def parts(self, moved: Complexes, masses: Floats, states: int) -> Floats:
         """Return the part of each coordinate and first-order state in each mode.
 
-        Shape (n + states, k), each at most 1: parts of coordinates are the amplitudes
-        `moved`, shape (n, k), times the roots of `masses`, shape (n,). Where the last
-        `states` components of a mode participate by more than half, its parts are the
-        participation factors of states, and 0 for coordinates.
-        Source: I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. Power
-        Apparatus and Systems 101 (1982), 3117: participation factors.
+        The result has the shape (n + states, k), with entries of at most 1. Parts of
+        coordinates are the amplitudes `moved`, shape (n, k), times the roots of
+        `masses`, shape (n,). Where the last `states` components of a mode participate
+        by more than half, the parts of states are their participation factors, and the
+        parts of coordinates are 0. Source: I. J. Perez-Arriaga, G. C. Verghese, F. C.
+        Schweppe, IEEE Trans. Power Apparatus and Systems 101 (1982), 3117:
+        participation factors.
         """
         shapes = np.abs(moved) * np.sqrt(masses)[:, None]
         sides = self.left.T @ self.right, self.left.T
@@ -93,13 +94,19 @@ class Eigenmodes(NamedTuple):
         return found
 
     def swing(self, part: float) -> Flags:
-        """Whether each mode decays by less than `part` of its rate, shape (k,)."""
+        """Return flags (k,): whether a mode decays slowly beside its |eigenvalue|.
+
+        part : the largest rate of decay, as a part of |eigenvalue|.
+        """
         flags: Flags = -self.values.real < part * np.abs(self.values)
         return flags
 
 
 def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
-    """Return the modes of `matrix` whose |eigenvalue| satisfy the predicate `kept`."""
+    """Return the modes of `matrix` with the eigenvalues that `kept` marks.
+
+    kept : |eigenvalues| (size,) -> flags (size,).
+    """
     values, right = np.linalg.eig(matrix)
     others, left = np.linalg.eig(matrix.T)
     chosen = kept(np.abs(values))
@@ -270,7 +277,21 @@ class Linearisation:
         bases: tuple[Floats, Floats],
         changes: tuple[Floats, Floats],
     ) -> Floats:
-        """Return R with entries that are no more than rounding errors set to 0."""
+        """Return R with the entries set to 0 that are no more than rounding errors.
+
+        Parameters
+        ----------
+        R : ndarray
+            The matrix of the linearised motion.
+        x : Slopes
+        noise : ndarray
+            Bounds of the errors of `x.slopes`.
+        bases : tuple of ndarray
+            Rows that map changes to coefficients of positions, and the basis of
+            velocities.
+        changes : tuple of ndarray
+            Changes of velocities, and of (q, q', s), per unit of each state variable.
+        """
         n, m, (P, Z), (dv, change) = self.n, self.m, bases, map(np.abs, changes)
         k, end = len(P), len(R) - self.first
         terms = noise + RESIDUAL_ROUNDOFF * np.abs(x.slopes)
@@ -466,7 +487,7 @@ class EigenMode(NamedTuple):
 def modes(linear: Linear, found: BoundedEigenvalues) -> tuple[EigenMode, ...]:
     """Return the modes of the linearised motion, by increasing |eigenvalue|.
 
-    found : the spectrum of `linear.R`.
+    found : the eigenvalues of `linear.R`.
     """
     made = []
     k, first = linear.Zh.shape[1], len(linear.R) - len(linear.first_order)
@@ -638,7 +659,7 @@ def factored(
     after
         Row -> rows that must precede it in the order.
     most
-        The limit of real multiplications.
+        The largest number of real multiplications that is permitted.
 
     Raises
     ------
@@ -709,7 +730,7 @@ def _laid_out(
 
 
 def _entries(equations: Equations, most: int) -> Iterator[Entry]:
-    """Generate the nonzero entries; stop early if there are more than `most`."""
+    """Generate the nonzero entries of C0, C1, C2; stop after more than `most`."""
     e, g = equations, equations.graph
     n, m = len(e.q), len(e.rows)
     columns: dict[int, tuple[int, int]] = {}

@@ -120,7 +120,7 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 
 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
-    """Return the operations of one order, and its sums of products.
+    """Return the operations of one order, and the number of its sums of products.
 
     The sum of a square counts half.
     """

@@ -126,15 +126,16 @@ def pieces(
 class Piece(NamedTuple):
     """Piece of a node, with its sides of kinks: pairs of u and a side, 1 or -1.
 
-    For a linear table the pair is the argument with its axis, and the number of a line.
-    Pieces on different sides of one kink are never combined.
+    For a linear table the pair has the argument with its axis in place of u, and the
+    number of a line in place of the side. Pieces on different sides of one kink are
+    never combined.
     """
 
     node: int
     sides: frozenset[tuple[object, int]] = frozenset()
 
     def fits(self, other: Piece) -> bool:
-        """Whether another piece is on the same sides of all common kinks."""
+        """Whether this and another piece are on the same side of each kink of both."""
         own = dict(self.sides)
         return all(own.get(u, side) == side for u, side in other.sides)
 
@@ -169,8 +170,8 @@ class _Pieces:
     def of(self, n: int, way: int) -> list[Piece]:
         """Return pieces whose minimum (way LEAST) or maximum is node n.
 
-        The pieces have no kinks that such a decomposition can remove; n alone where
-        there is none.
+        The pieces have no kinks that such a decomposition can remove. If there is
+        nothing to decompose, the only piece is n.
         """
         key = (n, way)
         if key not in self.known:
@@ -249,9 +250,9 @@ class _Pieces:
         return [*self._on(u, 1, both[0]), *self._on(u, -1, both[1])]
 
     def _on(self, u: int, side: int, some: list[Piece]) -> list[Piece]:
-        """Return the pieces in `some` that exist on side 1 or -1 of the kink at u = 0.
+        """Return the pieces in `some` that exist on one side of the kink at u = 0.
 
-        The side is added to each.
+        side : 1 or -1; it is added to each piece.
         """
         node, sign = oriented(self.g, Surface(u, "sign", u))
         own = frozenset([(node, side * sign)])
@@ -306,7 +307,10 @@ class _Pieces:
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
 
     def sides(self, n: int) -> tuple[int, int, int] | None:
-        """Return u of a kink, and the nodes that n equals for u > 0 and for u < 0."""
+        """Return u of the kink of n at u = 0, and what n equals for u > 0 and u < 0.
+
+        All as nodes; None if n is no such operation.
+        """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             return args[0], args[0], g.call("neg", args[0])
@@ -322,9 +326,9 @@ class _Pieces:
         return None if steps else (u, above, below)
 
     def _jump(self, difference: int, u: int) -> int | None:
-        """Return the node r, with difference = r u to first order near u = 0.
+        """Return the node r with difference = r u to first order near u = 0.
 
-        None where du = 0 for all variables.
+        None if no variable changes u.
         """
         g = self.g
         names = [v for v in map(g.variable, self.moving) if v in g.cone([u])]
@@ -342,7 +346,8 @@ class _Pieces:
     def _of_table(self, n: int, way: int) -> list[Piece]:
         """Return the pieces of a linear table of a smooth argument.
 
-        way : as in `of`. They are lines, and a table with the kinks that remain.
+        The pieces are lines, and a table with the kinks that cannot be removed. way :
+        as in `of`.
         """
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
@@ -374,10 +379,10 @@ class _Pieces:
 
 
 def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
-    """Return the knots x and values y (m + 1,) of a linear table, and slopes (m + 2,).
+    """Return knots x and values y (m + 1,) of a linear table, and its slopes (m + 2,).
 
-    The first and last slopes hold outside the knots; for a table that ends the run
-    there, these are the slopes of the first and last cell.
+    The first and the last slope hold outside the knots; for a table that ends the run
+    at its ends, these are the slopes of the first and last cell.
     """
     x = np.array(axis.values[tables.FIRST :])
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -424,12 +429,16 @@ def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
 
 
 def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int]:
-    """Return the two pieces (nodes) of a periodic table; none if it has no groove.
+    """Return the two pieces (nodes) of a periodic linear table of w.
+
+    The result is empty if the table has no groove.
 
     The grooves divide the period into intervals, which alternate between the two
-    pieces: in its own intervals a piece equals the table. In the other intervals it
-    continues its line beyond the nearest groove over half a cell; farther inside it has
-    a value above the table (below it for the maximum).
+    pieces: in its own intervals a piece equals the table. In the other intervals a
+    piece continues its line beyond the nearest groove over half a cell; farther inside
+    it has a value above the table (below it for the maximum).
+
+    way : LEAST for the minimum, else the maximum.
     """
     m, period = int(axis.values[0]), axis.values[2]
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T

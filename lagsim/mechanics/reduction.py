@@ -144,7 +144,7 @@ def reduced_vector(
 ) -> SparseVector:
     """Return the sparse vector of the entries at the coordinates `left`.
 
-    entries : old index of a coordinate -> node.
+    left : old indices of the remaining coordinates. entries : old index -> node.
     """
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}
@@ -169,7 +169,9 @@ STEEPEST = 1e3
 def eliminable(
     e: Equations, values: Mapping[str, float], sizes: Mapping[str, float]
 ) -> tuple[int, int] | None:
-    """Return the row and coordinate whose elimination has the least fill, or None.
+    """Return the row and the coordinate whose elimination has the least fill.
+
+    None if there is no such pair.
 
     Parameters
     ----------
@@ -206,7 +208,7 @@ ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh")
 def usable(
     g: Graph, row: Row, values: Mapping[str, float], moving: Collection[str]
 ) -> bool:
-    """Whether a row may be used to eliminate a coordinate: holonomic, without kinks.
+    """Whether a row can be used to eliminate a coordinate: holonomic, without kinks.
 
     A jump of the rate of a relation is an impact, at which all velocities jump. At an
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
@@ -382,10 +384,10 @@ class Reduction(NamedTuple):
         return reduction._replace(eliminated=tuple(names))
 
     def kept(self, full: Floats) -> Floats:
-        """Return the entries of the remaining coordinates in a vector over all of them.
+        """Return the entries of the remaining coordinates in a vector of all.
 
-        full : coordinates or velocities, (all coordinates,); a vector (n,) is returned
-        as it is.
+        full : coordinates or velocities, (all coordinates,). A vector with the length
+        of the remaining coordinates is returned unchanged.
         """
         if len(full) == len(self.equations.q):
             return full
@@ -468,7 +470,7 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
 def at_limit(g: Graph, law: Law, force: float) -> int:
     """Return a node that is 0 where the force of a slider reaches its limit.
 
-    force : the force at present, which determines the sign of the limit.
+    force : the present value of the force, whose sign selects one of the two limits.
     """
     slider = law.slider
     assert slider is not None
@@ -555,7 +557,7 @@ def _slider(
 def _one_of(g: Graph, slides: int, row: Row, sticks: Row) -> Row:
     """Return a row that is `row` while `slides` is true, and `sticks` otherwise.
 
-    slides : a node.
+    slides : the node of a condition.
     """
 
     def either(a: int, b: int) -> int:

@@ -151,7 +151,7 @@ ALONG = 1e-3
 
 
 class _Edges(NamedTuple):
-    """Rows with a solution of their problem: which are at their bounds, and ties.
+    """Rows with a solution of their problem, and the decision which are at bounds.
 
     Attributes
     ----------
@@ -359,10 +359,22 @@ class _Edges(NamedTuple):
     ) -> tuple[Floats, Floats]:
         """Return d/dt of multipliers less bounds (r,), and d/dt of accelerations (r,).
 
-        Both are in the axes `turn`, and decide ties; they solve a complementarity
-        problem. The rate of the multiplier of a held row is free; that of a tied row
-        leads inside its bounds, or along the boundary of its disc; a row that slides
-        keeps its part of its bound. Both are 0 without ties or `ahead`.
+        Both are in the axes `turn` and decide ties. They solve a complementarity
+        problem: the rate of the multiplier of a held row is free; that of a tied row
+        leads inside the bounds of the row, or along the boundary of its disc; a row
+        that slides keeps its multiplier at a constant part of the bound. Both are 0
+        without ties or without `ahead`.
+
+        Parameters
+        ----------
+        p : ndarray, shape (r,)
+            Multipliers.
+        held, tied : list of int
+            Indices of rows.
+        pressed : ndarray of bool, shape (r,)
+            The rows whose limit is larger than rounding.
+        turn : ndarray, shape (r, r), or None
+            See `_turned`.
         """
         r = len(p)
         x, w = np.zeros((2, r))
@@ -417,7 +429,11 @@ def _expressed(
 
 
 def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowModes:
-    """Solve for the multipliers of the held rows, and return all modes."""
+    """Solve for the multipliers of the held rows, and return all modes.
+
+    modes : the mode of each row. directions : (r,), multipliers of rows at their bounds
+    as parts of the bounds.
+    """
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
     # Returned directions are parts of the bounds in force, not of the problem's.
     redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
@@ -499,11 +515,12 @@ TAKEN_OVER = 5
 
 
 def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowModes:
-    """Return modes in which redundant limited rows have multipliers at their bounds.
+    """Return modes in which redundant limited rows have multipliers near their bounds.
 
-    Their loads are constant in a mode, so that those of the rows that hold change. The
-    less these bear at first, the later they reach their bounds: where all loads grow
-    alike, when no multipliers suffice any more.
+    The loads of redundant rows are constant in a mode, so that all changes fall on the
+    rows that hold. The smaller the first loads of the rows that hold, the later these
+    reach their bounds. Where all loads grow alike, this is when no multipliers suffice
+    any more.
 
     Parameters
     ----------
@@ -511,7 +528,7 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
     decided : RowModes
         The modes with loads in the least parts of the bounds.
     directions : ndarray, shape (r,)
-        As given to `_decided`.
+        As for `_decided`.
     """
     own = rows.closed.table.bounded & (rows.closed.table.normals < 0)
     spare, held = (

@@ -122,9 +122,9 @@ class RowTable:
         )
 
     def part(self, some: Sequence[int]) -> RowTable:
-        """Return the columns of some rows; memoized.
+        """Return the columns of the rows with the indices `some`; memoized.
 
-        some : the indices of these rows. A slip without its contact has none.
+        A slip whose contact is not among these rows loses its contact.
         """
         key = tuple(some)
         found = self._parts.get(key)
@@ -197,10 +197,7 @@ class Closed:
 
     @cached_property
     def columns(self) -> Floats:
-        """Matrix (k, r) with D = factor^T columns.
-
-        `pushes` if present, else `factor`.
-        """
+        """Matrix (k, r) with D = factor^T columns: `pushes` if given, else `factor`."""
         return self.factor if self.pushes is None else self.pushes
 
     def with_shares(self, D: Floats, bounds: Floats) -> Closed:

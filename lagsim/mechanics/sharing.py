@@ -46,13 +46,13 @@ class ContactRows:
     closed : Closed
     problem : ComplementarityProblem
     sizes : ndarray, shape (r,)
-        The bounds, as in `Closed.problem`.
+        The bounds of bounded multipliers, as in `Closed.problem`.
     given : ndarray of bool, shape (r,)
         The rows that slide.
     directions : ndarray, shape (r,)
         The directions of the rows that slide.
     roundoff : ndarray, shape (r,)
-        As in `row_modes.modes`.
+        Accelerations up to this size count as 0.
     """
 
     closed: Closed
@@ -85,7 +85,10 @@ class ContactRows:
         return np.asarray(np.maximum(self.roundoff, parts * terms))
 
     def part(self, p: Floats, some: Flags) -> float:
-        """Return the largest friction of `some` rows (r,) in parts of its bound."""
+        """Return the largest friction of the rows `some`, as a part of its bound.
+
+        p : multipliers (r,). some : mask (r,).
+        """
         limits, most = self.problem.limits(p), 0.0
         for k in np.flatnonzero(some & (limits > 0.0)).tolist():
             most = max(most, float(np.linalg.norm(p[self.disc(k)])) / limits.item(k))
@@ -93,7 +96,7 @@ class ContactRows:
 
     @cached_property
     def forces(self) -> Floats:
-        """Forces (k,) with c = factor^T forces: those without any multiplier."""
+        """Forces (k,) with c = factor^T forces: the forces without multipliers."""
         Y = self.closed.factor
         lengths = np.linalg.norm(Y, axis=0)
         own = lengths > 0.0
@@ -172,7 +175,8 @@ class Independent(Span):
     def takes(self, row: int) -> bool:
         """Whether column `row` of Y is independent of the span; if so, it is added.
 
-        A column that is independent of all others need not be in the basis.
+        A column that is independent of all others counts as independent, and is not
+        stored.
         """
         if self.regular or self.alone[row]:
             return True
@@ -184,7 +188,7 @@ class Independent(Span):
 
 
 def solved_rows(rows: ContactRows) -> Solution:
-    """Return multipliers of all rows with their accelerations.
+    """Solve for the multipliers of all rows and their accelerations.
 
     Whether limits hold bodies at rest is a question of forces alone. It is decided
     without the accelerations that inertias of different sizes would give.
@@ -214,8 +218,8 @@ def solved_rows(rows: ContactRows) -> Solution:
 def supported(rows: ContactRows, solution: Solution) -> Solution:
     """Return a solution in which contacts with a force are independent, if possible.
 
-    Contacts are released one by one as long as the accelerations of all rows stay the
-    same to rounding.
+    Contacts are released one by one as long as the accelerations of all rows are
+    unchanged to rounding.
     """
     problem, p = rows.problem, solution.p
     rounding = rows.rounding(p, problem.limits(p))
@@ -289,15 +293,15 @@ def eased(rows: ContactRows, solution: Solution) -> Solution:
 def _spread(
     rows: ContactRows, solution: Solution, rests: Flags, *, balanced: bool
 ) -> Solution | None:
-    """Return a solution in which some rows rest, with the least parts of their bounds.
+    """Return a solution in which the rows `rests` rest, at the least parts of bounds.
 
-    None where no multipliers hold these rows, or better ones are not found.
+    None where no multipliers hold these rows, or no better multipliers are found.
 
     Parameters
     ----------
     rows : ContactRows
     solution : Solution
-        The multipliers of all other rows are kept.
+        The multipliers of all other rows are unchanged.
     rests : ndarray of bool, shape (r,)
         The rows that rest.
     balanced : bool

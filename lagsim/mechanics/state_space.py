@@ -35,6 +35,7 @@ class Input(NamedTuple):
     Attributes
     ----------
     name : str
+        The name of the input.
     force : mapping of int to int
         Index of a coordinate -> node of the generalized force per unit of the input.
     parameters : mapping of str to float
@@ -166,9 +167,9 @@ def state_space(
 
 
 def _order(L: Linearisation, levels: Floats) -> int:
-    """Return the order of the highest derivative of an input in the constraint rows.
+    """Return the order of the highest derivative of an input that enters the rows.
 
-    levels : (m,), the change of each row's right side per unit of the input.
+    levels : (m,), the change of each row's right-hand side per unit of the input.
     """
     held = np.flatnonzero(levels)
     return max((2 if L.holonomic[i] else 1 for i in held), default=0)
@@ -208,10 +209,20 @@ def _outputs(
     motion: Floats,
     at: Sequence[int],
 ) -> Floats:
-    """Return the changes of the outputs per unit of states and inputs (o, columns).
+    """Return the changes of the outputs per unit of states and inputs, (o, columns).
 
-    motion : changes of state variables, q'' and lambda, one per row. at : the number of
-    the first column of each input among those of the inputs, then their count.
+    Parameters
+    ----------
+    values : mapping
+        The values of all variables.
+    outputs : mapping
+        Name -> node.
+    inputs : sequence of Input
+    motion : ndarray
+        Changes of state variables, q'' and lambda, a row for each.
+    at : sequence of int
+        The first column of each input, counted among the columns of inputs, then the
+        number of these columns.
     """
     e, g = L.e, L.g
     names = [*e.state, *(rate_of(q, 2) for q in e.q), *e.multipliers]

@@ -130,8 +130,8 @@ def on_both_sides(
 ) -> tuple[list[int], list[int]]:
     """Return nodes with the branches below a surface, and with the branches above it.
 
-    side : of the surface. followers : switches whose sides follow from it, see
-    `Corner`. nodes : expressions with mode variables.
+    side : the side of the surface. followers : switches whose sides follow from that
+    side, see `Corner`. nodes : expressions with mode variables.
     """
     variable = g.variable(side.variable)
     low, high = g.constant(-1.0), g.one
@@ -149,7 +149,7 @@ def on_both_sides(
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
-    """Return an expression that vanishes on the surface, and its sign, 1 or -1.
+    """Return an expression that vanishes on the surface, and a sign, 1 or -1.
 
     Expressions that differ by a sign or a constant factor have one common result. The
     expression of the surface is positive where sign times the result is positive.
@@ -190,10 +190,10 @@ def stepped(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def between(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the value of a discrete function while the motion slides along it.
+    """Return the value of a discrete function while the motion slides on its surface.
 
-    It is a node of the mode variable `side`, which then lies between its values on both
-    sides; op, side, sign : see `stepped`.
+    The value is a node of the mode variable `side`, which then lies between the values
+    of both sides. op, side, sign : see `stepped`.
     """
     if op == "floor":
         return side
@@ -207,8 +207,8 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
 def true_branch_weight(g: Graph, op: str, side: int, sign: int) -> int:
     """Return the weight in [0, 1] of the true branch while the motion slides.
 
-    It is the weight in Filippov's convex combination of the fields of both sides, a
-    node of the mode variable `side`; op, side, sign : see `stepped`.
+    It is the weight in Filippov's convex combination of the vector fields of both
+    sides, as a node of the mode variable `side`. op, side, sign : see `stepped`.
     """
     half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
     return g.call("add", g.constant(0.5), g.call("mul", half, side))

@@ -125,9 +125,9 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Return the floor of root or power n: name of its variable, and a factor.
+        """Return the floor of root or power n: the name of its variable, and a factor.
 
-        Else None.
+        None if n has no floor.
         """
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):
@@ -138,17 +138,17 @@ class Roots(NamedTuple):
     def _smooth(self, n: int) -> bool:
         """Whether a power has a continuous derivative at 0.
 
-        Exponent > 1, or an integer.
+        Its exponent is then greater than 1, or an integer.
         """
         g = self.graph
         exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
         return exponent is not None and (exponent > 1.0 or exponent % 1.0 == 0.0)
 
     def _inside(self, n: int) -> tuple[int, float]:
-        """Return the surface's expression u, and c > 0, with |argument| = c |u|.
+        """Return u and c > 0 with |n| = c |u|, where u is the expression of a surface.
 
-        n : the argument of a root. Where it is no multiple of a surface's expression, n
-        or a part of it is returned.
+        n : the argument of a root. Where n is no multiple of a surface's expression, u
+        is n or a part of n.
         """
         g, factor = self.graph, 1.0
         while n not in self.floors:
@@ -201,9 +201,9 @@ class SlidingSteps:
         roots: Roots,
         bent: Collection[int] = (),
     ) -> None:
-        """Store the sides; `bent` are the numbers of sides at corners of equalities.
+        """Store the sides; `bent` has the numbers of sides at corners of equalities.
 
-        Switches of these sides are decided by their mode variable, so that at the
+        Switches of the sides `bent` are decided by their mode variables, so that at the
         corner the row of constraints is that of the present side.
         """
         self.g, self.roots = g, roots
@@ -258,10 +258,10 @@ class SlidingSteps:
         return same
 
     def _combine(self, n: int) -> None:
-        """Replace node n, where nonlinear in a side, by the combination of both sides.
+        """Replace node n, if nonlinear in a side, by a combination of both sides.
 
-        Forces combine so, for instance a branch of a branch, or a product of two steps.
-        Sides of whole numbers are not combined.
+        So forces are combined, for instance for a branch of a branch, or a product of
+        two steps. Sides of whole numbers are not combined.
         """
         g, op = self.g, self.g.ops[n]
         below = [self.on[a] for a in g.args[n]]
@@ -401,9 +401,9 @@ class Switches:
         return [done[n] for n in nodes]
 
     def among(self, chosen: Collection[int]) -> Switches:
-        """Return the switches of the sides with the given numbers alone.
+        """Return the switches of the sides with the given numbers only.
 
-        All others, of time too, stay as written where nodes are frozen.
+        All other switches, time switches too, are not frozen by the result.
         """
         own = {self.graph.variable(self.sides[k].variable) for k in chosen}
         of = {d: side for d, side in self._sides_of.items() if side[0] in own}
@@ -432,7 +432,7 @@ class Switches:
     def _on_a_side(
         self, n: int, args: tuple[int, ...], variable: int, sign: int
     ) -> int:
-        """Return switch n with arguments `args`, decided by a mode variable.
+        """Return the switch n with arguments `args`, decided by a mode variable.
 
         variable : the mode variable, a node. sign : see `oriented`.
         """
@@ -471,9 +471,9 @@ class Switches:
         return replace(self, _sides_of={}).freeze([n])[0]
 
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
-        """Return the node `if` n with frozen arguments `args`.
+        """Return the node `if` n with the frozen arguments `args`.
 
-        It is as written where a branch has no value.
+        Where a branch has no value, the node as written is used.
         """
         g, (condition, *branches) = self.graph, args
         decides = g.depends([g.args[n][0]])
@@ -505,11 +505,12 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return node n with frozen arguments `args` in its domain, else as written.
+        """Return n with frozen arguments `args` in its domain, and as written outside.
 
         A stage past the surface could evaluate a root of a negative number, where the
-        expression as written has none. frozen : the first argument, wholly frozen: if
-        it is frozen by time alone, no stage leaves the domain.
+        expression as written has none. frozen : the first argument with all switches
+        frozen. If it equals the argument frozen by time switches alone, no stage leaves
+        the domain.
         """
         g = self.graph
         op = g.ops[n]
@@ -524,10 +525,10 @@ class Switches:
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 
     def at_levels(self, nodes: Iterable[int]) -> list[int]:
-        """Return `nodes` for conditions: as written, at levels that the motion keeps.
+        """Return `nodes` for conditions: as written, but fixed at levels that hold.
 
         Where the motion follows a surface, or rests at it, rounding leaves its
-        expression on either side; a step then has its value at the level: `sign(x_dot)`
+        expression on either side. A step then has its value at the level: `sign(x_dot)`
         is 0 where friction holds x_dot at 0.
         """
         g, half = self.graph, self.graph.constant(0.5)
@@ -573,9 +574,12 @@ class Switches:
     def _at_corner(
         self, k: int, corner: Corner, nodes: list[int], others: list[int]
     ) -> list[int]:
-        """Return the nodes interpolated while the motion follows corner k, or `others`.
+        """Return the nodes, interpolated while the motion follows corner k.
 
-        nodes : as written.
+        The interpolation is between the values on both sides of the corner.
+
+        nodes : as written. others : the nodes that count while the motion does not
+        follow the corner.
         """
         g, side = self.graph, self.sides[k]
         frozen, variable = self.freeze(nodes), g.variable(side.variable)
@@ -678,8 +682,8 @@ def _sides(
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
     """Return one side for each surface, and the side of each discrete function.
 
-    switches : discrete function (node) -> its text. The second result maps it to the
-    mode variable (a node) and the sign of `oriented`.
+    switches : discrete function (node) -> its text. The second result maps discrete
+    functions to pairs: the mode variable (a node), and the sign of `oriented`.
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
@@ -764,10 +768,7 @@ class _Finder:
             stack += dict.fromkeys(below)
 
     def _below(self, n: int) -> tuple[int, ...]:
-        """Record node n if it is a switch.
-
-        Return its arguments that are to be searched.
-        """
+        """Record node n if it is a switch; return its arguments to be searched."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)

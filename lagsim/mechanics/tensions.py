@@ -78,9 +78,9 @@ class NewtonsLaws(NamedTuple):
 
 
 def newtons_laws(e: Equations) -> NewtonsLaws | None:
-    """Return Newton's laws of all unknowns, or None.
+    """Return Newton's laws of all unknowns.
 
-    None if masses vary, are coupled, or belong to sums that are no rates of positions.
+    None if masses vary, are coupled, or belong to sums that are not rates of positions.
     """
     g, model = e.graph, e.model
     if e.q != tuple(c.name for c in model.coordinates):
@@ -126,9 +126,9 @@ def newtons_laws(e: Equations) -> NewtonsLaws | None:
 def _places(
     g: Graph, model: Model, flow: Flow, found: Chains
 ) -> dict[int, tuple[int, int]]:
-    """Return sums that are rates of known positions.
+    """Return the sums that are rates of known positions.
 
-    Sum -> position and sign, nodes.
+    As sum -> (position, sign), nodes.
     """
     known, minus = rates_of_places(model, model.lagrangian, flow), g.constant(-1.0)
     places = {}
@@ -194,7 +194,7 @@ class Joints(NamedTuple):
 def joints(
     g: Graph, held: NewtonsLaws, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
-    """Return the joints of massless links, or None where a joint is not supported.
+    """Return the joints of massless links; None where a joint is not supported.
 
     held : Newton's laws. free : the massless velocities. moving : the names of
     variables that change along a motion.
@@ -232,9 +232,9 @@ def _join(
 ) -> bool:
     """Add to `found` the joint of massless `velocities` that occur in `sums`.
 
-    There are as many sums as velocities, or one more. Return False for more than 3
-    sums, or for another count of velocities. On lines and in planes, fixed unit
-    directions replace the missing velocities of space.
+    The joint is supported if there are at most 3 sums, and as many sums as velocities
+    or one more; else return False. On lines and in planes, fixed unit directions
+    replace the missing velocities of space.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
@@ -371,10 +371,7 @@ class Squares(Factorisation):
         super().__init__(g, rows, Budget(), some=some)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Return the sort key of unknown k in the elimination.
-
-        Fewest neighbours, then least depth.
-        """
+        """Return the sort key of unknown k: first by neighbours, then by depth."""
         met = {k, *self.rows[k]}.union(*(self.groups[x].members for x in self.those[k]))
         return 0, len(met), self.after[k], k
 
@@ -402,7 +399,7 @@ class Squares(Factorisation):
     def _alone(self, k: int) -> Vector:
         """Return the diagonal of the Schur complement of unknown k, times its pivot.
 
-        As i -> node, without cancellation; {} unless k is in one group only.
+        As i -> node, without cancellation. {} if k is in several groups.
         """
         g, own = self.g, self.rows[k].get(k, self.g.zero)
         if len(self.those[k]) != 1 or self.rows[k].keys() - {k}:
@@ -462,10 +459,10 @@ def accelerations(e: Equations) -> list[int] | None:
 
 
 def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int, int]]:
-    """Eliminate massless velocities, in one sum each, in favour of these sums.
+    """Eliminate massless velocities that occur in one sum each.
 
-    Return the laws without these sums, and the sum of each eliminated velocity. size :
-    the number of velocities.
+    The sums replace these velocities as unknowns. Return the laws without these sums,
+    and the sum of each eliminated velocity. size : the number of velocities.
     """
     users = Counter(i for form in laws.sums.values() for i in form)
     sums, forces, leaders = dict(laws.sums), dict(laws.forces), dict[int, int]()
@@ -584,7 +581,7 @@ def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vecto
 
 
 def _back(g: Graph, held: NewtonsLaws, parts: Vector) -> Vector:
-    """Return the forces C^T F on the masses due to forces F on sums.
+    """Return the forces C^T F on the masses due to forces F on sums: mass -> node.
 
     parts : sum -> node of F.
     """
