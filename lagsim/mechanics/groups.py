@@ -68,7 +68,7 @@ def groups(e: Equations) -> list[list[int]]:
 
 
 def coordinates_of(e: Equations) -> dict[str, int]:
-    """Return the index of each coordinate by the names of its variables q_j and q_j'."""
+    """Return the index of each coordinate by the names of its variables q_j, q_j'."""
     return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
