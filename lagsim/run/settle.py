@@ -437,8 +437,8 @@ def jumped(
     kicked = now.kicked or (given is not None and given.kicks)
     if not kicked or after is None:
         if after is not None:
-            rows = (*rows, after)
-        if arc.row_time(-1) < arc.t:
+            rows = (*rows, after)  # also the row before this jump
+        elif arc.row_time(-1) < arc.t:
             rows = (*rows, before if now.shown is None else now.shown[None])
     p = arc.system.p
     if not kicked:
