@@ -75,9 +75,9 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             found["sliders"] = sliders
         found["conditions"] = _conditions(e)
         if any(law.bounce is not None for law in e.laws):
+            # Constant ones are values of a bound system, and no part of the code.
             found["restitutions"] = [
-                g.constant(law.restitution) if law.bounce is None else law.bounce
-                for law in e.laws
+                g.constant(0.0) if law.bounce is None else law.bounce for law in e.laws
             ]
     return found
 

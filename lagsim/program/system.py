@@ -536,11 +536,11 @@ class System:
         return [k for k, law in enumerate(self.laws) if law.slider]
 
     @cached_property
-    def restitutions(self) -> Floats | None:
-        """The constant coefficients of restitution (L,); None with expressions."""
-        if any(law.bounce is not None for law in self.laws):
-            return None
-        return np.array([law.restitution for law in self.laws])
+    def restitutions(self) -> Floats:
+        """The constant coefficients of restitution (L,); nan for an expression."""
+        return np.array(
+            [law.restitution if law.bounce is None else np.nan for law in self.laws]
+        )
 
     @cached_property
     def has_times(self) -> bool:

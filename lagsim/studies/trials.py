@@ -336,8 +336,11 @@ class Form:
     def __init__(
         self, model: Model, texts: Texts, options: Mapping[str, float | str], who: str
     ) -> None:
-        self.structure = structural_values(model, texts)
-        model = model.bind(**self.structure) if self.structure else model
+        # With other values, the form of the equations may depend on other names: on a
+        # parameter of an axis, for example, that is 0 in the file and not here.
+        self.structure: dict[str, str] = {}
+        while (found := structural_values(model, texts)) != self.structure:
+            model, self.structure = model.bind(**found), found
         self.model = suited(model, wanted(model, who, options))
         self.equations = equations_of_motion(self.model, gathers=True)
         self._options, self._who = options, who

@@ -266,10 +266,11 @@ class Kinematics:
     def restitutions(self) -> Floats:
         """The coefficients of restitution (L,) of the laws at this state."""
         known = self.arc.system.restitutions
-        if known is None:
-            evaluate = self.arc.runner.function("restitutions", self.count)
-            known = evaluate(self.t, self.y)
-        return known
+        varies = np.isnan(known)
+        if not varies.any():
+            return known
+        evaluate = self.arc.runner.function("restitutions", self.count)
+        return np.where(varies, evaluate(self.t, self.y), known)
 
     def out_of_range(self, closed: Collection[int], met: Collection[int]) -> str:
         """Return a message about a coefficient out of its range, or an empty string.
