@@ -395,7 +395,10 @@ def rough_power_of_two(x: float) -> float:
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Compute y_0 + sum_k |y_k| h^k (size,), a bound of the motion in a step h."""
+    """Write y_0 + sum_k |y_k| h^k (size,), a bound of the motion of the series c.
+
+    It is written to out (size,).
+    """
     order = int(c[0])
     for i in range(size):
         far = 0.0

@@ -79,7 +79,7 @@ TANGENT: Final = -1
 
 
 def lost(a: float, b: float, product: float) -> float:
-    """Return the rounding error a*b - product of product = fl(a*b), exactly (Dekker).
+    """Return a*b - product, the exact rounding error of product = fl(a*b) (Dekker).
 
     Examples
     --------
@@ -96,7 +96,7 @@ def lost(a: float, b: float, product: float) -> float:
 
 
 def missed(a: float, b: float, total: float) -> float:
-    """Return the rounding error a + b - total of total = fl(a + b), exactly (2Sum).
+    """Return a + b - total, the exact rounding error of total = fl(a + b) (2Sum).
 
     Examples
     --------
@@ -108,7 +108,10 @@ def missed(a: float, b: float, total: float) -> float:
 
 
 def remainder(a: float, b: float, b_low: float, quotient: float) -> float:
-    """Return a/(b + b_low) - quotient, the correction of quotient = fl(a/b)."""
+    """Return a/(b + b_low) - quotient, the correction of quotient = fl(a/b).
+
+    b_low : the rounding error of b.
+    """
     product = quotient * b
     return ((a - product) - lost(quotient, b, product) - quotient * b_low) / b
 
@@ -136,7 +139,10 @@ def scaled(x: float, k: int) -> float:
 
 
 def exponential(x: float, low: float, twos: int, kind: Static) -> float:
-    """Return 2^twos e^(x + low), or e^x - 1 for `kind` LESS_ONE; |low| << |x|."""
+    """Return 2^twos e^(x + low), or e^x - 1 for `kind` LESS_ONE; |low| << |x|.
+
+    low : a correction of x, as its rounding error.
+    """
     if not abs(x) < 746.0:
         if x != x or x > 0.0:
             return x * inf if x > 0.0 else x
@@ -161,7 +167,8 @@ def exponential(x: float, low: float, twos: int, kind: Static) -> float:
 def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> float:
     """Return (y + y_low) log(x) + more, or e to the power (y + y_low) log(x).
 
-    `kind` is VALUE or POWER; POWER ignores `more`, which is a small correction.
+    kind : VALUE for the former, POWER for the latter, which ignores `more`, a small
+    correction.
     """
     if not x > 0.0 or x == inf:
         return nan if x < 0.0 else -inf if x == 0.0 else x
@@ -396,7 +403,7 @@ def tan(x: float) -> float:
 
 
 def angle(y: float, y_low: float, x: float, x_low: float) -> float:
-    """Return atan2(y + y_low, x + x_low)."""
+    """Return atan2(y + y_low, x + x_low); y_low and x_low are small corrections."""
     if x != x or y != y:
         return x + y
     a, b = abs(y), abs(x)

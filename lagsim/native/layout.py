@@ -49,8 +49,8 @@ BLOCK: Final = "Block"
 class Field:
     """Declaration of a name in a memory; a descriptor for its array, slice or size.
 
-    These never change: a memory keeps the object in its `__dict__`, where Python finds
-    it from the second access on without a call of this descriptor.
+    Array, slice and size never change: a memory stores the object in its `__dict__`,
+    where Python finds it from the second access on without a call of this descriptor.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def part(whole: str, length: Length, first: Length = "") -> Any:
 def after(other: str, length: Length) -> Any:
     """Declare an array that begins at the end of the array `other`.
 
-    Both lie within one array that is declared by `array`.
+    Both lie within one array that is declared by `array`. length : as for `array`.
     """
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 
@@ -208,7 +208,7 @@ class Memory:
         self.__dict__.update(own)
 
     def __setattr__(self, name: str, value: float) -> None:
-        """Store a number; all else of a memory is fixed."""
+        """Store a number; names of other kinds cannot be assigned."""
         field = self.fields.get(name)
         if field is None or field.kind != NUMBER:
             raise AttributeError("only numbers are stored; all else stays")
@@ -234,7 +234,7 @@ class Memory:
 
     @classmethod
     def made(cls, **sizes: int) -> Self:
-        """Return a new memory of the given sizes, other sizes at their defaults.
+        """Return a new memory of the given sizes; other sizes have their defaults.
 
         Raises
         ------

@@ -171,7 +171,7 @@ def _whole(
 ) -> Formulation:
     """Return a formulation named `name` of the full equations, without reduction.
 
-    gain : the rate of `baumgarte`.
+    reason : of the choice. gain : the rate of `baumgarte`.
     """
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
@@ -274,7 +274,7 @@ def _with_quaternions(found: Formulation) -> Formulation:
 
 
 def _stabilised(equations: Equations) -> Equations:
-    """Return equations with Baumgarte's stabilising terms in b."""
+    """Return equations with Baumgarte's stabilising terms in b of each row."""
     g = equations.graph
     a = g.variable(GAIN)
     rows = []
@@ -309,7 +309,10 @@ def _chosen(
 
 
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
-    """Return the formulation of a reduction, with its start and its choices."""
+    """Return the formulation of a reduction, with its start and its choices.
+
+    start : of the full equations. reason : of the choice.
+    """
     rows = reduction.equations.rows
     given = [f"{q} from {row}" for q, row in reduction.eliminated]
     more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
@@ -355,8 +358,8 @@ PER_COMPONENT = 16
 def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
     """Return the number of operations of one evaluation of `nodes`.
 
-    `loops` adds the operations of a dense solve. Expressions of parameters alone are
-    not counted, since they are computed once.
+    loops : whether the operations of a dense solve are added. Expressions of parameters
+    alone are not counted, since they are computed once.
     """
     moving = {*equations.moving}
     solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0
@@ -376,7 +379,7 @@ def step_cost(equations: Equations) -> float:
 def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]:
     """Return the numbers of operations of a step's projection and of its stages.
 
-    Of a step of order 8 with the equations solved on the graph (`solved`).
+    The step has order 8; the equations are solved on the graph (`solved`).
     """
     q, lam = solved.motion()
     nodes = [*q, *lam, *_rates(equations)]

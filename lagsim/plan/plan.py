@@ -334,7 +334,7 @@ def _automatic(equations: Equations, solved: Elimination | None, rtol: float) ->
 
 
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
-    """Estimate the time of DOP853 divided by that of a Taylor series.
+    """Return the estimated time of DOP853 divided by that of a Taylor series.
 
     0 where the series is too long, or the tolerance is too loose for a series.
     """
@@ -365,9 +365,9 @@ def _asked(
 
 
 def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
-    """Raise InputError with the reason `why`, if there is one.
+    """Raise InputError with the reason `why`, unless this is "".
 
-    The message says that the method `name` cannot handle the model.
+    The message states that the method `name` cannot handle the model.
     """
     if why:
         text = f"`{name}` cannot handle this model: {why}"
@@ -375,7 +375,10 @@ def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
 
 
 def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
-    """Return the reason why the method `name` cannot integrate `equations`, else ""."""
+    """Return the reason why the method `name` cannot integrate `equations`, or "".
+
+    scene : the structure of the equations.
+    """
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
@@ -423,9 +426,10 @@ def suits(asked: str, equations: Equations) -> bool:
 
 
 def refuse_elements(model: Model, settings: Settings) -> None:
-    """Refuse a method that needs elements written out, but not so many terms of them.
+    """Refuse a method for elements whose terms, written out, would be too many.
 
-    The method would be refused later, once all terms were written out and derived.
+    Methods that need all terms written out are refused here, before the terms are
+    written out and derived.
 
     Raises
     ------
@@ -465,7 +469,10 @@ def _check_straight(
     settings: Settings,
     choices: list[Choice],
 ) -> None:
-    """Refuse the method `name` if it needs y' as nodes, but loops solve for q''."""
+    """Refuse the method `name` if it needs y' as nodes, but loops solve for q''.
+
+    It is also refused if its series would be too long; else a choice is appended.
+    """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED
     if elimination is not None:
@@ -565,7 +572,10 @@ def many_slopes(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Whether the derivatives that the method needs are too many to compile."""
+    """Whether the derivatives that the method needs are too many to compile.
+
+    choices : the decision on them, with its reason, is appended.
+    """
     n, m = len(equations.q), len(equations.rows)
     sparse = None if elimination is None else newton_of(name, equations)
     slopes = 2 * n * (n + m)
@@ -587,10 +597,11 @@ def repeats(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Whether tapes save the time to compile, since the same operations repeat.
+    """Whether tapes save the time to compile, since equal operations repeat.
 
     As in a string or a net, where q'' of each member takes the same operations: an
-    instruction of a tape evaluates all of one kind and level.
+    instruction of a tape evaluates all of one kind and level. choices : if so, the
+    choice is appended.
     """
     if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
         return False
@@ -615,9 +626,9 @@ def singular_value_of(
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:
-    """Estimate the smallest singular value of the scaled rows at the start.
+    """Return an estimate of the smallest singular value of the scaled rows at a start.
 
-    From the pivots of `elimination`.
+    It is computed from the pivots of `elimination`. lengths : of the rows (m,).
     """
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
@@ -628,7 +639,7 @@ def singular_value_of(
 
 
 def implied_rows(equations: Equations, start: Start) -> tuple[bool, ...]:
-    """Return a mark for each row (m,): whether other rows imply it in every state."""
+    """Return a bool for each row (m,): whether other rows imply it in every state."""
     redundant = {d.name for d in start.ranks.dependences if d.everywhere is not False}
     return tuple(row.name in redundant for row in equations.rows)
 

@@ -52,7 +52,7 @@ LAWS = False  # set by the translator
 def spread(p: Parameters) -> None:
     """Compute the scaled rows L^-1 A_i in p.Y (m, n), and the scales in p.scales (m,).
 
-    A row is scaled by the largest length that it has had in the arc, so that a
+    A row is scaled by the largest length that the row has had in the arc, so that a
     vanishing row is detected; see `keep_lengths`.
     """
     n = p.n
@@ -127,8 +127,8 @@ def reflect(p: Parameters) -> int:
 def note_directions(p: Parameters, end: int) -> None:
     """Store the directions z of the first `end` reflections in p.directions (end, n).
 
-    They are orthonormal in the metric of M and span the vectors M^-1 A_i of the first
-    `end` pivot rows. p.momenta (end, n) holds M z.
+    The directions are orthonormal in the metric of M and span the vectors M^-1 A_i of
+    the first `end` pivot rows. p.momenta (end, n) holds M z.
     """
     n, u = p.n, p.mirrored
     p.noted = end
@@ -164,7 +164,7 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 
 def set_aside(p: Parameters) -> int:
-    """Exchange the rows of Y so that those marked in p.aside (m,) come last.
+    """Exchange the rows of Y so that rows marked in p.aside (m,) come last.
 
     Return the number of rows that are not marked.
     """
@@ -349,10 +349,7 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Complete y' (size,) in out.
-
-    Velocities, q'' from p.motion, and the other rates.
-    """
+    """Complete y' (size,) in out: velocities, q'' from p.motion, and other rates."""
     out[p.positions] = y[p.velocities]
     out[p.velocities] = p.motion[: p.n]
     if p.size > p.velocities.stop:
@@ -371,10 +368,10 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store bounds of the rounding errors of q'' (n,) and of the other rates in out.
 
-    In units of the unit roundoff. The bound of q'' has a part from the rounding of the
-    forces, each with a sign of its own, and one from the constraint forces, which the
-    reflections spread, in the metric of M, over all coupled coordinates. out has length
-    2 size + 4; the elements after the bounds are workspace.
+    The bounds are in units of the unit roundoff. The bound of q'' has a part from the
+    rounding of the forces, each with a sign of its own, and one from the constraint
+    forces, which the reflections spread, in the metric of M, over all coupled
+    coordinates. out has length 2 size + 4; the elements after the bounds are workspace.
     """
     n = p.n
     reaction = out[p.size :]
@@ -393,10 +390,10 @@ def gather(p: Parameters, out: Floats) -> None:
     """Store bounds (n,) of the accelerations that constraint forces alone would cause.
 
     For each group of coordinates coupled by rows or by M: the norm of the constraint
-    forces in the metric of diag M. Where they cancel, the magnitudes of the terms of
-    their rows count instead: forces, and inertial coupling by M. The row of a slider
-    counts for its massless coordinate alone, not for the coordinates that the slider
-    follows.
+    forces in the metric of diag M. Where these forces cancel, the magnitudes of the
+    terms of their rows count instead: forces, and inertial coupling by M. The row of a
+    slider counts for its massless coordinate alone, not for the coordinates that the
+    slider follows. out : of length 2 n, on return the bounds, then workspace.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -481,7 +478,10 @@ def join(p: Parameters, label: Floats) -> None:
 
 
 def join_row(p: Parameters, k: int, label: Floats) -> int:
-    """Set labels of the coordinates in row k of A to the lowest; return changes."""
+    """Set the labels of the coordinates in row k of A to the lowest of these labels.
+
+    Return the number of changes.
+    """
     row = p.A[k * p.n :]
     least = inf
     for e in range(mass.first_range(p, k), mass.first_range(p, k + 1)):
@@ -507,7 +507,10 @@ def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
 
 
 def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
-    """Set labels above `least` to it where row_j != 0; return the number of changes."""
+    """Set labels above `least` to `least` where row_j != 0, for begin <= j < end.
+
+    Return the number of changes.
+    """
     changed = 0
     for j in range(begin, end):
         if row[j] != 0.0 and label[j] > least:
@@ -519,9 +522,9 @@ def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q, least in the metric of M, that makes residuals zero.
 
-    It is a Newton step for the linearised constraints. It is followed in out by the
-    largest residual relative to its scale, by 0, and by the largest second-order
-    residual after the step, see `residual_left`.
+    The change is a Newton step for the linearised constraints. After it out has the
+    largest residual relative to its scale, 0, and the largest second-order residual
+    after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
@@ -531,14 +534,12 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
-    """Set the Newton step (n,) to 0 if, rounded, it reduces no residual.
+    """Set the Newton step (n,) to 0 if, rounded, the step reduces no residual.
 
     This happens far from the origin, or at high speeds, where some components of the
     step are below the spacing of doubles; the other components would drift with each
-    projection.
-
-    x : positions, or velocities, in its first n elements.
-    residuals : (m,), before the step.
+    projection. x : positions, or velocities, in its first n elements. residuals : (m,),
+    before the step.
     """
     n, lost = p.n, 0.0
     for j in range(n):
@@ -560,11 +561,9 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q', least in the metric of M, that makes rates zero.
 
-    The rates are A q' + g_t.
-
-    It is followed in out by the largest rate residual relative to its scale, by the
-    smallest diagonal element sigma of R (see `reflect`), and by the largest
-    second-order residual after the step.
+    The rates are A q' + g_t. After the change out has the largest rate residual
+    relative to its scale, the smallest diagonal element sigma of R (see `reflect`), and
+    the largest second-order residual after the step.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
@@ -581,10 +580,9 @@ def residual_left(
 ) -> float:
     """Return the largest scaled residual after a Newton step, to second order.
 
-    Among the rows in force: the Taylor polynomial of second order of each residual
-    (`first` = 0) or of each rate (`first` = m), divided by its scale.
-
-    y : positions, or the state; step : (n,).
+    The largest is over the rows in force, of the Taylor polynomial of second order of
+    each residual (`first` = 0) or of each rate (`first` = m), divided by its scale. y :
+    positions, or the state; step : (n,).
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
@@ -599,7 +597,7 @@ def residual_left(
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
     """Store the Newton step -M^-1 A^T S^-1 residuals (n,), S = A M^-1 A^T, in out.
 
-    It is followed by the largest residual relative to its size. residuals, sizes :
+    After the step out has the largest residual relative to its size. residuals, sizes :
     (m,).
     """
     if LAWS:
@@ -655,7 +653,7 @@ def solve_terms(p: Parameters) -> None:
 
 
 def factor_rows(p: Parameters) -> None:
-    """Factor M and the rows A, but keep factors that are constant in the arc."""
+    """Factor M and the rows A, unless known factors are constant in the arc."""
     if p.factored < 1.0:
         mass.factor(p)
     if p.factored < 2.0:
@@ -697,9 +695,9 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     """Solve for q'' (n,) and lambda (m,) with other f and b and the stored factors.
 
-    f and b in p.terms are overwritten. The result is stored in out; f and b in p.terms
-    are overwritten. With the factors from `factor` and `reflect`: L^T q'' = Q w + (1 -
-    Q Q^T) L^-1 f, where R^T w = b, and R lambda = w - Q^T L^-1 f.
+    f and b in p.terms are the right sides, and are overwritten. out : (n + m,). With
+    the factors from `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
+    R^T w = b, and R lambda = w - Q^T L^-1 f. rank : of the rows.
     """
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x

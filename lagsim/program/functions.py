@@ -100,9 +100,10 @@ def _dynamics(e: Equations) -> list[int]:
 
 
 def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Mark the rows whose rate residual after a Newton step has no a-priori bound.
+    """Return the node 1 for nonlinear velocity constraints, 0 for all other rows.
 
-    Return the node of 1 for nonlinear velocity constraints, of 0 for all other rows.
+    The former are the rows whose rate residual after a Newton step has no a-priori
+    bound.
     """
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
@@ -185,8 +186,8 @@ def _offset(e: Equations, row: Row) -> int:
 def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     """Return, for each surface, whether its expression contains rates that jump.
 
-    These are velocities, and first-order states whose rates are discontinuous. Such a
-    surface is reached with a jump in its own rate. Sides of other surfaces are
+    These are velocities, and first-order states whose rates are discontinuous. The rate
+    of such a surface jumps where the surface is reached. Sides of other surfaces are
     constants.
     """
     e, depends = equations, equations.graph.depends
@@ -241,8 +242,8 @@ def surface_functions(
 def _levers(equations: Equations, switches: Switches) -> list[int]:
     """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
 
-    The levers give the jump of a corner's row across its surface, see `corners`;
-    without corners the list is empty.
+    The levers of a surface determine the jump of a corner's row across the surface, see
+    `corners`; without corners the list is empty.
     """
     if not switches.corners:
         return []
@@ -436,7 +437,7 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 
 
 def _powers(e: Equations, plan: Plan) -> list[int]:
-    """Return the rates of works, with q'' replaced by its solution.
+    """Return the nodes of the rates of works, with q'' replaced by its solution.
 
     q'' occurs in the power of an eliminated moving constraint.
     """

@@ -91,7 +91,7 @@ class ImpulseFunction:
         self.nodes = list(g.substitute(nodes, recovered))
 
     def data(self, values: Floats) -> JumpData:
-        """Return the values (len(nodes),) of the function by their meaning."""
+        """Return the values (len(nodes),) of the function, sorted by their meaning."""
         n, laws = self.n, len(self._timed)
         sizes = len(self._mass), len(self._slopes), n, n, laws
         parts = np.split(values, np.cumsum(sizes))

@@ -59,12 +59,11 @@ WHOLE = False  # as in `mass`; set by the translator
 def couple(p: Parameters, sliding: int) -> None:
     """Assemble and factor the matrices S of the systems for multipliers that hold.
 
-    S = Y^T Z, with Y = L^-1 A^T of the rows of one group.
-
-    Z is L^-1 times the generalized force of a unit multiplier of each row, with the
-    friction proportional to it if `sliding` is 1. Each row k of S is scaled by
-    p.scales[k] = |Y_k|^-2. Factors are in p.S, their pivots in p.factors. Where S is
-    singular, p.scales is nan for the rows of its group.
+    S = Y^T Z, with Y = L^-1 A^T of the rows of one group. Z is L^-1 times the
+    generalized force of a unit multiplier of each row, with the friction proportional
+    to this multiplier if `sliding` is 1. Each row k of S is scaled by p.scales[k] =
+    |Y_k|^-2. Factors are in p.S, their pivots in p.factors. Where S is singular,
+    p.scales is nan for the rows of its group.
     """
     n = p.n
     p.u[:] = 0.0
@@ -91,9 +90,10 @@ def couple(p: Parameters, sliding: int) -> None:
 
 
 def note_column(p: Parameters, k: int, i: int) -> None:
-    """Store the column of row i, with place k, and its elements if it reaches no other.
+    """Store the column of row i, with place k, and its elements, if it has one column.
 
-    Kernels need not read the matrices A and Z, then.
+    Kernels then need not read the matrices A and Z for this row. A row that may reach
+    several columns has -1.
     """
     n = p.n
     e = mass.first_range(p, i)
@@ -169,7 +169,7 @@ SQUARED, BY_ROWS = 1e-10, -1.0
 
 
 def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
-    """Add a multiple of row k to `out` (n,), within the reach of row i."""
+    """Add `factor` times row k of A to out (n,), within the reach of row i."""
     for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
         j, end = mass.range_begin(p, e), mass.range_end(p, e)
         out[j:end] += factor * p.A[k * p.n + j : k * p.n + end]
@@ -216,7 +216,10 @@ def own_place(p: Parameters, i: int) -> int:
 
 
 def rubs(p: Parameters, i: int) -> bool:
-    """Whether a slip of the contact with row i slides. Slips follow their contact."""
+    """Whether a slip of the contact with row i slides, and has friction.
+
+    The slips of a contact follow it in the order of laws.
+    """
     own = i - p.m + p.laws
     k = own + 1
     while own >= 0 and k < p.laws and int(p.law_normal[k]) == own:
@@ -229,7 +232,8 @@ def rubs(p: Parameters, i: int) -> bool:
 def slide_along(p: Parameters, i: int) -> None:
     """Add to p.u (n,) the force of friction for a unit multiplier of row i.
 
-    It is the sum of c_s A_s^T over the sliding slips s of the contact with row i.
+    The force is the sum of c_s A_s^T over the sliding slips s of the contact with row
+    i.
     """
     own = i - p.m + p.laws
     k = own + 1
@@ -240,7 +244,7 @@ def slide_along(p: Parameters, i: int) -> None:
 
 
 def impress(p: Parameters) -> None:
-    """Add to p.u (n,) Z p.w, L^-1 times the forces of the rows that hold."""
+    """Add Z p.w to p.u (n,): L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
         c = int(p.only_column[k])
@@ -272,7 +276,7 @@ def share_out(p: Parameters) -> None:
 
 
 def solve_rows(p: Parameters, sliding: int) -> None:
-    """Solve S x = p.w in place, group by group; nan where S is singular.
+    """Solve S x = p.w in place, group by group; x is nan where S is singular.
 
     sliding : as for `couple`, which is called if the factors are not known.
     """
@@ -312,12 +316,12 @@ FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 
 
 def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
-    """Replace multipliers of dependent rows in out (m,) by the ones of least norm.
+    """Replace multipliers of dependent rows in out (m,) by those of least norm.
 
-    They are unchanged if the iteration does not converge. Output rows show the least
-    norm. Modes end by the multipliers of the rows that hold: the least norm is not
-    linear in the forces, so that it cannot be combined along surfaces, and it stays on
-    a bound that it has reached.
+    The multipliers are unchanged if the iteration does not converge. Output rows show
+    the least norm. Modes end by the multipliers of the rows that hold: the least norm
+    is not linear in the forces, so that it cannot be combined along surfaces, and a
+    multiplier of least norm stays on a bound that it has reached.
     """
     lam = out[p.m - p.laws :]
     p.factored = min(p.factored, 1.0)  # S is overwritten
@@ -371,9 +375,9 @@ def products(p: Parameters) -> int:
 def share_by(p: Parameters, count: int, y: Floats) -> float:
     """Compute multipliers within their bounds in p.share_found (laws,).
 
-    They are the projection onto the bounds of the combination, with the factors y
-    (count,), of the `count` rows stored in p.free. Return the value of the convex
-    function whose minimum over y is the solution.
+    They are the projection onto the bounds of a combination of the `count` rows stored
+    in p.free, with the factors y (count,). Return the value of the convex function
+    whose minimum over y is the solution.
     """
     laws = p.laws
     found = 0.0
@@ -392,8 +396,8 @@ def share_by(p: Parameters, count: int, y: Floats) -> float:
 def kept_part(p: Parameters, k: int) -> float:
     """Return the factor by which the projection P onto the bounds scales multiplier k.
 
-    It is 1 within the bounds; 0 for a negative multiplier of a one-sided law; else
-    bound over size.
+    The factor is 1 within the bounds; 0 for a negative multiplier of a one-sided law;
+    else bound over size.
     """
     if is_one_sided(p, k):
         return 1.0 if p.share_asked[k] > 0.0 else 0.0
@@ -414,8 +418,8 @@ def asked_size(p: Parameters, k: int) -> float:
 def unshared(p: Parameters, count: int) -> float:
     """Store the gradient (count,) of the convex function in p.share_left.
 
-    It is A_h A^T P(...) less A_h A^T lambda: the forces that the bounded multipliers
-    lack. Return the largest component relative to the sizes of its terms.
+    The gradient is A_h A^T P(...) less A_h A^T lambda: the forces that the bounded
+    multipliers lack. Return its largest component relative to the sizes of its terms.
     """
     laws = p.laws
     most = 0.0
@@ -502,10 +506,10 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 def shares(p: Parameters, k: int) -> bool:
     """Whether law k takes part in the least-norm distribution of multipliers.
 
-    It does if it holds or is redundant, and its multiplier bounds no friction. The row
-    of a redundant law has to be a combination of rows of other laws: where an equality,
-    or a surface that the motion follows, is needed as well, the multipliers of laws
-    alone do not determine its share.
+    A law does if it holds or is redundant, and its multiplier bounds no friction. The
+    row of a redundant law has to be a combination of rows of other laws: where an
+    equality, or a surface that the motion follows, is needed as well, the multipliers
+    of laws alone do not determine its share.
     """
     redundant = p.law_mode[k] == REDUNDANT and p.law_shared[k] > 0.0
     if not (p.law_mode[k] == HELD or redundant):
@@ -546,7 +550,7 @@ def take_out(p: Parameters) -> None:
 
 
 def correct(p: Parameters) -> None:
-    """Compute in p.u (n,) L^T times the Newton step by the rows that hold.
+    """Compute L^T times the Newton step by the rows that hold in p.u (n,).
 
     On entry p.w holds minus the residuals of these rows.
     """
@@ -661,7 +665,7 @@ def elapsed_part(t: float, p: Parameters, k: int) -> float:
 def way(t: float, p: Parameters, k: int) -> float:
     """Return component k of the direction of a slip on a disc during its transition.
 
-    The direction at the beginning plus a polynomial in `elapsed_part`.
+    It is the component at the beginning plus a polynomial in `elapsed_part`.
     """
     x = elapsed_part(t, p, k)
     turn = 0.0
@@ -730,7 +734,7 @@ REFINED, UNCHANGED, REFINEMENTS = 1e-3, 1e-14, 12
 
 
 def refine(p: Parameters) -> None:
-    """Refine q'' and the multipliers in p.w iteratively, by the residuals A q'' - b.
+    """Refine q'' and the multipliers in p.w iteratively, by the residuals b - A q''.
 
     The residuals are small, and so are the errors of the corrections: q'' is accurate
     although the condition of S is the square of that of the rows.
@@ -760,8 +764,9 @@ def refine(p: Parameters) -> None:
 def keep_still(p: Parameters) -> None:
     """Set q'' of each coordinate that a single law's row determines to the exact b / A.
 
-    The rounding of the solution would move it, past a switch at which it rests. A q''
-    that is not finite is unchanged: it reports a multiplier that doubles do not hold.
+    By the rounding of the solution the coordinate would pass a switch at which it
+    rests. A q'' that is not finite is unchanged: its multiplier is out of the range of
+    doubles.
     """
     for k in range(int(p.stills)):
         place = int(p.still_columns[k])
@@ -799,7 +804,7 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 
 def hold_left(p: Parameters, k: int) -> float:
-    """Return the event function of held row k, the margin of lambda to its bound."""
+    """Return the event function of held law k, the margin of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
     bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
@@ -807,14 +812,12 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
-    """Return the event function of sliding row k: its speed in the sliding direction.
+    """Return the event function of sliding law k: its speed in the sliding direction.
 
     Two slips on a disc have one event function, stored for the first; it also ends the
     mode where their direction has turned by more than `TURNED`. In the transition after
     their beginning it is the least of the margin to the final speed, the time that is
-    left, and the speed in the initial direction.
-
-    speed : the rate of the row, signed.
+    left, and the speed in the initial direction. speed : the rate of the row, signed.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])
@@ -837,7 +840,7 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Return the event function of row k, which sticks: its bound less |lambda|.
+    """Return the event function of law k, which sticks: its bound less |lambda|.
 
     Two slips on a disc have one event function, stored for the first.
     """

@@ -192,7 +192,7 @@ class _Search:
         return list(found)
 
     def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of node n, for its arguments in a set of nodes.
+        """Return the indicators of node n, for those of its arguments in `those`.
 
         those : the nodes that depend on the variables of the search.
         """
@@ -278,8 +278,8 @@ class _Search:
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
         """Return an indicator of the zeros of a sum of two exponentials or constants.
 
-        It is the difference of the logarithms of the two nodes `args`; [] for other
-        sums.
+        Its argument is the difference of the logarithms of the two nodes `args`; [] for
+        other sums.
         """
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:

@@ -81,6 +81,7 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
     The size is the largest diagonal element of M among the row's coordinates: with the
     inertia of a heavier body elsewhere, rounding would destroy the elements of M here.
+    0 for a row of zeros.
     """
     largest = 0.0
     whole = 0.0
@@ -151,7 +152,10 @@ def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
 
 
 def first_column(first: Floats, i: int) -> int:
-    """Return the column of the first element of row i of L that counts."""
+    """Return the column of the first element of row i of L that may be nonzero.
+
+    first : (n,), these columns.
+    """
     if WHOLE:
         return 0
     return int(first[i])
@@ -176,21 +180,26 @@ def missing(p: Parameters, i: int) -> float:
 
 
 def first_range(p: Parameters, i: int) -> int:
-    """Return the number of the first range of columns in the reach of row i."""
+    """Return the index of the first column range of row i.
+
+    Column ranges cover the possible nonzeros of the rows of A L^-T, and of the friction
+    that their multipliers cause; the ranges of row i are first_range(i) ...
+    first_range(i + 1) - 1.
+    """
     if WHOLE:
         return i
     return bits(p.reach_starts[i])
 
 
 def range_begin(p: Parameters, e: int) -> int:
-    """Return the first column of range e."""
+    """Return the first column of column range e, see `first_range`."""
     if WHOLE:
         return 0
     return bits(p.reach_begins[e])
 
 
 def range_end(p: Parameters, e: int) -> int:
-    """Return the end of range e, exclusive."""
+    """Return the end, exclusive, of column range e, see `first_range`."""
     if WHOLE:
         return p.n
     return bits(p.reach_ends[e])

@@ -66,9 +66,10 @@ def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
 
 
 def solve_by_rows(p: Parameters, begin: int, count: int, R: Floats) -> None:
-    """Replace the right sides in p.w, scaled as the rows of S, by S^-1 times these.
+    """Replace the right sides in p.w by S^-1 times these, for one group.
 
-    R : (count, count), of `factor_rows`.
+    The right sides are scaled as the rows of S. begin, count : the places of the
+    group's rows. R : (count, count), of `factor_rows`.
     """
     w, scales = p.w[begin:], p.scales[begin:]
     for k in range(count):

@@ -69,7 +69,7 @@ class RowPattern(NamedTuple):
     def is_dense(self) -> bool:
         """Whether M and the rows are too closely coupled for lists to save time.
 
-        Counted are the elements in products of two rows of L, of A L^-T, and of both.
+        The elements in products of two rows of L, of A L^-T, and of both are counted.
         """
         n, m = len(self.first), len(self.ranges)
         heights = [i - k + 1 for i, k in enumerate(self.first)]
@@ -159,7 +159,11 @@ def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
 
 
 def _reach(columns: set[int], first: list[int]) -> list[int]:
-    """Return the rows, ascending, of L^-1 x that are not 0 for x with some elements."""
+    """Return the rows, ascending, of L^-1 x that are not 0 for a vector x.
+
+    columns : the elements of x that are not 0. first : the first column of each row of
+    L.
+    """
     found: list[int] = []
     last = -1
     for i in range(min(columns, default=len(first)), len(first)):

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def force_rounding_bounds(e: Equations) -> list[int]:
     """Return nodes of rounding-error bounds of the forces (n,) and of the other rates.
 
-    Each force's bound is multiplied by a factor of its own with a pseudo-random sign,
-    so that errors of several forces do not cancel in an acceleration that they
+    The bound of each force is multiplied by a factor of its own with a pseudo-random
+    sign, so that errors of several forces do not cancel in an acceleration that they
     determine.
     """
     g = e.graph
@@ -45,7 +45,7 @@ def force_rounding_bounds(e: Equations) -> list[int]:
 
 
 def _not_inertial(e: Equations, potential: int) -> list[int]:
-    """Return the generalized forces with those of the potential, as nodes (n,)."""
+    """Return the generalized forces and the forces of the potential, as nodes (n,)."""
     g, flow = e.graph, e.flow
     found = generalized_forces(g, e.model, flow)
     slopes = flow.gradient(g, potential, by_rates=False)
@@ -86,7 +86,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
-    """Multiply each node of `sizes` by a fixed pseudo-random factor in +-[1, 2)."""
+    """Return each node of `sizes` times a fixed pseudo-random factor in +-[1, 2)."""
     parts = (
         (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
         for k in range(len(sizes))

@@ -123,9 +123,10 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def look_above(t: float, y: Floats, p: Parameters) -> None:
-    """Store in p.margin_above the margins of carried surfaces to the ends of a side.
+    """Store the margins of carried surfaces to the ends of their sides, above.
 
-    They are evaluated with the surface that carries them on its upper side.
+    The margins, p.margin_above, are evaluated with the surface that carries them on its
+    upper side.
     """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
@@ -142,8 +143,8 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     """Project y, in place, onto the surfaces that the motion slides along.
 
     The correction is a multiple of f_k - f0, the direction in which the forces act on
-    the motion along the surface. It is rejected if it does not reduce the distance from
-    the surfaces, which happens where the gradient of a surface vanishes.
+    the motion along the surface. The correction is rejected if it does not reduce the
+    distance from the surfaces, which happens where the gradient of a surface vanishes.
     """
     sliding = int(p.sliding)
     if sliding == 0:
@@ -191,8 +192,8 @@ def distance(p: Parameters) -> float:
 def combine(t: float, y: Floats, p: Parameters) -> None:
     """Compute the combined field of the motion along surfaces, in p.side_fields.
 
-    First y' (size,) and lambda (m,), then f_k - f0 for each followed surface k. The
-    shares w_k are stored in p.share.
+    The array has y' (size,) and lambda (m,), then f_k - f0 for each followed surface k.
+    The shares w_k are stored in p.share.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -254,9 +255,9 @@ def take_side(k: int, which: Floats, p: Parameters) -> None:
 def share_out(sliding: int, p: Parameters) -> None:
     """Compute the shares w of followed surfaces, and the step of the projection.
 
-    `sliding` is the number of followed surfaces. Solves J (f0 + sum_k w_k (f_k - f0)) =
-    b for w. Two more right sides, for the residuals and the rates of the surfaces, give
-    the coefficients of the projection onto them.
+    sliding : the number of followed surfaces. J (f0 + sum_k w_k (f_k - f0)) = b is
+    solved for w. Two more right sides, for the residuals and the rates of the surfaces,
+    determine the coefficients of the projection onto the surfaces.
     """
     width = p.size + p.m
     B, right = p.B, p.right
@@ -281,7 +282,7 @@ def share_out(sliding: int, p: Parameters) -> None:
 def even_out(row: Floats, count: int, right: Floats) -> None:
     """Divide row (count,) and its right sides (3,) by the largest |element| of the row.
 
-    Surfaces differ in units.
+    The rows of surfaces with different units become comparable.
     """
     size = 0.0
     for j in range(count):
@@ -389,7 +390,7 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 def share(size: int, rank: int, B: Floats, right: Floats) -> None:
     """Store the solution closest to (1/2, ..., 1/2) in the first column of `right`.
 
-    It solves the first `rank` rows of B x = right; B has `size` columns. The rows are
+    It solves the first `rank` rows of B x = right; B has `size` columns. These rows are
     orthonormalised; the next row of B is workspace.
     """
     shares = B[rank * size :]
@@ -413,7 +414,7 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
     """Exchange rows so that the largest element of column k stands in row `row`.
 
-    Return 0 if it is within rounding.
+    Return 0 if the element is 0 within rounding, or if there is no such row; else 1.
     """
     if row >= size:
         return 0

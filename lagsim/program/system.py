@@ -166,7 +166,7 @@ class System:
     laws : tuple of Law
     watched : int
         Number of surfaces and laws, whose modes may end.
-    newton : Newton or None
+    newton : NewtonMatrix or None
         Sparse Newton matrix of an implicit method.
     indicators : list of Indicator
         Activity indicators of localized terms, see `localized`.
@@ -257,7 +257,10 @@ class System:
             )
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
-        """Generate the code of all functions, if the cache does not have it."""
+        """Return the generated code of all functions.
+
+        Called only if the cache does not have the code.
+        """
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes
@@ -323,7 +326,7 @@ class System:
         return new
 
     def take_values(self, model: Model, plan: Plan) -> None:
-        """Replace model, plan and values of parameters; allocate working memory."""
+        """Replace model, plan and values of parameters; allocate new working memory."""
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
@@ -548,9 +551,9 @@ class System:
         return any(law.when is not None for law in self.laws)
 
     def held_together(self) -> list[int]:
-        """Return, for each coordinate, the least index of one that rows couple to it.
+        """Return, for each coordinate, the least index of a coordinate coupled to it.
 
-        Rows of equalities and of laws that are in force count.
+        Coordinates are coupled by rows of equalities and of laws that are in force.
         """
         e, on = self.equations, self.p.law_mode != OFF
         acts = zip(e.laws, on, strict=True)
@@ -685,7 +688,7 @@ class Runner:
     def over(self, system: System) -> Runner:
         """Return a copy of the runner that works in the memory of another system.
 
-        system : from `System.bound`, with the code of this one.
+        system : from `System.bound`, with the code of this runner's system.
         """
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
@@ -721,7 +724,8 @@ class Runner:
     def prepare(self) -> None:
         """Evaluate expressions of parameters and modes alone, and reset working memory.
 
-        Called before each arc: no arc depends on the working memory of another one.
+        Called before each arc, so that no arc depends on the working memory of another
+        one.
         """
         p = self.system.p
         p.reference = p.usual_reference = self.system.plan.smallest_singular_value

@@ -50,8 +50,8 @@ ERRED = 1e4
 def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
     """Return the size (a number) of a change of coordinates relative to their ranges.
 
-    Changes within roundoff are ignored, and each coordinate is weighted by its own
-    force, as in `methods.parts.driver.projected`.
+    Changes within roundoff are ignored, and each coordinate is weighted by M_ii times
+    its change, as in `methods.parts.driver.projected`.
 
     Parameters
     ----------
@@ -71,9 +71,8 @@ def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float
 def largest_shift(rtol: float | None) -> float:
     """Return the relative shift beyond which a projection counts as a jump.
 
-    The shift is the result of `shift`, without unit.
-
-    rtol : relative tolerance of the method; None for one with fixed steps.
+    The shift is the result of `shift`, without unit. rtol : relative tolerance of the
+    method; None for a method with fixed steps.
     """
     if rtol is None:
         return MOST_PULLED
@@ -90,7 +89,11 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
 
 
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
-    """Return a copy of a state for another method or system, at an arc's start."""
+    """Return a copy of a state for another method or system, at an arc's start.
+
+    runner : the linked functions of that method. options : names and values of the
+    options of methods.
+    """
     new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
     kept = [values.copy() for values in own]
@@ -216,7 +219,7 @@ class Arc(NamedTuple):
 
     @property
     def is_looked_at(self) -> bool:
-        """Whether approach to a surface is tested after the current step."""
+        """Whether the approach to a surface is tested after the current step."""
         return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
@@ -231,7 +234,8 @@ class Arc(NamedTuple):
     def field(self, t: float, y: Floats) -> Floats:
         """Evaluate the rates y' (size,) at t and y, all surfaces on present sides.
 
-        Unlike `rates`, not combined along surfaces that the motion follows.
+        Unlike `rates`, the rates of both sides are not combined along surfaces that the
+        motion follows.
         """
         size = self.system.size
         return self.runner.function("field", size + self.system.m)(t, y)[:size]
@@ -279,7 +283,8 @@ class Arc(NamedTuple):
     def add_work(self, y: Floats, before: Floats) -> Floats:
         """Add the change of the energies in a jump to the work integrals in y.
 
-        before : energies (works,) before the jump. Returns the change (works,).
+        y : (size,), changed in place. before : (works,), the energies before the jump.
+        Return the change (works,).
         """
         changes = self.energies(y) - before
         y[self.state.quadratures][: self.system.works] += changes
@@ -321,7 +326,7 @@ class Arc(NamedTuple):
             state.extras -= 1.0
 
     def put(self, y: Floats) -> None:
-        """Replace the state by y (size,); magnitudes and ranges keep the old state."""
+        """Replace the state by y (size,); magnitudes and ranges include the old one."""
         self.sizes[:] = self.seen
         np.minimum(self.state.low, self.y, out=self.state.low)
         np.maximum(self.state.high, self.y, out=self.state.high)
@@ -335,7 +340,7 @@ class Arc(NamedTuple):
     def next(self, end: float, ahead: float) -> Arc:
         """Return the arc that begins at the current state and ends at `end`.
 
-        ahead : time at which the kernel pauses, if it is earlier than the end.
+        ahead : the time at which the kernel pauses, if it is earlier than `end`.
         """
         settings, runner, state = self.settings, self.runner, self.state
         if self.system.watched:
@@ -377,7 +382,10 @@ def first_arc(
     settings: Settings,
     longest_step: float = 0.0,
 ) -> Arc:
-    """Return the first arc of a run, at its start and before the first step."""
+    """Return the first arc of a run, at its start and before the first step.
+
+    longest_step : the largest step of the method; 0 for no limit.
+    """
     runner = system.link(plan.method)
     y = system.begin(start)
     state = empty_state(runner, settings.options)
@@ -398,7 +406,11 @@ def first_arc(
 
 
 def _set_watch(state: State, plan: Plan) -> None:
-    """Set the thresholds of the smallest singular value that signal a loss of rank."""
+    """Set the thresholds of sigma that signal a loss of rank.
+
+    Sigma is the smallest singular value of the constraint rows; its usual value is the
+    plan's.
+    """
     state.close_below = CLOSE * plan.smallest_singular_value
     state.lost_below = LOST * plan.smallest_singular_value
     straight = plan.elimination is not None

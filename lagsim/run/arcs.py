@@ -161,7 +161,7 @@ class Recorder:
         return [Caution(EVENTS_UNLISTED, text)]
 
     def _in_table(self) -> str:
-        """Return in words how many events events.csv lists."""
+        """Return in words how many of the events events.csv contains."""
         complete = len(self.later) == sum(self.unkept.values())
         return "all" if complete else str(MOST_EVENTS + len(self.later))
 
@@ -278,7 +278,7 @@ class Run:
         return ending
 
     def _recorded(self, now: InstantRecord) -> Ending | None:
-        """Write the rows and lists of a settled instant; return the run's ending."""
+        """Write the rows and lists of a settled instant; return its ending, or None."""
         for rows in now.rows:
             self.recorder.hand_on(rows)
         self.recorder.keep(Decision(events=now.events, cautions=now.cautions))
@@ -348,7 +348,7 @@ class Run:
         return self._cut(rows[known]) if known < emitted else None
 
     def _cut(self, row: Floats) -> Ending:
-        """Return the ending by a state that is not finite.
+        """Return the ending of a run whose state is not finite.
 
         row : the first row with that state, which is stored for the message and not
         written.
@@ -357,7 +357,7 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Whether an interrupt ends the run, which would continue after this code."""
+        """Whether an interrupt ends the run, where this code alone would not."""
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
@@ -386,7 +386,7 @@ class Run:
     def _decide(self, code: int) -> Ending | None:
         """Carry out the decision of the first source that handles a kernel's code.
 
-        Return the ending if the run ends.
+        Return the ending if the run ends, else None.
         """
         arc = self.arc
         if (
@@ -435,11 +435,12 @@ class Run:
         return may_strike(arc, self.deciders)
 
     def _with_breaks(self, decision: Decision | None) -> Decision | None:
-        """Return a decision at a located event, joined with that of a break then.
+        """Return the decision at a located event, joined with that of a break.
 
-        All modes are then selected with the branches of t after the break: with the
-        former branches of some switches, and the new ones of t, an expression could
-        have a value that it has on neither side.
+        The break is at the time of the event; without one, `decision` is returned, that
+        of the event, or None. All modes are then selected with the branches of t after
+        the break: with the former branches of some switches, and the new ones of t, an
+        expression could have a value that it has on neither side.
         """
         breaks = self.deciders.breaks
         passed = None if breaks is None else breaks.decide(self.arc, at.DONE)
@@ -453,10 +454,7 @@ class Run:
         )
 
     def _end_of(self, code: int) -> Ending | None:
-        """Return the ending that a kernel's return code means.
-
-        None if the run continues.
-        """
+        """Return the ending that a kernel's return code means, or None to continue."""
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.STEP_TOO_SMALL:
@@ -482,9 +480,9 @@ class Run:
         return before_event(arc)
 
     def _corner(self, code: int) -> Floats | None:
-        """Return the columns (4, k) of states beside an event, see `_seen`.
+        """Return the columns (4, k) of states beside an event, see `_seen`; or None.
 
-        None if not stored.
+        None where no rows beside events are stored.
         """
         if not self.corners:
             return None
@@ -514,7 +512,11 @@ class Run:
     def _act(
         self, decision: Decision, now: InstantRecord, corner: Floats | None
     ) -> Ending | None:
-        """Carry out a decision: settle the instant, or begin another arc."""
+        """Carry out a decision: settle the instant `now`, or begin another arc.
+
+        corner : columns just before the event, see `_corner`. Return the ending of the
+        run, or None.
+        """
         if decision.ending is not None or decision.turn is not Turn.SETTLE:
             self._take(decision)
         if decision.ending is not None or decision.turn is Turn.NONE:
@@ -563,9 +565,9 @@ class Run:
         return self.arc.runner.tabulate(self.arc.row())
 
     def _pass_impact(self) -> None:
-        """Pass the row after the last impact to the observers.
+        """Pass the row after the last impact, if any, to the observers.
 
-        Set impulse columns to 0.
+        The impulse columns of later rows are 0.
         """
         if self.record.after is not None:
             self.recorder.hand_on(self.record.after)

@@ -147,7 +147,7 @@ HIGHER = 16.0
 
 
 class Held(NamedTuple):
-    """Largest force on each coordinate (n,), and the displacement by it alone (n,)."""
+    """Largest force on each coordinate (n,), and its displacement by this (n,)."""
 
     forces: Floats
     reach: Floats
@@ -175,6 +175,7 @@ def could_push(
 
     Parameters
     ----------
+    equations : Equations
     rows : ndarray, shape (k, 1 + 2 n)
         Times, coordinates and velocities.
     which
@@ -226,10 +227,11 @@ def could_push(
 def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
     """Return displacements (l,) of first-order states that follow coordinates.
 
-    It is reached during the whole motion, or during the time constant of a state.
+    They are reached during the whole motion, or during the time constant of a state.
 
     Parameters
     ----------
+    equations : Equations
     rows : ndarray, shape (k, 1 + 2 n + l)
         Times, coordinates, velocities and states.
     reach : ndarray, shape (n,)

@@ -70,7 +70,11 @@ class Fallback(Source):
     """Change of the method where it fails, or cannot pass a loss of rank."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to change to the method `ANY` after a failure."""
+        """Return the decision to change to the method `ANY` after a failure.
+
+        None if the code is no failure, if `ANY` itself has failed, or if the failed
+        method was requested and is no Taylor series.
+        """
         name = arc.runner.method.NAME
         if code == at.LOSS_AHEAD:
             return handed_over(arc, LOSS.format(name), NO_LOSS)
@@ -82,20 +86,20 @@ class Fallback(Source):
 
 
 def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
-    """Return the change of an arc's method to `ANY`, which handles every model.
+    """Return the decision to continue by the method `ANY`, which handles every model.
 
-    reason : reason of the change, for the reader.
-    numbers : new values of fields of the state's header.
+    reason : of the change, for the reader. numbers : new values of fields of the
+    state's header.
     """
     arc = arc.by(replace(arc.plan, method=ANY), arc.system)
     return by_method(arc, reason, {"h": 0.0, **numbers})
 
 
 def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
-    """Return the decision to continue with `arc`, the same arc with another method.
+    """Return the decision to continue with `arc`, the present arc with another method.
 
-    reason : reason of the change, for the reader.
-    numbers : new values of fields of the state's header.
+    reason : of the change, for the reader. numbers : new values of fields of the
+    state's header.
     """
     choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
     return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
@@ -142,7 +146,7 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
-    """Return advice to use the method `ANY`, unless it is the method that failed."""
+    """Return advice to use the method `ANY`; empty where this would not help."""
     if outcome not in WHY or arc.runner.method.NAME == ANY:
         return ""
     if arc.plan.step is not None:
@@ -213,7 +217,10 @@ class Unmet(Source):
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the ending if constraints are violated at `CHECKS` checks in turn."""
+        """Return the ending if constraints are violated at `CHECKS` checks in turn.
+
+        None otherwise.
+        """
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
             return None
@@ -230,7 +237,7 @@ class Unmet(Source):
 
 
 def unsettled(arc: Arc) -> tuple[Caution, ...]:
-    """Return a caution on steps whose impulses did not converge, if any."""
+    """Return a caution on steps whose impulses did not converge; () if all did."""
     count = int(getattr(arc.state, "unsettled", 0))
     if not count:
         return ()
@@ -337,7 +344,7 @@ class Stiffness(Source):
         return considered(arc)._replace(numbers=asked)
 
     def _of_elements(self, arc: Arc) -> Decision:
-        """Return a caution where fast motion may have died out, since work is done."""
+        """Return a caution where work is done, since fast motion may have died out."""
         if not arc.system.equations.works:
             return GO_ON
         return self._warning(arc, (), DIED_OUT)
@@ -392,10 +399,12 @@ class Stiffness(Source):
         return Decision(cautions=self.once(STEP_AT_STABILITY_BOUND, text))
 
     def _series_reviewed(self, arc: Arc) -> Decision:
-        """Return the change to the stiff method if fast motion is damped.
+        """Return the decision on a change to the stiff method, for a Taylor series.
 
-        The step of a Taylor series for accuracy is close to its stability bound, so the
-        steps themselves do not show whether the bound limits the steps.
+        It is that of `_considered` (the stiff method or a caution) if the fastest
+        eigenvalues are damped, else `GO_ON`. The step of a Taylor series for accuracy
+        is close to its stability bound, so the steps do not show whether the bound
+        limits them.
         """
         self._review_at = int(ASKED_AGAIN) * arc.steps
         state, equations = arc.state, arc.system.equations
@@ -413,7 +422,10 @@ class Stiffness(Source):
         return self._considered(arc) if damped else GO_ON
 
     def _stiff_reviewed(self, arc: Arc) -> Decision:
-        """Return the decision to return to the explicit method if it is cheaper."""
+        """Return the decision to return to the explicit method if it is cheaper.
+
+        `GO_ON` if it is not.
+        """
         state, before = arc.state, self._reviewed
         made = state.steps - before.steps
         self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
@@ -436,15 +448,18 @@ class Stiffness(Source):
 def _turns_on_disc(arc: Arc) -> bool:
     """Whether a contact slips in a plane, with two directions of friction.
 
-    At the start of such a slip friction turns its direction fast: steps are short for
-    a while with every method.
+    At the start of such a slip friction turns the direction fast: steps are short for a
+    while with every method.
     """
     p = arc.system.p
     return bool(np.any((p.law_mode == kept.SLIDING) & (p.law_pair >= 0.0)))
 
 
 def _compiled_for(arc: Arc, name: str) -> Arc:
-    """Return the arc with the method `name`, compiled with its functions."""
+    """Return the arc with the method `name`, on a copy of the state.
+
+    The system is compiled anew for that method.
+    """
     plan = replace(arc.plan, method=name)
     return arc.by(plan, System(arc.equations, plan))
 
@@ -565,9 +580,10 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 
 
 def _gain(arc: Arc, stiff: Arc) -> float:
-    """Return the gain of a stiff method: ratio of steps, or 0 if it costs more.
+    """Return the ratio of the stiff method's step to the present step.
 
-    arc, stiff : the arc by the present method and by the stiff one.
+    0 if the stiff method costs more. arc, stiff : the arc by the present method and by
+    the stiff one.
     """
     before, after = _trial(stiff)
     h = arc.state.step_h

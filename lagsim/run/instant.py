@@ -52,7 +52,7 @@ class InstantRecord:
     breaks : tuple of Event
         The events of breaks at this time, listed when branches are selected.
     before : Before or None
-        The row before, where equalities may jump.
+        The row before the instant, where equalities may jump.
     shown : ndarray, shape (k,), or None
         The columns before events acted, which are the row before an impact.
     impacts : bool
@@ -67,7 +67,7 @@ class InstantRecord:
         Whether an event has given an impulse, so that all jumps of the instant have one
         row before, and the row after has the sum of their impulses.
     looked_at : bool
-        Whether the truth of conditions just before the acts due is known.
+        Whether the truth of the conditions just before the instant is stored.
     after : ndarray, shape (1, k), or None
         The row after the last jump, which is written once time has advanced.
     events, cautions
@@ -108,7 +108,7 @@ class InstantRecord:
 
     @classmethod
     def of(cls, **known: Any) -> InstantRecord:
-        """Return the record with some fields known; all others have their defaults."""
+        """Return the record with the fields `known`; all others have their defaults."""
         record = object.__new__(cls)
         record.__dict__.update(known)
         return record

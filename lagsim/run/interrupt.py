@@ -172,7 +172,7 @@ class Interrupt:
     def cut(self, work: Callable[[], object]) -> bool:
         """Call `work` such that a signal ends it; return whether it finished.
 
-        Nothing is lost if it ends early.
+        The work must be such that no result is lost if it ends early.
         """
         try:
             with self.raised():

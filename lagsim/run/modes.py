@@ -35,7 +35,7 @@ class ArcModes(NamedTuple):
 
     @classmethod
     def of(cls, p: Parameters) -> ArcModes:
-        """Return the modes in the memory p."""
+        """Return a copy of the modes in the memory p."""
         numbers, arrays = p.modes
         return cls(bytes(numbers), bytes(arrays))
 
@@ -52,7 +52,8 @@ class TrialModes:
     Attributes
     ----------
     before, found : ArcModes
-        The modes at its begin, to which it returns, and those at its end.
+        The modes at the start of the trial, which its end restores; the modes at its
+        end.
     """
 
     def __init__(self, p: Parameters) -> None:

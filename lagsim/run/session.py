@@ -79,7 +79,7 @@ class StartError(LagsimError):
 
 
 class Case(NamedTuple):
-    """Case of a simulation: equations, admissible start, settings."""
+    """Case of a simulation: equations, report on an admissible start, settings."""
 
     equations: Equations
     examined: StartReport
@@ -334,9 +334,9 @@ def _examined(equations: Equations, settings: Settings, clock: Stopwatch) -> Cas
 def after_start_events(
     equations: Equations, settings: Settings, *, classify: bool = False
 ) -> tuple[Equations, StartReport]:
-    """Return the equations with the modes set by events at the start, and its report.
+    """Return the equations with the modes set by events at the start, and the report.
 
-    classify : passed to `examine`.
+    The report is that on the start with these modes. classify : passed to `examine`.
     """
     from lagsim.admissibility.examination import examine
     from lagsim.mechanics.forces import lost_impulses

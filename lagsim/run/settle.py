@@ -115,7 +115,10 @@ def is_overflow(error: Exception) -> bool:
 def phase(
     work: Callable[[InstantRecord, Deciders], InstantRecord],
 ) -> Callable[[InstantRecord, Deciders], InstantRecord]:
-    """Decorate a phase: it does nothing once the run has ended, as by an overflow."""
+    """Decorate a phase, which then does nothing once the run has ended.
+
+    An overflow in the phase ends the run.
+    """
 
     @wraps(work)
     def guarded(now: InstantRecord, by: Deciders) -> InstantRecord:
@@ -144,12 +147,12 @@ def met_at(
     arc : Arc
         The arc that has ended, at the time of the instant.
     last : InstantRecord
-        The record of the last instant. Where no time has passed since, it is this
-        instant that goes on: what has acted, struck and been located still counts.
+        The record of the last instant. If no time has passed since, that instant
+        continues: the events, impacts and located functions in its record still count.
     located : Located
         The event function that has ended the arc.
     before : Before or None
-        The row before, where equalities may jump.
+        The row before the instant, where equalities may jump.
     """
     alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
     if last.t != arc.t:
@@ -216,9 +219,9 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 
 def modes_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Decide sides, velocities and modes; again where an equality strikes.
+    """Decide sides, velocities and modes; repeat where an equality is struck.
 
-    Whether an equality strikes is known once the laws beside it have their modes.
+    Whether an equality is struck is known once the laws beside it have their modes.
     """
     now = modes(sides_and_velocities(now, by), by)
     now = equalities(now, by)
@@ -230,8 +233,9 @@ def modes_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
 def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Decide sides and velocities by turns, until no velocity jumps.
 
-    A law that was located may be struck with the sides as they were; sides are decided
-    after it.
+    Where a law was located, impacts are computed first, with the sides before the
+    instant, and sides are decided after them. If velocities jump `STUCK` times, the run
+    ends.
     """
     if now.located.law >= 0:
         now = end_of_mode(now, by)
@@ -247,11 +251,11 @@ def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Execute the events that are due, and all that follow by the modes they set.
+    """Execute the events that are due, and the events that become due by their acts.
 
     All events due together act in the order of the file; events whose conditions these
     acts make true act next, until no further condition becomes true. Then the sum of
-    their impulses changes the velocities.
+    the impulses of all these events changes the velocities.
     """
     if by.transitions is None or not now.due.acts:
         return now
@@ -266,7 +270,10 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Strike the laws with the sides as they were, since a law was located."""
+    """Compute the impacts of laws with the sides before the instant.
+
+    This is the first phase where the end of a law's mode was located.
+    """
     met = now.located.law
     return laws_struck(now.but(located=NOWHERE), by, met)
 
@@ -287,11 +294,11 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Select the side of each surface: below, above, or on it, and then its mode.
+    """Select the side of each surface (below, above, or on it), then its mode.
 
-    Each is decided after the surfaces on which its argument depends, and again whenever
-    one of these has changed. Where forces decide, the laws that could act are rows of
-    the same problem.
+    Each surface is decided after the surfaces on which its argument depends, and again
+    whenever one of these has changed. Where forces decide, the laws that could act are
+    rows of the same problem.
     """
     if by.switching is None:
         return now.but(jumped=False) if now.jumped else now
@@ -309,7 +316,10 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Strike all laws that approach together, each by its own restitution."""
+    """Compute the impacts of all laws that approach, each with its own restitution.
+
+    The run ends here if the argument of a table is past its last point.
+    """
     ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
         return now.but(ending=ending)
@@ -320,7 +330,7 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def equalities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Strike the equalities whose rates have jumped: an inelastic impact."""
+    """Compute the inelastic impact of equalities whose rates have jumped."""
     if now.before is None:
         return now
     with TrialModes(now.arc.system.p) as trial:
@@ -430,8 +440,8 @@ def jumped(
 ) -> InstantRecord:
     """Return the record after a jump of velocities, with its rows.
 
-    before : ndarray, shape (1, k), the columns before the jump, unless the record has
-    them. given : the impulses of the jump.
+    before : ndarray, shape (1, k), the columns before the jump, not used if the record
+    has them. given : the impulses of the jump, or None.
     """
     arc, rows, after = now.arc, now.rows, now.after
     kicked = now.kicked or (given is not None and given.kicks)
@@ -474,8 +484,8 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     """Decide everything at the start of a run.
 
-    The acts at the start have set the modes of the file before the first row, so their
-    impulses alone are left, and conditions that the start makes true.
+    The acts at the start have set the modes of the file before the first row, so only
+    their impulses are applied here, and conditions become true.
     """
     switches = arc.system.switches
     jumps = by.jumping and (switches.modes or switches.corners)
@@ -496,10 +506,10 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
 
 @phase
 def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """List the acts at the start, and give their impulses.
+    """List the acts at the start, and apply their impulses.
 
-    The row before an impulse shows the forces of the modes in which the state would
-    stay without it.
+    The row before an impulse has the forces of the modes in which the state would stay
+    without the impulse.
     """
     arc, transitions = now.arc, by.transitions
     assert transitions is not None

@@ -144,7 +144,7 @@ NOWHERE = Located()
 
 
 class Ending(NamedTuple):
-    """End of a run; `about` names the constraints or switches that caused it."""
+    """End of a run; `about` is a text on its cause: constraints, switches, a mode."""
 
     outcome: Outcome
     about: str = ""

@@ -582,7 +582,7 @@ def follows(s: Events, k: int) -> bool:
 
 
 def least_allowed(s: Events, p: Parameters, k: int) -> float:
-    """Return the value of event function k below which a mode ends.
+    """Return the value of event function k below which its mode ends.
 
     It is 0 for a condition.
     """

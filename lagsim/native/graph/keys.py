@@ -97,10 +97,10 @@ Functions = Mapping[str, Sequence[int] | Loop]
 
 
 def nodes_of(functions: Functions) -> dict[str, list[int]]:
-    """Return the nodes that each function computes.
+    """Return the nodes that each function computes, by its name.
 
-    A loop has two entries: the nodes of order 0 as "name.start", and of its body as
-    "name.order".
+    A loop has two entries: the nodes of order 0 as "name.start", and the nodes of its
+    body as "name.order".
     """
     found: dict[str, list[int]] = {}
     for name, made in functions.items():

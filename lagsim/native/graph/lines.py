@@ -69,7 +69,7 @@ _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
 
 def exponent_of(g: Graph, n: int) -> float | None:
-    """Return the exponent of node n, of a power with a constant exponent; else None."""
+    """Return the exponent of node n if n is a power with a constant one, else None."""
     return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
 
 
@@ -81,9 +81,10 @@ class Code(NamedTuple):
 
 
 def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int]:
-    """Return the operations that depend on no `moving` node and are used outside.
+    """Return the operations of `roots` that depend on no `moving` node and are used.
 
-    Users are the roots and operations that depend on `moving` nodes.
+    They are used by an operation that depends on `moving` nodes, or are roots: their
+    values can be computed once.
     """
     used, varying = set(roots), set(moving)
     cone = g.cone(roots)
@@ -128,7 +129,7 @@ def number(x: float) -> str:
 class Lines:
     """Lines of IR with fresh names of values.
 
-    `contract` : whether a product may be added without intermediate rounding.
+    contract : whether a product may be added without intermediate rounding.
 
     Examples
     --------
@@ -148,9 +149,10 @@ class Lines:
         self._fresh = 0
 
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
-        """Write an operation, and return the name of its value.
+        """Write an operation on values, and return the name of its value.
 
-        exponent : of a power with a constant exponent; else None.
+        op : as in the graph. exponent : of a power with a constant exponent; else None.
+        operands : the names of the values.
         """
         if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
             return self._power(operands[0], exponent)
@@ -185,7 +187,10 @@ class Lines:
         return values
 
     def _power(self, x: str, exponent: float) -> str:
-        """Write x to a small integer or half-integer power by products and a root."""
+        """Write a small integer or half-integer power of the value x.
+
+        It is written as products and a root; the name of the result is returned.
+        """
         whole = int(abs(exponent))
         result = ""
         if abs(exponent) != whole:

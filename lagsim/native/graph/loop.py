@@ -188,9 +188,10 @@ def _with_edges(
 ) -> tuple[list[int], list[int]]:
     """Return the nodes of an order whose sums lack their first and last terms.
 
-    Each variable in `edges` holds a_1 b_(k-1) + a_(k-1) b_1, computed with the previous
-    order. Returned are the nodes to compute in an order, of which the last ones are the
-    edges of the next order, and the variables of a_1 and b_1 of each sum.
+    Each variable in `edges` holds the two terms a_1 b_(k-1) + a_(k-1) b_1 of one sum,
+    which are computed with the previous order. Returned are the nodes to compute in an
+    order, of which the last ones are the edges of the next order, and the variables of
+    a_1 and b_1 of each sum.
     """
     parts = zip(r.sums, edges, strict=False)
     made = g.substitute(r.made, {s: g.call("add", s, e) for s, e in parts})

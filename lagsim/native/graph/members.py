@@ -49,7 +49,10 @@ class MemberColumn(NamedTuple):
 
 
 def columns(of: Elements) -> dict[int, MemberColumn]:
-    """Return the memory of each column of the table; SHARED has a single position."""
+    """Return the memory of each column of the table, by its index.
+
+    SHARED, the column of arguments that all members share, has a single position.
+    """
     found: dict[int, MemberColumn] = {}
     first = of.size
     each = 2 if of.bounds else 1
@@ -68,19 +71,19 @@ def columns(of: Elements) -> dict[int, MemberColumn]:
 
 
 def words(of: Elements) -> int:
-    """Return the length of the results with the rows."""
+    """Return the number of words of the results and the rows together."""
     return of.size + sum(x.length * x.width for x in columns(of).values())
 
 
 def name_of(of: Elements) -> str:
-    """Return the name of the function."""
+    """Return the name of the function of some elements."""
     return f"elements.{of.digest}"
 
 
 class MembersFunction(Lines):
-    """The function `(ptr %at, ptr %p)` of some elements.
+    """The function `(ptr %at, ptr %p)` that evaluates the sums of some elements.
 
-    %at has the index in p of the results, then the index of each argument.
+    %at points to integers: the index in p of the results, then that of each argument.
     """
 
     def __init__(self, of: Elements) -> None:
@@ -108,7 +111,10 @@ class MembersFunction(Lines):
         ]
 
     def _loop(self, count: int, body: object) -> None:
-        """Write a loop over k = 0 ... count - 1; body : writes its code, given k."""
+        """Write a loop over k = 0 ... count - 1.
+
+        body : function of the name of k, which writes the code of one pass.
+        """
         if not count:
             return
         self._blocks += 1
@@ -131,7 +137,7 @@ class MembersFunction(Lines):
         ]
 
     def _table(self, numbers: Ints) -> str:
-        """Declare an array of whole numbers of 32 bits, and return its name."""
+        """Declare an array of integers of 32 bits; return the name of the array."""
         return self._constant(np.ascontiguousarray(numbers, np.int32).tobytes())
 
     def _constant(self, data: bytes) -> str:
@@ -162,7 +168,7 @@ class MembersFunction(Lines):
         return self.line(f"load double, ptr {place}")
 
     def _add(self, value: str, row: str, k: int | str) -> str:
-        """Write code that adds to number k of a row; return the sum."""
+        """Write code that adds a value to number k of a row; return the sum's name."""
         place = self.line(f"getelementptr double, ptr {row}, i64 {k}")
         old = self.line(f"load double, ptr {place}")
         new = self.line(f"fadd double {old}, {value}")
@@ -170,7 +176,7 @@ class MembersFunction(Lines):
         return new
 
     def _read(self, column: MemberColumn) -> None:
-        """Write the loop that copies the values of the slots into rows."""
+        """Write the loop that copies the values of a column's slots into rows."""
         sources = []
         for k in column.slots:
             slot = self.of.slots[k]
@@ -200,7 +206,7 @@ class MembersFunction(Lines):
         return self.line(f"sext i32 {index} to i64")
 
     def _member(self, m: str) -> None:
-        """Write the code of one member."""
+        """Write the code of one member, whose number is the value named m."""
         of, values, rows = self.of, dict[int, str](), dict[int, str]()
         table = self._table(of.table)
         width = of.table.shape[1]
@@ -247,7 +253,7 @@ class MembersFunction(Lines):
                 values[n] = self.operation(g.ops[n], exponent_of(g, n), operands)
 
     def _add_up(self, column: MemberColumn) -> None:
-        """Write the loop that adds the sums of the rows to the results."""
+        """Write the loop that adds the sums in a column's rows to the results."""
         of, each = self.of, 2 if self.of.bounds else 1
         added = [
             (len(column.slots) + each * i + each - 1, of.outputs[j].slot)

@@ -131,7 +131,7 @@ class _Orders:
         return self._once[n]
 
     def _sums(self, k: int) -> list[str]:
-        """Write the sums of order k > 1; return the names of their values."""
+        """Write the inner sums of order k > 1; return the names of their values."""
         w, found = self.w, self._ahead or [""] * len(self.r.sums)
         for i in range(len(found)):
             for j in (1, k - 1) if self._ahead else _outward(1, k):
@@ -144,7 +144,10 @@ class _Orders:
         return found
 
     def _inner(self, k: int) -> Iterator[str]:
-        """Write the sums of order k without their ends; iterate over their names."""
+        """Write the inner sums of order k without their first and last terms.
+
+        The names of their values are yielded.
+        """
         w = self.w
         for first, width in self._vectors:
             kind = f"<{width} x double>"
@@ -162,7 +165,11 @@ class _Orders:
                 yield w.line(f"extractelement {kind} {value}, i32 {lane}")
 
     def _vector(self, j: int, first: int, width: int, which: int) -> str:
-        """Write the load of a vector of factors of order j; return its name."""
+        """Write the load of a vector of factors of order j; return its name.
+
+        first, width : the sums of the vector. which : 0 for the first factors, 1 for
+        the second.
+        """
         place = self.w.address(self._place(j, first, which))
         kind = f"<{width} x double>"
         return self.w.line(f"load {kind}, ptr {place}, align {8 * width}")
@@ -171,7 +178,11 @@ class _Orders:
         return "w", self.row * j + which * (self.row // 2) + first
 
     def _keep(self, k: int) -> None:
-        """Write the factors of order k as vectors to memory."""
+        """Write code that stores the factors of order k of all sums in memory.
+
+        They are stored in the memory of the series: in each vector one lane per sum,
+        first factors and second factors apart.
+        """
         w = self.w
         for first, width in self._vectors:
             kind = f"<{width} x double>"
@@ -185,7 +196,9 @@ class _Orders:
 
 
 def _outward(first: int, end: int) -> list[int]:
-    """Return first, ..., end - 1 from the middle to both ends, the newest terms.
+    """Return first, ..., end - 1, ordered from the middle to both ends.
+
+    The newest terms of a sum are at the ends.
 
     Examples
     --------

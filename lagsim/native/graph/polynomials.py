@@ -38,7 +38,7 @@ def digest(size: int, order: int) -> str:
 
 
 def series_values(size: int, order: int) -> str:
-    """Return the IR of the functions, for series of `size` components.
+    """Return the IR of `bend`, `slope` and `reached`, for series of `size` components.
 
     order : K, at least 4.
     """
@@ -55,7 +55,11 @@ def series_values(size: int, order: int) -> str:
 
 
 class _Writer:
-    """Lines on vectors of `width` doubles, of arrays from their `.at` on."""
+    """Writer of lines on vectors of `width` doubles.
+
+    The vectors are loaded from arrays NAME at the addresses `NAME.at`. mark : the
+    beginning of the names of values.
+    """
 
     def __init__(self, size: int, width: int, mark: str) -> None:
         self.size, self.width, self.mark = size, width, mark
@@ -88,7 +92,10 @@ class _Writer:
         return self.mul(loaded, f"<{each}>")
 
     def polynomial(self, terms: Sequence[tuple[int, float]], powers: list[str]) -> str:
-        """Write the sum of factor_j y_(k_j) h^j; powers : h, h^2 and h^4."""
+        """Write the sum over j of factor_j y_(k_j) h^j; return the name of its value.
+
+        terms : pairs (k_j, factor_j). powers : the names of h, h^2 and h^4.
+        """
         h, square, fourth = powers
         parts = []
         for first in range(min(SPLIT, len(terms))):
@@ -104,17 +111,17 @@ class _Writer:
         return self.add(low, self.mul(high, square))
 
     def bend(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `bend`."""
+        """Write the function `bend`; terms : as for `polynomial`."""
         _, value, square = self._powers_and_value(terms)
         self._store(self.mul(value, square), "out")
 
     def slope(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `slope`."""
+        """Write the function `slope`; terms : as for `polynomial`."""
         _, value, _ = self._powers_and_value(terms)
         self._store(value, "out")
 
     def reached(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `reached`."""
+        """Write the function `reached`; terms : of orders from 2 on."""
         h, value, square = self._powers_and_value(terms)
         lost = self.line(f"load {self.kind}, ptr %lost.at, align 8")
         first = self.add(self.mul(h, self.coefficient(1, 1.0)), lost)
@@ -149,9 +156,10 @@ def _function(
     write: Callable[[_Writer], None],
     more: Sequence[str] = (),
 ) -> str:
-    """Return the IR of a function that `write` writes for some components.
+    """Return the IR of the function `name`, for series of `size` components.
 
-    more : its arrays besides `c` and `out`.
+    write : writes the code for the components in one vector. more : the arrays of the
+    function besides `c` and `out`.
     """
     arrays = ("c", more[0], "out", more[1]) if more else ("c", "out")
     signature = ", ".join(f"ptr %{x}" for x in arrays)

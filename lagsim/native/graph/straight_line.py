@@ -31,13 +31,13 @@ FEW_COMMON = 48
 class CommonNodes:
     """Code of the nodes that several long functions evaluate, written once.
 
-    Only of functions that are called at most once in a step: stored values cost the
-    derivative of an arm of seven joints 20 % of its time. A page of the bicycle has
+    Only functions that are called at most once in a step share code: stored values cost
+    the derivative of an arm of seven joints 20 % of its time. A page of the bicycle has
     244 kB in place of 272 kB.
 
     Nodes that the same functions use form a class, and a class is a function of its
-    own. The operands of a node have all its users, so that the classes with more users
-    come first.
+    own. Every function that uses a node also uses its operands, so that the classes
+    with more users come first.
 
     Attributes
     ----------

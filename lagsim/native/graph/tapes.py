@@ -103,7 +103,7 @@ class Tasks(NamedTuple):
 
 
 def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Return the IR of `functions`: name -> the nodes written to out[0], out[1], ..."""
+    """Return the IR of `functions`, as tapes: name -> nodes written to out[0], ..."""
     tapes = _Tapes(g, layout, functions)
     lines = tapes.functions(functions, tapes.state)
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
@@ -119,9 +119,10 @@ def tape_functions(
     known: Mapping[int, int],
     calls: Mapping[str, Sequence[str]],
 ) -> tuple[set[str], list[str], int]:
-    """Return declarations, lines and required length of p of functions in a module.
+    """Return declarations, lines and required length of p of functions on tapes.
 
-    `prepare` evaluates none of their nodes.
+    The functions are added to a module whose function `prepare` evaluates none of their
+    nodes.
 
     Parameters
     ----------
@@ -145,7 +146,7 @@ def _copied(array: str, name: str, first: int, count: int) -> str:
 
 
 def _function(name: str, tape: Ints, before: str) -> list[str]:
-    """Return the IR of a function that executes the code `before`, then runs `tape`."""
+    """Return the IR of a function that runs `tape`, after the code `before`."""
     data = tape.tobytes()
     text = "\\" + data.hex("\\")
     return [
@@ -253,9 +254,10 @@ class _Tapes:
         before: str,
         calls: Mapping[str, Sequence[str]] = {},
     ) -> list[str]:
-        """Return the IR of the functions; `before` is code that each runs first.
+        """Return the IR of the functions.
 
-        calls : functions that each function calls before that.
+        before : code that each function executes first. calls : functions that each
+        function calls before that code.
         """
         lines = []
         for k, (name, made) in enumerate(functions.items()):
@@ -267,7 +269,7 @@ class _Tapes:
         return lines
 
     def places(self, results: Sequence[int]) -> list[tuple[int, int, int]]:
-        """Return each result, where it begins in out, and its count of numbers."""
+        """Return triples: result node, its first index in out, its count of numbers."""
         g, found, at = self.g, [], 0
         for n in results:
             count = payload(g, n).size if n in self.vectors else 1
@@ -316,10 +318,11 @@ class _Tapes:
     def _users(
         self, cone: Sequence[int], functions: Sequence[Sequence[int]]
     ) -> tuple[list[int], list[bool]]:
-        """Return a mask of the functions that use each node, and marks of inner nodes.
+        """Return a bit mask of the functions that use each node; whether each is inner.
 
-        An inner node is a product whose only use in each function is a sum. The
-        evaluation of the sum computes it.
+        Both lists have an entry for each node of the graph. An inner node is a product
+        whose only use in each function is a sum: the evaluation of the sum computes the
+        product.
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]
@@ -341,7 +344,10 @@ class _Tapes:
         return users, inner
 
     def _kind(self, n: int, inner: Sequence[bool]) -> tuple[int, Sequence[int]]:
-        """Return the opcode of the evaluation of node n, and its operand nodes."""
+        """Return the opcode of the evaluation of node n, and its operand nodes.
+
+        inner : whether each node is an inner node, see `_users`.
+        """
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op in CIRCULAR:
@@ -403,7 +409,7 @@ class _Tapes:
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
     def _sincos(self, fields: Ints) -> Ints:
-        """Return the instruction for sines and cosines.
+        """Return the instruction for sines and cosines, as an array of integers.
 
         fields : pairs (node, angle), sorted by angle.
         """
@@ -420,7 +426,7 @@ class _Tapes:
 
 
 class Interpreter(Lines):
-    """The function that runs a tape: one loop for each opcode."""
+    """The function that runs a tape, with one loop for each opcode."""
 
     def __init__(self, opcodes: Mapping[OperationKind, int], time: int) -> None:
         super().__init__()
@@ -468,7 +474,7 @@ class Interpreter(Lines):
     def _evaluation(self, kind: OperationKind, at: str) -> int:
         """Write the code of one evaluation; return the number of its fields.
 
-        at : the address of its fields.
+        at : the name of the address of its fields.
         """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)

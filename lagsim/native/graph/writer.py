@@ -42,7 +42,7 @@ NOTHING: Mapping[int, int] = MappingProxyType({})
 def evaluation_order(
     g: Graph, roots: Collection[int], places: Mapping[int, object]
 ) -> list[int]:
-    """Return the nodes to evaluate for `roots`, in order; nodes in `places` are known.
+    """Return the nodes to evaluate for `roots`, in order, except those in `places`.
 
     Sines and cosines come early and side by side: first the functions of angles that
     depend on no sine or cosine, then the functions of angles that depend on the first.
@@ -180,9 +180,9 @@ class FunctionWriter(Lines):
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
-        """Return a place in p for each value that one piece passes to a later one.
+        """Return node -> index in p, for values that one piece passes to a later one.
 
-        As node -> index. pieces : the nodes of each piece of a function.
+        pieces : the nodes of each piece of a function.
         """
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
@@ -203,7 +203,12 @@ class FunctionWriter(Lines):
         at_end: Mapping[int, Sequence[Place]],
         vectors: Sequence[tuple[Sequence[int], Place]] = (),
     ) -> dict[int, str]:
-        """Write nodes that are evaluated in order; return the values' names by node."""
+        """Write the nodes of a piece in order; return the names of the values by node.
+
+        places, passed : nodes with values in memory, see `function`, and nodes whose
+        values are passed to later pieces. at_end : node -> places where its value is
+        stored. vectors : see `function`.
+        """
         here: dict[int, str] = {}
 
         def operand(n: int) -> str:
@@ -234,9 +239,10 @@ class FunctionWriter(Lines):
         here: dict[int, str],
         operand: Callable[[int], str],
     ) -> None:
-        """Write sines and cosines of the first nodes of these kinds, LANES at most.
+        """Write sines and cosines of the first `nodes` of these kinds, LANES at most.
 
-        here : node -> name of its value, extended. operand : node -> its value's name.
+        here : node -> name of its value, extended by the results. operand : function of
+        a node, which returns the name of its value.
         """
         g = self.g
         together: list[int] = []
@@ -260,9 +266,10 @@ class FunctionWriter(Lines):
         places: Mapping[int, Place],
         passed: Mapping[int, int] = NOTHING,
     ) -> str:
-        """Write a constant, or the load of a variable or of a value in memory.
+        """Return the name of a constant, variable or value in memory; write its load.
 
-        places, passed : as for `function`, and values in scratch memory by index in p.
+        n : the node. places, passed : as for `function`, and values in scratch memory
+        by index in p.
         """
         g = self.g
         if g.ops[n] == CONSTANT:
@@ -291,7 +298,7 @@ class FunctionWriter(Lines):
         return self.load(("p", self.layout.p[name]))
 
     def _number(self, n: int, value: str) -> str:
-        """Return `value` as a double: 1 or 0 for a truth value."""
+        """Return the name of `value` as a double: 1 or 0 if n is a truth value."""
         if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
             return self.line(f"uitofp i1 {value} to double")
         return value
@@ -307,11 +314,11 @@ class FunctionWriter(Lines):
         )
 
     def load(self, place: Place) -> str:
-        """Write the load of a number; return the name of its value."""
+        """Write the load of the number at a place; return the name of its value."""
         return self.line(f"load double, ptr {self.address(place)}")
 
     def store(self, value: str, place: Place) -> None:
-        """Write the store of a number."""
+        """Write the store of a value at a place."""
         self.lines.append(f"store double {value}, ptr {self.address(place)}")
 
     def address(self, place: Place) -> str:

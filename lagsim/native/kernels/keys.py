@@ -31,9 +31,9 @@ def fingerprint(
 ) -> str:
     """Return a digest of all inputs that determine the text written by `translate`.
 
-    It covers the files of the translator and of the modules of all kernels reached, and
-    the values of the static globals that they use, also values computed from other
-    modules.
+    functions, statics : as for `translate`. The digest covers the files of the
+    translator and of the modules of all kernels reached, and the values of the static
+    globals that the kernels use, also values computed from other modules.
     """
     # Minor versions of Python may read the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
@@ -73,7 +73,7 @@ def text_beside(file: str) -> str:
 
 
 def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Iterate over (name, value) of the globals that a function uses.
+    """Yield (name, value) of the globals that a function uses.
 
     Attributes of modules are included if their names occur in the function.
     """
@@ -86,7 +86,7 @@ def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
 
 
 def is_own(value: object) -> TypeGuard[FunctionType]:
-    """Whether a global is a function defined outside `words`, so a kernel."""
+    """Whether a global is a function defined outside `words`, and so a kernel."""
     return isinstance(value, FunctionType) and value.__module__ != words.__name__
 
 

@@ -104,7 +104,7 @@ class KernelText:
         return KernelError(f"{self.file}:{line}: in `{self.name}`: {text}")
 
     def field(self, node: ast.expr) -> tuple[str, Field] | None:
-        """Return the parameter and the field that `s.t` denotes, None for other nodes.
+        """Return the parameter and the field that `s.t` denotes; None for other nodes.
 
         Raises
         ------
@@ -183,7 +183,7 @@ class Folding:
         return value if is_static(value) else None
 
     def _known(self, node: ast.Name) -> object | None:
-        """Return the static value of a name, None where it has none.
+        """Return the static value of a name; None if it has none.
 
         Modules and functions of static values count as static.
         """
@@ -200,9 +200,9 @@ class Folding:
         return self._globals[name]
 
     def _decided(self, node: ast.BoolOp) -> bool | None:
-        """Return the static value of `and` or `or`, else None.
+        """Return the static value of `and` or `or`; None if it is not static.
 
-        One operand may decide it, if the operands before contain no call.
+        One operand may decide the value, if the operands before contain no call.
         """
         decisive = isinstance(node.op, ast.Or)
         values = []

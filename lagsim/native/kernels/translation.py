@@ -207,7 +207,10 @@ class _Function(Folding, ast.NodeVisitor):
         return f"%{stem}.{self._names}"
 
     def _op(self, kind: str, text: str) -> Value:
-        """Append an instruction with a result of a kind, and return the result."""
+        """Append an instruction whose result has a kind; return the result.
+
+        text : the instruction.
+        """
         name = self._name("x")
         self.lines.append(f"  {name} = {text}")
         return Value(name, kind)
@@ -215,7 +218,7 @@ class _Function(Folding, ast.NodeVisitor):
     def _allocate(self, stem: str, kind: str) -> str:
         """Allocate a variable on the stack; return the name of its address in the IR.
 
-        stem : beginning of the name. kind : type of the variable.
+        stem : beginning of the name. kind : kind of the variable.
         """
         place = self._name(stem)
         self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
@@ -361,7 +364,10 @@ class _Function(Folding, ast.NodeVisitor):
         return self._get("float", place)
 
     def _tabulated(self, node: ast.Subscript, table: tuple[Static, ...]) -> str:
-        """Return the address of a number in a static table, at a variable index."""
+        """Return the address of a number in a static table, at a variable index.
+
+        node : the subscript. table : the values.
+        """
         numbers = [self._literal(node, x) for x in table]
         if any(x.kind != "float" for x in numbers):
             raise self.error(node, "is no table of floats, whose index may vary")
@@ -372,7 +378,10 @@ class _Function(Folding, ast.NodeVisitor):
         return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Return the addresses of a memory and of one of its words; and the field."""
+        """Return the addresses of a memory and of the word that `node` denotes.
+
+        The third result is the field of that word.
+        """
         found = self.source.field(node)
         if found is None:
             raise self.error(node)
@@ -424,7 +433,10 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op(kind, f"{name} {LLVM[kind]} {left.text}, {right.text}")
 
     def _floored(self, node: ast.BinOp, left: Value) -> Value:
-        """Translate `//` or `%`, which round towards minus infinity as in Python."""
+        """Translate `//` or `%` by a positive static divisor.
+
+        Both round towards minus infinity, as in Python. left : the dividend.
+        """
         divisor = self.integer(node.right)
         a = self._cast(left, "int", node).text
         if divisor <= 0:
@@ -533,9 +545,9 @@ class _Function(Folding, ast.NodeVisitor):
         return [self._converted(a, "float") for a in self._arguments(node, count)]
 
     def _function(self, name: str, *values: Value, result: str = "float") -> Value:
-        """Append a call of a function of the C library or of LLVM.
+        """Append a call of a function of the C library or of LLVM; return its result.
 
-        Return its result.
+        result : the kind of the result.
         """
         libm = "" if name.startswith("llvm.") else " nounwind memory(none)"
         types = ", ".join("double" for _ in values)
@@ -826,7 +838,7 @@ class _Translation:
         return "\n".join([*self.declared, *defined])
 
     def callee(self, function: FunctionType, *known: int) -> tuple[str, KernelText]:
-        """Return symbol and signature of a function, and queue it for translation.
+        """Return symbol and text of a function, which is queued for translation if new.
 
         known : the values of its static parameters.
         """

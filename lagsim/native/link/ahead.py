@@ -46,13 +46,13 @@ def is_possible() -> bool:
 
 
 def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
-    """Start `make` in a second process where possible, and return its future result.
+    """Start `make` in a second process where possible; return its future result.
 
     Returns
     -------
     function
         Waits for the result and returns it. `make` itself where there is no second
-        process; it is also called if the second process fails.
+        process; `make` is also called if the second process fails.
     """
     if not _helpers:
         return make

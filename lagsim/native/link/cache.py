@@ -110,14 +110,14 @@ class ProgramPart:
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
-    """Return the part of a graph's functions.
+    """Return the program part of a graph's functions.
 
     Parameters
     ----------
     made_from : str
         Digest of the graph, see `graph.keys`.
     generate : function
-        Returns the IR, and the length of p that its functions need.
+        Returns the IR, and the length of p that the functions need.
     """
     return ProgramPart(["graph", made_from], generate, optimise=False)
 
@@ -125,7 +125,7 @@ def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Progr
 def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> ProgramPart:
-    """Return the part of kernels, which are translated unless they are in the cache.
+    """Return the program part of kernels, translated unless they are in the cache.
 
     functions, statics : as for `translation.translate`.
     """
@@ -152,7 +152,7 @@ def linked(
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of ProgramPart
     first : str
         IR that is linked before the parts.
     exports : sequence of str
@@ -171,7 +171,10 @@ def linked(
 
 
 def runtime(chosen: engine.Target) -> list[ProgramPart]:
-    """Return the parts that a target needs besides a program: elementary functions."""
+    """Return the parts that a target needs besides a program: elementary functions.
+
+    [] for a target that is not portable.
+    """
     if not chosen.portable:
         return []
     from lagsim.native import elementary
@@ -182,9 +185,9 @@ def runtime(chosen: engine.Target) -> list[ProgramPart]:
 def folder(name: str = "objects") -> Path | None:
     """Return the folder of the cache, created if need be; None if it is not trusted.
 
-    It lies in $LAGSIM_CACHE, or in the platform's folder for caches. A trusted folder
-    belongs to this user, and nobody else may write into it or rename one of its
-    parents.
+    The folder `name` lies in $LAGSIM_CACHE, or in the platform's folder for caches. A
+    trusted folder belongs to this user, and nobody else may write into it or rename one
+    of its parents.
     """
     try:
         base = _base()
@@ -237,9 +240,9 @@ def _base() -> Path | None:
 
 
 def _place(made_from: Sequence[object]) -> tuple[str, Path | None]:
-    """Return the key of given inputs, and the path of their object, or None.
+    """Return the key of given inputs, and the path of their object.
 
-    None where there is no trusted folder.
+    The path is None where there is no trusted folder.
     """
     where = folder()
     key = _digest([_FORMAT, *made_from])
@@ -303,7 +306,10 @@ def _write(path: Path, key: str, code: bytes) -> None:
 
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
-    """Remove the files unused for longest, down to half of `limit` bytes if above."""
+    """Remove the files unused for longest if a folder is larger than `limit` bytes.
+
+    Afterwards it has at most half of `limit` bytes.
+    """
     there = []
     with contextlib.suppress(OSError):
         for path in where.iterdir():

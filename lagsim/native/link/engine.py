@@ -113,7 +113,9 @@ def wasm_target() -> Target:
 
 
 def _demand_known(cpu: str) -> None:
-    """Refuse a CPU name that LLVM does not know; LLVM itself would end the process.
+    """Raise InputError for a CPU name that LLVM does not know.
+
+    LLVM itself would end the process.
 
     Raises
     ------
@@ -167,7 +169,8 @@ def link_object(
 ) -> bytes:
     """Compile several texts of IR to one object, with the visible symbols `exports`.
 
-    irs : each with its flag `optimise`, see `compile_object`.
+    irs : pairs of a text and its flag `optimise`, see `compile_object`. chosen : the
+    target.
     """
     machine = _machine(chosen)
     whole = _module("", chosen, machine, optimise=False)
@@ -208,7 +211,8 @@ def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
 def portable(ir: str) -> str:
     """Return IR without contraction, which calls `elementary` in place of libm.
 
-    These functions are renamed, since LLVM would replace a function called `exp`.
+    The functions of `elementary` are renamed, since LLVM would replace a function
+    called `exp`.
     """
     from lagsim.native import elementary
     from lagsim.native.kernels.translation import translate

@@ -50,7 +50,7 @@ NO_PART = 1e-4
 
 
 def series_left(last: float, ratio: float) -> float:
-    """Return the sum of a geometric series after its term `last`."""
+    """Return the sum of the terms after `last` of a geometric series with a ratio."""
     return last * ratio / (1.0 - ratio)
 
 
@@ -76,12 +76,12 @@ class History:
         self.impacts = 0
 
     def end(self, time: float, speed: float, least: float) -> float | None:
-        """Return the time at which bouncing ends, if the motion left is negligible.
+        """Return the time at which bouncing ends if the motion left is negligible.
 
         The motion left is negligible where the durations of flights decrease at a ratio
         and the lengths of all remaining paths, up and down, sum to at most `least`; or
         where none of the last flights was longer than `least` (contacts that strike in
-        turn have no single ratio). Else None.
+        turn have no single ratio). Otherwise None is returned.
 
         Parameters
         ----------
@@ -151,14 +151,14 @@ class Accumulation:
         self.own: dict[int, History] = {}
 
     def of(self, row: int) -> History:
-        """Return the history of a row."""
+        """Return the history of a row, an empty one before its first event."""
         found = self.own.get(row)
         if found is None:
             found = self.own[row] = History()
         return found
 
     def add(self, time: float, row: int) -> None:
-        """Store an event of a row."""
+        """Store an event of a row (surface, law, event of the file) at a time."""
         self.longest = max(self.longest, time - self.last)
         self.last = time
         self.recent.append((time, row))
@@ -173,10 +173,9 @@ class Accumulation:
         return sorted(k for k in set(some) if some.count(k) >= least)
 
     def ratio(self) -> float:
-        """Return the ratio of the lengths of the last two windows, the later on top.
+        """Return the ratio of the lengths of the last two windows, later over earlier.
 
-        It is infinite where there are too few events or the earlier window has length
-        zero.
+        Infinity where there are too few events, or the earlier window has length 0.
         """
         if len(self.recent) <= 2 * self.window:
             return math.inf
@@ -189,10 +188,10 @@ class Accumulation:
         return self.recent[first][0] - self.recent[first - self.window][0]
 
     def limit(self) -> float | None:
-        """Return the time at which events accumulate, or None.
+        """Return the time at which events accumulate if it is near the last event.
 
-        None where this time is not close enough to the last event (`SHORT`), and where
-        the intervals of the last window do not shrink.
+        None where this time is farther from the last event than `SHORT` allows, and
+        where the intervals of the last window do not shrink.
         """
         end = self.end()
         if end is None or not self._shrinks():
@@ -206,7 +205,8 @@ class Accumulation:
     def _shrinks(self) -> bool:
         """Whether the second half of the last window is shorter than its first half.
 
-        Where rows have events in turn at unequal intervals, it is so for some of them.
+        Where rows have events in turn at unequal intervals, some pairs of halves
+        shrink.
         """
         first, half, last = (
             self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)
@@ -226,8 +226,8 @@ class Accumulation:
     def _since(self, ratio: float) -> float:
         """Return the length of the longest window since the lengths began to decrease.
 
-        Windows count from the last one back, while their lengths grow by at most
-        REGULAR / ratio.
+        ratio : of the last two windows. Windows count from the last one back, while
+        their lengths grow by at most REGULAR / ratio.
         """
         longest = self._stretch(0)
         for k in range(1, (len(self.recent) - 1) // self.window):
@@ -251,18 +251,18 @@ class Accumulation:
         return took <= NO_TIME * max(self.span, abs(self.last))
 
     def hurries(self, row: int) -> bool:
-        """Whether the last `STUCK` events of a row follow each other in hardly a time.
+        """Whether the last `STUCK` events of a row follow each other almost at once.
 
-        They are on average at most `HURRIES` of the duration apart.
+        They are on average at most `HURRIES` of the duration of the run apart.
         """
         own = self.of(row).times
         least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))
         return len(own) == STUCK and own[-1] - own[0] <= least
 
     def restless(self) -> list[int]:
-        """Return the contacts that came to rest `RESTS` times in a short time.
+        """Return the numbers of contacts that came to rest `RESTS` times in short time.
 
-        In the part `NO_PART` of the duration.
+        The time is the part `NO_PART` of the duration of the run.
         """
         most = NO_PART * self.span
         return [

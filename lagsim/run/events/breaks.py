@@ -87,7 +87,7 @@ class Values:
         ]
 
     def __call__(self, t: float) -> list[float]:
-        """Return the values of the nodes at time `t`, in the order of `nodes`."""
+        """Return the values of the nodes at time t, in the order of `nodes`."""
         found = self.found
         found[self.time] = t
         for n, row, args in self.program:
@@ -96,7 +96,7 @@ class Values:
 
 
 def first_change(discrete: Values, lo: float, hi: float) -> float:
-    """Return the first double in (lo, hi] where `discrete` has not its value at `lo`.
+    """Return the first double in (lo, hi] at which `discrete` differs from that at lo.
 
     Located by bisection, which supposes one change in the interval.
     """
@@ -121,7 +121,7 @@ _NEW, _CLEAR, _SPLIT, _READY = range(4)
 
 
 class Cell(NamedTuple):
-    """A time interval with the state of each surface in it; no states for a pause."""
+    """A time interval with the state of each surface in it; a pause has no states."""
 
     lo: float
     hi: float
@@ -167,7 +167,7 @@ class Division:
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
 
     def times(self) -> Iterator[tuple[float, bool]]:
-        """Return the times of possible changes, in order, each with a pause flag.
+        """Yield the times of possible changes, in order, each with a pause flag.
 
         A pause is a time reached after `PATIENCE` cells without a crossing.
         """
@@ -239,7 +239,7 @@ class Division:
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _look(self, cells: Cells) -> None:
-        """Enclose each surface in the new cells; decide which cells are split."""
+        """Enclose the values of each surface in the new cells; set their tasks."""
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
@@ -343,7 +343,7 @@ def _seen(
 
 
 def _steps(op: str, s: Interval) -> Interval:
-    """Return the enclosure of the discrete function `op` over surface values `s`."""
+    """Return the enclosure of the discrete function `op` over values s of a surface."""
     return RULES[op](s) if op in STEPS else RULES[op](s, interval(0.0, 0.0))
 
 
@@ -357,7 +357,7 @@ def break_times(
     start: float,
     end: float,
 ) -> Iterator[float]:
-    """Return an iterator over the times at which any of `discrete` changes, in order.
+    """Yield the times at which any of the functions `discrete` changes, in order.
 
     Parameters
     ----------
@@ -385,7 +385,10 @@ def break_times(
 def _times_of(
     g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
 ) -> Iterator[tuple[float, bool]]:
-    """Return the times at which node `discrete` may change, see `Division.times`."""
+    """Return the times at which node `discrete` may change, each with a pause flag.
+
+    Arguments: see `break_times`; flags: see `Division.times`.
+    """
     clock = TimedTable.of(g, discrete)
     if clock is None:
         return Division(g, discrete, values, start, end).times()
@@ -409,7 +412,7 @@ class TimedTable(NamedTuple):
 
     @classmethod
     def of(cls, g: Graph, discrete: int) -> TimedTable | None:
-        """Return the clock whose table cell is the node `discrete`, or None.
+        """Return the table of a t + b whose cell number is the node `discrete`.
 
         None where the node is no cell of a table, or its argument is not linear in t.
         """
@@ -424,8 +427,8 @@ class TimedTable(NamedTuple):
     ) -> Iterator[tuple[float, int, int]]:
         """Return the times of knots in the interval, with the cells before and after.
 
-        The times are exact to rounding. The iterator is lazy: each time is computed
-        when it is requested.
+        values : of the parameters. The times are exact to rounding. The iterator is
+        lazy: each time is computed when it is requested.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)
@@ -435,7 +438,7 @@ class TimedTable(NamedTuple):
 
 
 def _jumps(g: Graph, argument: int) -> bool:
-    """Whether an argument contains a step of t, which its derivative does not show."""
+    """Whether the node `argument` contains a step of t, which its derivative lacks."""
     timed = g.dependent([argument], ("t",))
     return any(g.ops[n] in STEPS | CHOOSING for n in timed)
 
@@ -447,9 +450,10 @@ def _knots_located(
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
-    """Return the first doubles at which the table cell changes, with pause flag False.
+    """Yield the first doubles at which the cell of a table changes, each with False.
 
-    Each lies near a knot of `TimedTable.knots`. `ends`: start and end.
+    False is the pause flag. discrete : the node of the cell. clock : the table. ends :
+    start and end of the run. Each double lies near a knot of `TimedTable.knots`.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):
@@ -472,7 +476,7 @@ def _clusters(
 ) -> Iterator[_Cluster]:
     """Yield clusters of breaks within one instant; first `start`, last `end`.
 
-    times : of breaks, in order, each with a pause flag.
+    times : the times of breaks, in order, each with a pause flag.
     """
 
     def near(t: float) -> float:
@@ -503,7 +507,8 @@ class _Locator:
     def times(self, cell: Cell, state: int | None) -> list[float]:
         """Return the times of steps that are certain once `cell` has been examined.
 
-        state : the surface's state in the cell; None for a pause.
+        state : the surface's state in the cell; None for a pause. The list may be
+        empty.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:
@@ -517,7 +522,7 @@ class _Locator:
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Return the time of the step in the doubtful interval, if any; leave it."""
+        """Return [time of the step in the doubtful interval] or []; forget this."""
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful

@@ -32,28 +32,28 @@ PART = 2.0**-10
 
 
 def located_within(arc: Arc) -> float:
-    """Return the bound, by rounding, of the error of the time just located.
+    """Return the error bound, by rounding, of the time of the located condition.
 
-    In units of time; it is the time at which a condition became true.
+    The time is that at which the condition became true; 0 if no condition was located.
     """
     truth = Truth(arc)
     return truth.run("located_within", *truth.tolerances)
 
 
 def is_postponed(arc: Arc) -> bool:
-    """Whether the event of the located condition is postponed to another condition's.
+    """Whether the event of the located condition waits for that of another condition.
 
-    See `truth.wait`.
+    Both belong to one instant, see `truth.wait`.
     """
     truth = Truth(arc)
     return truth.run("wait", *truth.tolerances) > 0
 
 
 def rounding_of_start(arc: Arc) -> Floats:
-    """Return bounds (C,) of the rounding errors of conditions at the start.
+    """Return bounds (C,) of the rounding errors of the C conditions at the start.
 
-    They are twice the changes of the conditions by the rounding of the expressions that
-    give the start values.
+    The bounds are twice the changes of the conditions by the rounding of the
+    expressions that define the start values.
     """
     errors = {x.name: x.error for x in arc.equations.model.initial}
     moved = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
@@ -79,21 +79,21 @@ class Truth:
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Largest time difference in an instant, and relative tolerance."""
+        """Largest time difference in an instant, and the run's relative tolerance."""
         arc = self.arc
         return width(arc.settings, arc.t), float(arc.plan.tolerance)
 
     def run(self, kernel: str, *arguments: float) -> float:
-        """Call a kernel of `methods.parts.truth` and return its result."""
+        """Call a kernel of `methods.parts.truth` by its name, and return its result."""
         call = self._kernels[kernel]
         return cast("float", call(self.state.address, self._words, *arguments))
 
     def begin(self) -> None:
         """Store the truth of all conditions at the start of the run.
 
-        A condition that is true there to rounding is true, also to the rounding of the
-        expressions that state the start; one whose value is 0 and falls is false from
-        then on.
+        A condition that is true at the start to rounding is true, also to the rounding
+        of the expressions that state the start; a condition whose value is 0 and falls
+        is false from then on.
         """
         state, equation = self.state, self.state.equation > 0.0
         self.run("look", -1, *self.tolerances)
@@ -109,17 +109,16 @@ class Truth:
             give_leeway(self.arc, values, true)
 
     def become_at_start(self, before: Floats | None) -> set[int]:
-        """Return the indices of conditions that become true at the start.
+        """Return indices of the conditions that become true at the start; mark them.
 
-        Mark them as due.
-
-        By an impact at the start, or by a jump of a switch in an inequality just after
-        it, as in `mod(-x, 2) >= 1` where x rises from 0.
+        A condition becomes true by an impact at the start, or by a jump of a switch in
+        an inequality just after the start, as in `mod(-x, 2) >= 1` where x rises from
+        0.
 
         Parameters
         ----------
         before : ndarray, shape (C,), or None
-            Values of the conditions before the impacts at the start, if any.
+            Values of the conditions before the impacts at the start; None if no impact.
         """
         state, now = self.state, self.state.worth.copy()
         found = (state.orientation < 0.0) & self._look_ahead()
@@ -135,8 +134,8 @@ class Truth:
     def _look_ahead(self) -> Flags:
         """Store the jumps of the conditions just after the start of the run in `ahead`.
 
-        Return which inequalities (C,) such a jump makes, or keeps, true. After the
-        first step nothing is stored, and no inequality returned.
+        Return a mask (C,) of the inequalities that such a jump makes, or keeps, true.
+        After the first step no jump is stored, and the mask is False.
         """
         state, arc = self.state, self.arc
         if arc.steps:
@@ -174,7 +173,7 @@ class Truth:
         self.run("see", found, *self.tolerances)
 
     def met(self) -> set[int]:
-        """Return the indices of conditions that the motion satisfies at the instant.
+        """Return indices of the conditions that the motion satisfies at the instant.
 
         A condition that is about to become false at that time counts as false.
         """
@@ -186,14 +185,14 @@ class Truth:
         return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
 
     def wait(self, waiting: Iterable[int]) -> None:
-        """Count conditions as false until `settled` decides."""
+        """Count the conditions `waiting` as false until `settled` decides."""
         self.state.marked[list(waiting)] = 0.0
 
     def hold(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store that the conditions that became true last are true from now on.
 
         for_ever : indices of conditions that are true for the rest of the run, so that
-        their events never act again.
+        the events of these conditions never act again.
         """
         self.run("hold")
         for c in for_ever:
@@ -209,17 +208,17 @@ class Truth:
     def settled(self, *, struck: bool) -> set[int]:
         """Return indices of conditions that become true by all acts of an instant.
 
-        struck : whether velocities have jumped.
+        struck : whether velocities have jumped by an impact.
         """
         jumped = int(struck or self.set_by_modes)
         self._look_ahead()
         return self._marked(self.run("settle", jumped, *self.tolerances))
 
     def _marked(self, count: float) -> set[int]:
-        """Return the indices of the conditions that the last kernel has marked as due.
+        """Return the indices of the conditions that the last kernel has marked as true.
 
-        count : their number. Where constraints may keep a true condition at 0, its
-        leeway is raised first.
+        count : the number of marked conditions. Where constraints may keep the value of
+        a true condition at 0, its leeway is raised first.
         """
         state = self.state
         if state.any_stays > 0.0 and self.arc.equations.model.constraints:
@@ -233,9 +232,10 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     """Raise the leeway of some true conditions to the tolerance of their values.
 
     Where a constraint keeps the value of a condition at 0, as the ground does that of
-    `y <= 0`, rounding errors must not make it false. The tolerance of a value is
-    relative to the magnitudes of the state components it depends on; that of a velocity
-    at rest is the magnitude of its position over the duration of the run.
+    `y <= 0`, rounding errors must not make the condition false. The tolerance of a
+    value is relative to the magnitudes of the state components on which the value
+    depends; that of a velocity at rest is the magnitude of its position over the
+    duration of the run.
 
     Parameters
     ----------
@@ -262,12 +262,11 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
 
 
 def leeway_of_closed(arc: Arc, y: Floats, closed: Floats) -> Floats | None:
-    """Return the leeway (C,) with that of conditions that an impact makes true.
+    """Return the leeway (C,), changed for conditions that an impact makes true.
 
-    Those that it makes true but for rounding; None in a model without conditions.
-
-    After an impact rounding leaves a gap of either sign, and the motion opens it:
-    without this, `x <= 0` may never be true at the ground `x >= 0`.
+    None in a model without conditions. The conditions are those that are true but for
+    rounding: after an impact rounding leaves a gap of either sign, and the motion opens
+    the gap. With the old leeway, `x <= 0` may never be true at the ground `x >= 0`.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def before_event(arc: Arc) -> Before:
-    """Return the row just before the state reached, with all switches as before it."""
+    """Return the row just before the state reached, with the present modes."""
     n = arc.system.n
     moment = SAME_TIME * np.spacing(abs(arc.t))
     row = arc.row()
@@ -75,7 +75,7 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """Return the velocity error (n,) on the constraints that is no impact.
+    """Return the error (n,) of velocities on the constraints, which is no impact.
 
     It is 0 where each step is projected, else the Newton step onto the constraints.
     """
@@ -85,9 +85,9 @@ def _off(arc: Arc) -> Floats:
 
 
 def _newton_step(arc: Arc, level: str) -> Floats:
-    """Return the Newton step (n,) onto the constraints, of positions or velocities.
+    """Return the Newton step (n,) onto the constraints at the state reached.
 
-    `level`: "position" or "velocity".
+    level : "position" or "velocity", the components that are changed.
     """
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
@@ -148,9 +148,7 @@ def inelastic_impact(
 def _corners(
     arc: Arc, switching: Switching, bent: Collection[int], energy: float
 ) -> Iterator[Event]:
-    """Generate the event of a corner for each constraint that is in one.
-
-    The energy that the instant takes stands in the first event alone.
+    """Yield the event of a corner for each constraint that is at a corner.
 
     Parameters
     ----------
@@ -160,7 +158,7 @@ def _corners(
         The numbers of the corners that the state is on; several may belong to one
         constraint, as the kink and a knot of `table(abs(x))`.
     energy : float
-        The energy that the instant takes.
+        The energy that the impact removes; only the first event has it.
     """
     own: dict[str, list[str]] = {}
     for k in bent:
@@ -200,7 +198,7 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
 
 
 def _is_far(arc: Arc) -> bool:
-    """Whether the position is farther from the constraints than their tolerance.
+    """Whether the position is farther from the constraints than the tolerance.
 
     The distance is relative to the ranges of the coordinates so far, since all terms of
     a residual may vanish at one position. The displacement by a jump of a rate within
@@ -220,7 +218,7 @@ VANISHING = 1e-5
 
 
 def singularity_caution(arc: Arc) -> list[Caution]:
-    """Return a warning of the coordinate whose inertia fell lowest, or no warning."""
+    """Return [warning of the coordinate whose inertia fell lowest], or []."""
     state = arc.state
     if not state.inertias or not arc.steps:
         return []
@@ -245,7 +243,7 @@ def singularity_caution(arc: Arc) -> list[Caution]:
 
 
 def _is_held(arc: Arc, k: int) -> bool:
-    """Whether the constraints hold inertia coordinate `k` where its inertia is least.
+    """Whether constraints hold the coordinate of inertia k where the inertia is least.
 
     A component of a quaternion has no inertia along the quaternion itself, whose length
     is 1. The inertia for a force on the coordinate is then that of the motions which
@@ -277,7 +275,8 @@ class NearDependence(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to solve by QR where rows become nearly dependent.
 
-        Or a warning, where QR would cost too much; None for other codes of the kernel.
+        The decision is a warning alone where QR would cost too much. None for codes of
+        the kernel other than `DEGENERATE`.
         """
         if code != at.DEGENERATE:
             return None
@@ -310,7 +309,7 @@ class RankLosses(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the events and the warning for a loss of rank, with its constraints.
 
-        None for other codes of the kernel.
+        None for codes of the kernel other than `RANK_LOST`.
         """
         if code != at.RANK_LOST:
             return None

@@ -105,8 +105,10 @@ class StateAfter:
     ----------
     y : ndarray, shape (size,)
         The state after the impacts.
+    laws : LawsAt
+        The laws at the instant.
     moved : bool
-        Whether this may differ from the state reached.
+        Whether y may differ from the state reached.
     events, cautions
         The events, and the warnings.
     rows : ndarray or None
@@ -115,8 +117,6 @@ class StateAfter:
         See `trajectory.Decision`.
     ending
         The reason why the motion cannot continue, or None.
-    laws : LawsAt
-        The laws at the instant.
     state : LawState or None
         The laws at the state reached, after their impacts.
     """
@@ -179,7 +179,7 @@ class Contacts(Source):
         p.law_floor[:] = p.law_opens[:] = 0.0
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to settle the end of a law's mode; else None."""
+        """Return the decision to settle the end of a law's mode, or None."""
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
@@ -206,7 +206,7 @@ class Contacts(Source):
         return laws._replace(left=left, closed=laws.closed | {k})
 
     def accumulate(self) -> Ending | None:
-        """Return the ending of a run whose laws' modes end too often."""
+        """Return the ending of a run whose laws' modes end too often, or None."""
         restless = self.sequence.restless()
         if not (restless or self.sequence.is_stuck()):
             return None
@@ -239,6 +239,8 @@ class Contacts(Source):
     ) -> StateAfter:
         """Compute the impacts of all laws that approach at the state reached.
 
+        The state after the impacts is returned, with its events.
+
         Parameters
         ----------
         arc : Arc
@@ -246,7 +248,8 @@ class Contacts(Source):
         met : int
             Number of the law whose mode has ended, or -1.
         decided : bool
-            Whether all sides are decided on which the bounds of laws may depend.
+            Whether the sides of all surfaces on which the bounds of laws may depend are
+            decided.
         """
         here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy(), laws)
         corrected = corrected_state(here, met)
@@ -362,22 +365,26 @@ class Contacts(Source):
 
         That examination uses the residuals left by the solution for the guesses; at a
         state that has not moved yet there are no ranges to compare a residual with.
-        Events may have set other modes at the start since.
+        False if events have set other modes of the file at the start since.
         """
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start
 
     def _bears(self, here: Kinematics, k: int) -> bool:
-        """Whether law k shares loads: all do but slips, their contacts, equalities."""
+        """Whether law k shares loads with redundant laws.
+
+        All laws do but slips, contacts with slips, equalities, and sliders.
+        """
         table = here.table
         rubs = any(table.slips[i] for i in (k, *table.beside[k]))
         return not (rubs or table.equal[k] or self.laws[k].slider)
 
     def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
-        """Return the laws whose residuals exceed the location tolerance, by name.
+        """Return the names of laws whose residuals exceed the location tolerance.
 
-        The function of such a law jumps, or it was closed in flight, and no motion can
-        continue. The energy of other bodies does not enter the tolerance.
+        closed : whether each law is closed. The function of such a law jumps, or the
+        law was closed in flight, and no motion can continue. The energy of other bodies
+        does not enter the tolerance.
         """
         rtol, table = here.arc.plan.rtol, here.table
         part = SATISFIED if rtol is None else CLOSING * max(rtol, LEAST_CLOSING)
@@ -388,8 +395,10 @@ class Contacts(Source):
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Return the end time of each series of bounces that ends with this impact.
 
+        The keys are the numbers of the contacts. closed : whether each law is closed.
         Each contact is judged by its own flights. All series that end are ended at this
-        impact, as one accumulation; the result is empty if none of them strikes now.
+        impact, as one accumulation; the result is empty if none of their contacts
+        strikes now.
         """
         t = here.arc.t
         struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
@@ -417,7 +426,7 @@ class Contacts(Source):
         ends: dict[int, float],
         found: StateAfter,
     ) -> Kinematics:
-        """Compute and apply the impulses of some laws; return the laws after them.
+        """Compute and apply the impulses of some laws; return their state after them.
 
         Parameters
         ----------
@@ -426,9 +435,9 @@ class Contacts(Source):
         some : list of int
             Numbers of the laws with impulses.
         ends : dict of int to float
-            End times of the series of bounces that end with this impact.
+            End times of the series of bounces that end with this impact, by contact.
         found : StateAfter
-            Its state, rows, events and warnings are updated.
+            The record whose state, rows, events and warnings are updated.
         """
         arc, y, lift = here.arc, found.y, here.shape.lift
         before = y.copy()
@@ -496,7 +505,11 @@ class Contacts(Source):
         self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,
         *, ending: bool,
     ) -> None:  # fmt: skip
-        """Add warnings of an impact that is not unique, or that gains energy."""
+        """Add warnings of an impact that is not unique, or gains energy, to `found`.
+
+        some : numbers of the laws struck. ending : whether the impact ends a series of
+        bounces; then a gain is not reported.
+        """
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
@@ -508,7 +521,7 @@ class Contacts(Source):
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
-    """Return the depths of contacts in flight that turn back at their ground.
+    """Return the depths of contacts in flight that turn back at the ground, by number.
 
     A depth within the error of a gap is no impact: the closing speed, of the order of
     the square root of the depth, would be a jump of a thousand times the tolerance.
@@ -546,11 +559,11 @@ def laws_at(arc: Arc) -> LawsAt:
 
 
 def rest_soon(arc: Arc, within: float) -> None:
-    """Set the slips on discs that may stop within this time to be at rest.
+    """Raise the speed at which slips on discs count as stopped.
 
-    This applies where switches accumulate: a slip whose direction turns with the
-    switches vanishes at their limit, and friction along the remaining slip would hide
-    the effect of the switches.
+    A slip that may stop within a time is then at rest. This applies where switches
+    accumulate: a slip whose direction turns with the switches vanishes at their limit,
+    and friction along the remaining slip would hide the effect of the switches.
 
     Parameters
     ----------

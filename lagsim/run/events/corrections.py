@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def corrected_state(here: Kinematics, met: int) -> Floats | None:
-    """Return the state (size,) corrected for errors of the step that just ended.
+    """Return the state (size,) corrected for errors of the step just ended, or None.
 
     None where there is nothing to correct. met : the index of the law whose mode has
     ended, or -1.
@@ -84,11 +84,10 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
 
 
 def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
-    """Return the laws with the velocities of `here.y` corrected, in place.
+    """Return the laws after the velocities of `here.y` are corrected, in place.
 
-    Corrections of gaps may have changed the rates of stopped laws, which become 0.
-
-    stopped : ndarray of int, shape (r,), the numbers of these laws.
+    Corrections of gaps may have changed the rates of stopped laws, which become 0
+    again. stopped : ndarray of int, shape (r,), the numbers of these laws.
     """
     rates = here.rates[stopped]
     if not (np.abs(rates) > here.still[stopped]).any():
@@ -98,10 +97,10 @@ def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
 
 
 def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
-    """Set the velocities in y that laws hold from now on to their exact values.
+    """Set the velocities in y that laws hold from now on to exact values, in place.
 
     These are velocities that a single law determines: a switch at 0 of such a velocity
-    is decided by 0, and not by the rounding of the time at which it stopped.
+    is decided by 0, and not by the rounding of the time at which the velocity stopped.
 
     Parameters
     ----------

@@ -120,9 +120,11 @@ def _rests(
 ) -> bool:
     """Whether the motion can rest on surface k; if so, the modes are set to rest.
 
-    The surfaces `others` have to be at their level on both sides of k: one whose
-    expression jumps at k is at its level on one side only. They have to stay there
-    while the motion rests: an expression of the time, or of another body, leaves.
+    rows : of all surfaces. others : the other surfaces at their levels. levels, sizes,
+    left : see `come_to_rest`. The surfaces `others` have to be at their level on both
+    sides of k (a surface whose expression jumps at k is at its level on one side only),
+    and to stay there while the motion rests (an expression of the time, or of another
+    body, leaves).
     """
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     by_q = J[: arc.system.n]
@@ -185,12 +187,15 @@ def _stay(
 
     Parameters
     ----------
+    modes : SurfaceModes
     sides : mapping of int to ndarray, shape (K,)
         The sides of all surfaces, below and above the surface of the rest.
     rest, rates : ndarray, shape (size,)
         The state, and its rates.
     others : sequence of int
         The surfaces that are evaluated.
+    levels, sizes
+        See `come_to_rest`.
     """
     arc = modes.arc
     soon = min(SOON * arc.settings.duration, arc.settings.end - arc.t)
@@ -264,9 +269,10 @@ def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
 
 
 def _pushes(modes: SurfaceModes) -> Floats:
-    """Return d/dt of the surfaces' rates by forces at later times, (SAMPLES, K).
+    """Return J (q'', s') - b of all surfaces at later times, shape (SAMPLES, K).
 
-    The times are distributed geometrically from now to the end of the run.
+    These are the derivatives of the surfaces' rates by the forces. The times are
+    distributed geometrically from now to the end of the run.
     """
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
@@ -279,8 +285,8 @@ def _pushes(modes: SurfaceModes) -> Floats:
 def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
     """Return the velocity at which the root on surface k balances the largest force.
 
-    It is extrapolated by a power law from the roots at `floors` (K,) and at FARTHER
-    times these; infinite where the power law does not apply.
+    The velocity is extrapolated by a power law from the roots with `floors` (K,) and
+    with FARTHER times these floors; infinity where the power law does not apply.
     """
     small = _jump(modes, k)
     modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
@@ -320,6 +326,10 @@ class Crossing:
     the sides on which this expression depends. `decide` stores the selected modes in
     `modes`.
 
+    A surface at its level is open if the forces decide its side, and loose if the sides
+    of the open surfaces determine it. An open surface is hanging if its expression
+    depends on the side of another open one, and is at its level on some sides only.
+
     Attributes
     ----------
     known
@@ -353,7 +363,10 @@ class Crossing:
     rows: Rows = field(init=False)
 
     def find(self) -> None:
-        """Find the levels that the state is on; store the sides of other surfaces."""
+        """Find the levels that the state is on; store the sides of other surfaces.
+
+        `levels` is the level of each surface that the state is on.
+        """
         modes = self.modes
         self._evaluate()
         for k in modes.order:
@@ -413,10 +426,11 @@ class Crossing:
             self.stale.add(k)
 
     def _sort(self, k: int) -> None:
-        """Select the mode of surface k by its own rate where the rate is not 0.
+        """Select the side of surface k by its own rate where this rate is not 0.
 
         Otherwise k is appended to `open`, to be decided by forces, or to `loose`, if it
-        steps together with open surfaces.
+        steps together with open surfaces. Surfaces whose expressions are constant at
+        their level, or which constraints hold there, get the mode LEVEL.
         """
         modes = self.modes
         rows = self.rows
@@ -442,7 +456,7 @@ class Crossing:
             self.open.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
-        """Return the rate of surface k; 0 where below rounding.
+        """Return the rate of surface k; 0 where it is below rounding.
 
         Also 0 for a surface that depends on velocities or whose rate is known to be 0.
         """
@@ -458,8 +472,9 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the sides of the open surfaces determine the side of surface k.
 
-        On each side of these, and at their levels, where laws may hold the motion, its
-        expression may have another value, at a level or not, and at another level.
+        On each side of the open surfaces, and at their levels, where laws may hold the
+        motion, the expression of k may have another value, at a level or not, and at
+        another level.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)
@@ -491,7 +506,7 @@ class Crossing:
         return list(product(sides, repeat=count))
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
-        """Return an open surface whose gradient is a multiple of that of surface k.
+        """Return an open surface whose gradient is parallel to that of surface k.
 
         With the factor between both gradients; None if there is no such surface.
         """
@@ -505,7 +520,7 @@ class Crossing:
         return None
 
     def _settle(self, corner: Sequence[int]) -> set[int]:
-        """Store given sides of open surfaces, and sides that depend on these.
+        """Store given sides of open surfaces, and the sides that follow from these.
 
         Loose and hanging surfaces are put on the sides of their expressions' values. So
         is an open surface whose expression leaves its level beside other open ones.
@@ -518,7 +533,7 @@ class Crossing:
         Returns
         -------
         set of int
-            Surfaces whose expressions do not determine their side, because they keep
+            Surfaces whose expressions do not determine their side, because they stay at
             their level, or step together with an open surface.
         """
         modes, arc = self.modes, self.modes.arc
@@ -555,7 +570,7 @@ class Crossing:
     def _by_forces(self, now: list[int]) -> None:
         """Select the modes of the open surfaces by the forces on each side.
 
-        now : the present side of each open surface.
+        now : the present side of each open surface, kept where no solution is found.
         """
         cone = self._cone()
         # The surface just reached starts from its side, not from rest at its level.
@@ -573,7 +588,9 @@ class Crossing:
         self._take(found or now, cone.shares)
 
     def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
-        """Return the side to which short steps leave an open surface; None if neither.
+        """Return the side to which short steps leave an open surface: BELOW or ABOVE.
+
+        None where the motion stays on the surface.
 
         Parameters
         ----------
@@ -605,7 +622,9 @@ class Crossing:
         return None
 
     def _take(self, sides: Sequence[int], shares: Floats) -> None:
-        """Store the modes of open surfaces, and of the surfaces that these carry.
+        """Store the modes of open surfaces, and of the surfaces carried along.
+
+        Loose and hanging surfaces are carried by open surfaces that the motion follows.
 
         Parameters
         ----------
@@ -648,7 +667,10 @@ class Crossing:
         return leader in own or any(self._depends(j, leader) for j in others)
 
     def _cone(self) -> FilippovCone:
-        """Return the Filippov cone of the open surfaces and of laws that could act."""
+        """Return the Filippov cone of the open surfaces, with the laws that could act.
+
+        Open surfaces are those whose sides the forces decide.
+        """
         modes, arc = self.modes, self.modes.arc
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:
@@ -690,7 +712,10 @@ class Crossing:
         return cone
 
     def _put_laws(self, found: RowModes) -> None:
-        """Store modes of the laws, whose forces the following evaluations include."""
+        """Store modes of the laws, so that the next evaluations include their forces.
+
+        found : the modes of rows, those of the laws first.
+        """
         here = Kinematics(self.modes.arc, self.modes.arc.y)
         put_modes(here.arc, Chosen.of(here, self.laws, found))
 
@@ -720,7 +745,12 @@ class Crossing:
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
-        """Store the shares w (k,) of open surfaces as values between their sides."""
+        """Set the switch values of open surfaces between their sides, by shares w (k,).
+
+        The value is below + w (above - below), with w the share of the upper side; w =
+        LEVEL leaves it unchanged. Sides that depend on the open surfaces are set first,
+        with w rounded.
+        """
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
             if share != LEVEL:
@@ -728,14 +758,17 @@ class Crossing:
         self.modes.write()
 
     def _ahead(self, w: Floats, p: Floats) -> tuple[float, Floats]:
-        """Return a short time, and the changes per time of all rates (k + r,).
+        """Return a short time, and the derivatives of all rates (k + r,) by time.
+
+        They are difference quotients over that time: the rates of the k open surfaces,
+        then the accelerations of the r laws.
 
         Parameters
         ----------
         w : ndarray, shape (k,)
-            Shares of the open surfaces; their rates come first.
+            Shares of the open surfaces.
         p : ndarray, shape (r,)
-            Multipliers of the laws; their accelerations follow.
+            Multipliers of the laws.
         """
         modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.moment
         self._share(w)

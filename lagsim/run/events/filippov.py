@@ -148,7 +148,7 @@ class FilippovCone:
     def select(
         self, now: Sequence[int], still: Collection[int] = ()
     ) -> list[int] | None:
-        """Select a mode for each surface; None where no mode satisfies the conditions.
+        """Select a mode for each surface; None where no modes satisfy the conditions.
 
         Parameters
         ----------
@@ -178,9 +178,9 @@ class FilippovCone:
     def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
         """Return [k], the first surface with a solution on its other side alone, or [].
 
-        If the motion leaves a surface on both sides, `is_fork` is set. A surface to
-        which the motion returns from both sides is followed, although its rate
-        vanishes.
+        sides, trial : the sides selected, and their solution. If the motion leaves a
+        surface on both sides, `is_fork` is set. A surface to which the motion returns
+        from both sides is followed, although its rate vanishes.
         """
         self.is_fork = False
         for k in np.flatnonzero(trial.leads < math.inf).tolist():
@@ -207,9 +207,10 @@ class FilippovCone:
         return []
 
     def _change(self, w: Floats, j: int) -> Floats:
-        """Return the difference of the rates above and below surface j, at shares w.
+        """Return the difference of the rates (count + r,) above and below surface j.
 
-        w : shape (count,). The result has the accelerations of laws, too: (count + r,).
+        w : shape (count,), the shares of all surfaces. After the rates of the surfaces
+        the result has the accelerations of the laws.
         """
         below, above = w.copy(), w.copy()
         below[j], above[j] = BELOW, ABOVE
@@ -218,7 +219,7 @@ class FilippovCone:
     def _blended(self, w: Floats) -> Floats:
         """Return the rates (count + r,) at shares w, interpolated between corners.
 
-        The rates are linear in each of the shares.
+        w : shape (count,). The rates are linear in each of the shares.
         """
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
@@ -238,8 +239,8 @@ class FilippovCone:
     def _solved(self, sides: Corner) -> SideSolution | None:
         """Solve for all modes, with given sides of the surfaces that do not attract.
 
-        A surface at which laws alone hold the motion has the value at its level. None
-        where the problem has no solution.
+        A surface at which laws alone hold the motion has the value of its switch at the
+        level. None where the problem has no solution.
         """
         trial = self._solved_beside(sides, ())
         if trial is None or not trial.by_laws:
@@ -260,8 +261,8 @@ class FilippovCone:
     def _is_mean(self, k: int, w: Floats) -> bool:
         """Whether rates at the level of surface k are the means of both sides' rates.
 
-        They are for `sign`, and are not for a condition. w : shape (count,), the shares
-        of the other surfaces.
+        True for `sign`, False for a condition. w : shape (count,), the shares of the
+        other surfaces.
         """
         at, mean = w.copy(), w.copy()
         at[k], mean[k] = LEVEL, 0.5
@@ -269,7 +270,10 @@ class FilippovCone:
         return bool(np.all(off <= self.tolerance))
 
     def _is_inside(self, sides: Corner, trial: SideSolution) -> bool:
-        """Whether all multipliers of held laws are inside their bounds, clearly."""
+        """Whether the multipliers of all held laws are clearly inside their bounds.
+
+        sides, trial : the sides of the surfaces, and the solution with them.
+        """
         closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
         table = closed.table
         for k in np.flatnonzero(table.bounded).tolist():
@@ -389,7 +393,7 @@ WAYS = {Mode.HELD: SLIDING, Mode.REDUNDANT: REDUNDANT}
 
 
 def on_other_side(sides: Sequence[int], k: int, now: int = BELOW) -> Corner:
-    """Return the sides with surface k on its other side; LEVEL is replaced by `now`."""
+    """Return `sides` with surface k on its other side, or on `now` instead of LEVEL."""
     other = now if sides[k] == LEVEL else 1 - sides[k]
     return (*sides[:k], other, *sides[k + 1 :])
 
@@ -402,7 +406,7 @@ ASIDE = 1e-3
 
 
 class Rows(NamedTuple):
-    """The rows of K surfaces at a state.
+    """The linear relations of K surfaces at a state, J (q'', s') = b for sliding.
 
     Attributes
     ----------
@@ -464,8 +468,8 @@ class Selected(NamedTuple):
 class SurfaceModes:
     """The modes of the switching surfaces of a run, on trial at an instant.
 
-    `begin` reads them from the memory of the arc, and `write` writes them there, within
-    a trial (`run.modes`).
+    `begin` reads the modes from the memory of the arc, and `write` writes them there,
+    within a trial (`run.modes`).
 
     Attributes
     ----------
@@ -500,9 +504,10 @@ class SurfaceModes:
         self.begin(arc)
 
     def begin(self, arc: Arc, selected: Selected | None = None) -> None:
-        """Read the modes from the memory of the arc; `forget` all else.
+        """Read the modes from the memory of the arc.
 
-        selected : the rest of the modes, where they have been selected at this instant.
+        selected : the parts of the modes that the memory lacks, if modes have been
+        selected at this instant; else no surface is carried or watched.
         """
         self.arc, p = arc, arc.system.p
         self.kind = p.slides.copy()
@@ -517,11 +522,11 @@ class SurfaceModes:
             self.carried, self.watched = {**selected.carried}, [*selected.watched]
 
     def selected(self) -> Selected:
-        """Return the parts of the modes that are not in the memory."""
+        """Return the parts of the modes that are not in the memory of the arc."""
         return Selected(self.levels.copy(), {**self.carried}, (*self.watched,))
 
     def _ordered(self) -> list[int]:
-        """Return the surfaces, each after the surfaces on which it depends."""
+        """Return the numbers of the surfaces, each after those on which it depends."""
         found: list[int] = []
         left = list(range(self.count))
         while left:
@@ -553,17 +558,18 @@ class SurfaceModes:
     def store(self, **numbers: Floats) -> None:
         """Store arrays (K,) in the parameters p, by the names of their fields.
 
-        Further elements of these fields, of laws and of `until`, stay as they are.
+        Further elements of these fields, which belong to laws and `until`, stay
+        unchanged.
         """
         for name, each in numbers.items():
             getattr(self.p, name)[: self.count] = each
 
     def restore(self, value: Floats, kind: Floats) -> None:
-        """Restore the sides and kinds (K,) of all surfaces."""
+        """Restore the sides and kinds (K,) of all surfaces from copies."""
         self.value[:], self.kind[:] = value, kind
 
     def forget(self) -> None:
-        """Remove all surfaces from the modes of sliding, carried and watched ones."""
+        """Set all surfaces to be neither followed, nor carried, nor watched."""
         self.kind[:] = 0.0
         self.carried = {}
         self.watched = []
@@ -571,8 +577,9 @@ class SurfaceModes:
     def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
         """Set the mode of surface k: a side, sliding along its level, or rest at it.
 
-        level : of the surface. mode : BELOW, ABOVE, SLIDING, ... share : the share w of
-        the upper side where the mode is redundant.
+        level : the level of the surface. mode : BELOW, ABOVE, SLIDING, LEVEL or
+        REDUNDANT. share : the share w of the upper side in the value at LEVEL and for
+        REDUNDANT.
         """
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
@@ -582,23 +589,23 @@ class SurfaceModes:
         self.value[k] = values.get(mode, below)
 
     def way(self, k: int, level: float) -> float:
-        """Return 1 where surface k is above a level, -1 where it is below."""
+        """Return 1 where surface k is above `level`, -1 where it is below."""
         above = self.value[k] >= level if self.whole[k] else self.value[k] > 0.0
         return 1.0 if above else -1.0
 
     def put_clear(self, k: int, value: float) -> None:
-        """Set the side of surface k by its expression's value, not at a level."""
+        """Set the side of surface k by the value of its expression, off its levels."""
         self.kind[k] = 0.0
         sign = 1.0 if value > 0.0 else -1.0
         self.value[k] = math.floor(value) if self.whole[k] else sign
 
     def carry(self, k: int, carried: Carried) -> None:
-        """Set surface k to be carried by its leader, a followed surface."""
+        """Set surface k to be carried along by its leader, a followed surface."""
         self.kind[k] = kept.CARRIED
         self.carried[k] = carried
 
     def level(self, k: int, value: float) -> float:
-        """Return the level of surface k that is closest to a value."""
+        """Return the level of surface k that is closest to `value`."""
         return float(np.round(value)) if self.whole[k] else 0.0
 
     def write(self) -> None:
@@ -630,7 +637,7 @@ class SurfaceModes:
         p.most[:] = most
 
     def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
-        """Return the least and greatest values (K,) of expressions on sides (K,)."""
+        """Return the bounds, least and most (K,), of expressions on sides (K,)."""
         up, whole = sides > 0.0, self.whole
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         if self.has_whole:
@@ -639,14 +646,14 @@ class SurfaceModes:
         return least, most
 
     def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
-        """Return the rows of the surfaces at y (size,) and t (default: now)."""
+        """Return the rows of the surfaces at y (size,) and t; by default now."""
         arc = self.arc
         y, t = arc.y if y is None else y, arc.t if t is None else t
         (residuals, rates, b, scales), J = arc.surface_rows(t, y)
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Whether the expression of surface k is constant near the state."""
+        """Whether the expression of surface k is constant near the state reached."""
         seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
@@ -668,13 +675,11 @@ class SurfaceModes:
         )
 
     def held(self) -> dict[int, float]:
-        """Return the surfaces at whose level constraints hold the motion.
+        """Return the surfaces at whose level constraints hold the motion, with bounds.
 
-        Index -> bound.
-
-        Their rates are rounding on both sides, at other states and at later times. The
-        bound of each is the largest distance from its level that rounding causes in the
-        duration of the run.
+        The rates of these surfaces are rounding on both sides, at other states and at
+        later times. The bound of each is the largest distance from its level that
+        rounding causes in the duration of the run.
         """
         arc, span = self.arc, self.arc.settings.duration
         if not arc.system.m:
@@ -704,7 +709,7 @@ class SurfaceModes:
     def drifts(self) -> Floats:
         """Return the changes (K,) of the surfaces' expressions by rounding of forces.
 
-        These are changes in the duration of the run: where laws hold the motion at
+        The changes are those in the duration of the run: where laws hold the motion at
         rest, the sizes of positions and velocities so far may all be 0.
         """
         arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
@@ -720,7 +725,8 @@ class SurfaceModes:
     def changes(self, time: float) -> Floats:
         """Return the largest changes (K,) of the surfaces' expressions in a short time.
 
-        By the present rates, and by the terms of the forces.
+        They are computed from the present rates and from the terms of the forces. time
+        : in units of time.
         """
         arc, n = self.arc, self.arc.system.n
         reach = time * np.nan_to_num(np.abs(self.rates(arc.t, arc.y)))
@@ -733,14 +739,12 @@ class SurfaceModes:
         return np.asarray(found)
 
     def _aside(self, t: float) -> Floats:
-        """Return a state (size,) in general position near the one reached.
+        """Return a state (size,) in general position near the state reached.
 
         Each component is changed by a part of its range so far, or of its expected
-        range.
-
-        At the start of a run all ranges are 0. There the change of a component up to
-        time t by its rate is used; it is iterated, since components at rest are set in
-        motion by others, or by forces that begin at 0.
+        range. At the start of a run all ranges are 0. There the change of a component
+        up to time t by its rate is used; it is iterated, since components at rest are
+        set in motion by others, or by forces that begin at 0.
         """
         arc, state = self.arc, self.arc.state
         parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
@@ -755,9 +759,9 @@ class SurfaceModes:
         return np.asarray(arc.y + parts * reach)
 
     def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
-        """Return bounds (K,) of rounding in the rates at y.
+        """Return bounds (K,) of rounding in d/dt of the surfaces' rates at y and t.
 
-        -1 where a rate exceeds it.
+        -1 where such a derivative exceeds its bound, so that it is not rounding alone.
         """
         arc, rates = self.arc, self.forced(y, t)
         now = arc.t if t is None else t
@@ -771,11 +775,11 @@ class SurfaceModes:
         return self.arc.runner.function("surfaces", self.count)(t, y)
 
     def rates(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,) at t and y (size,), with the sides set."""
+        """Return y' (size,) at t and y (size,), with the sides written last."""
         return self.arc.field(t, y)
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
-        """Return q'' and s' (n + l,) at y and t (default: now), with the sides set."""
+        """Return q'' and s' (n + l,) at y and t (default: now), sides as written."""
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
 

@@ -47,7 +47,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
     ----------
     arc : Arc
     y : ndarray, shape (size,)
-        The state before it, with the modes after all acts of the instant.
+        The state before the impulse, with the modes after all acts of the instant.
     P : ndarray, shape (n,)
         The generalized impulse, for all coordinates of the model.
 
@@ -79,9 +79,10 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
 
 
 def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> Floats:
-    """Return the jump of the velocities (n,) and the impulses of the rows (R,).
+    """Return the jump of the velocities (n,), then the impulses of the rows (R,).
 
-    groups : see `ImpulseFunction.groups`.
+    now : masses and rows at the state. P : (n,), the generalized impulse. groups : see
+    `ImpulseFunction.groups`.
     """
     jump, given = np.zeros(len(P)), np.zeros(len(now.rows))
     for group, rows in groups:
@@ -104,7 +105,7 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
     before, after : ndarray, shape (size,)
         The states before and after the impact.
     laws : ndarray, shape (L,)
-        The impulses of the laws in it.
+        The impulses of the laws in the impact.
     """
     function, p = arc.system.impulses, arc.system.p
     if function is None:
@@ -122,10 +123,10 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
 
 
 def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
-    """Return x(1) of x' = change(x), x(0) = x, by the extrapolated midpoint rule.
+    """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
-    Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential
-    Equations I, section II.9.
+    Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations
+    I, section II.9.
     """
     done, length = 0.0, 1.0
     while done < 1.0:
@@ -143,7 +144,10 @@ def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
 def _extrapolated(
     change: Callable[[Floats], Floats], x: Floats, length: float
 ) -> tuple[Floats, bool]:
-    """Return x after one step of a length, and whether its error is negligible."""
+    """Return x after one step of a length, and whether its error is negligible.
+
+    The equation is x' = change(x), as in `_followed`.
+    """
     table: list[Floats] = []
     for k, count in enumerate(SUBSTEPS):
         h = length / count

@@ -48,13 +48,13 @@ class MassAndRows:
         self._links: dict[int, list[int]] = {}
 
     def is_of(self, n: int, laws: int, numbers: Floats) -> bool:
-        """Whether the arguments of the constructor are those of this object."""
+        """Whether this object was constructed from these arguments."""
         known = self._made_of
         return known[:2] == (n, laws) and np.array_equal(known[2], numbers)
 
     @cached_property
     def reply(self) -> Delassus:
-        """Accelerations of the laws per unit multiplier, on the equalities."""
+        """Accelerations of the laws per unit multiplier, where the equalities hold."""
         return delassus(self.M, self.equalities, self.rows)
 
     def lift(self, some: Sequence[int], rates: Floats) -> Floats:
@@ -101,7 +101,7 @@ _KEPT = 4
 
 
 def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
-    """Return the `MassAndRows` with these numbers: M, then rows; memoized.
+    """Return the `MassAndRows` of `numbers`, M (n, n) and then the rows; memoized.
 
     n, laws : the counts of coordinates and laws.
     """
@@ -118,7 +118,7 @@ def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
 def _probes(size: int) -> Floats:
     """Return relative changes (size,), about `PROBE`, that differ by component.
 
-    Effects of different changes cannot cancel each other.
+    The effects of different changes cannot cancel each other.
     """
     return np.array([PROBE * (0.5 + scattered(i, 0)) for i in range(size)])
 
@@ -217,11 +217,11 @@ class Kinematics:
         self.still = rounding + SAME_TIME * math.ulp(t) * self.pushes
 
     def at(self, y: Floats, t: float | None = None) -> Kinematics:
-        """Evaluate the laws at the state y (size,), with the grazing contacts."""
+        """Return the laws at the state y (size,) and t, with these grazing contacts."""
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
-        """Compute the laws' accelerations (L,) without forces of laws, and terms.
+        """Compute the laws' accelerations (L,) without forces of laws, and their terms.
 
         Stores `free`, `bounds`, `statics`, `accelerations`, `forces`, `pushes` and
         `moves`.
@@ -259,7 +259,7 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at t and at a state changed by a part PROBE of its sizes."""
+        """Return `_free` at t and at a state changed by the part PROBE of its sizes."""
         return self._free(t, self.y + _probes(len(self.y)) * self._known())
 
     @cached_property
@@ -283,7 +283,7 @@ class Kinematics:
         closed
             The numbers of the closed laws.
         met
-            The laws whose event functions were located at this time.
+            The numbers of the laws whose event functions were located at this time.
         """
         table, e, mu = self.table, self.restitutions, self.bounds
         bounded, gapped = table.bounded.tolist(), table.gapped.tolist()
@@ -327,7 +327,7 @@ class Kinematics:
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
     def _goes_below(self, k: int, met: Collection[int]) -> bool:
-        """Whether a bound of 0 or less is negative by more than rounding, or falls.
+        """Whether the bound of law k is clearly negative, or falls below 0.
 
         The bound of a law that was located (`met`) is 0 within rounding: it falls if it
         is negative shortly after, on the sides that are selected now.
@@ -347,7 +347,7 @@ class Kinematics:
 
     @cached_property
     def present(self) -> Floats:
-        """The accelerations (L,) of the laws with the forces of the present modes."""
+        """The accelerations (L,) of the laws with the forces in the present modes."""
         system = self.arc.system
         if not system.p.law_mode.any():
             return self.accelerations
@@ -355,7 +355,7 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Return the magnitude (size,) of each component that determines its rounding.
+        """Return the magnitudes (size,) of components that determine their rounding.
 
         They include the sizes of the terms of the rows, within whose rounding a row in
         force is satisfied. Rows of velocities have no terms of positions.
@@ -371,7 +371,7 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return y' (size,) without forces of laws; b, bounds and statics (L,)."""
+        """Return y' (size,) without forces of laws; then b, bounds and statics (L,)."""
         arc, p = self.arc, self.arc.system.p
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
@@ -383,7 +383,7 @@ class Kinematics:
         return field, b.copy(), bounds.copy(), statics.copy()
 
     def _field(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,) with the shares of the surfaces that the motion follows."""
+        """Return y' (size,) at t and y, with the shares of the surfaces followed."""
         arc = self.arc
         along = arc.rates(t, y) if arc.system.p.sliding else None
         field = arc.field(t, y)  # last, as it leaves b and the bounds of laws
@@ -420,7 +420,7 @@ class Kinematics:
         return found
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
-        """Return which of the L laws are closed.
+        """Return whether each of the L laws is closed.
 
         also : the numbers of laws that count as closed at any gap.
         """
@@ -435,12 +435,12 @@ class Kinematics:
         return closed
 
     def graze(self, depths: dict[int, float]) -> None:
-        """Store the depths of contacts that graze, which are not closed."""
+        """Store the depths of contacts that graze, which then are not closed."""
         self.grazing = depths
         self.closed = self._closed()
 
     def strikes(self, k: int) -> bool:
-        """Whether the rate of closed law k must jump."""
+        """Whether the rate of law k must jump if the law is closed."""
         rate, still = self._rates_and_still[0][k], self._rates_and_still[1][k]
         if self.table.is_one_sided[k]:
             return rate < -still
@@ -469,9 +469,9 @@ class Kinematics:
         return self.rates.tolist(), self.still.tolist()
 
     def is_off(self, parts: Floats) -> Flags:
-        """Return a mask (L,) of residuals beyond a part of their ranges and rounding.
+        """Return a mask (L,) of residuals beyond a part of their ranges plus rounding.
 
-        parts : ndarray, shape (L,)
+        parts : ndarray, shape (L,), the part for each law.
         """
         # Rounding of positions: that of the displacement by forces in the last step.
         rounded = SUM_ROUNDOFF * self.forces * self.arc.state.step_h**2
@@ -481,7 +481,7 @@ class Kinematics:
     def depth(self, k: int) -> float:
         """Return the depth below 0 that the gap of contact k reaches in flight.
 
-        Infinity where law k is no contact in flight, or its gap does not turn back.
+        Infinity where law k is no contact in flight, or the gap does not turn back.
         """
         flies = self.arc.system.p.law_mode[k] == kept.OFF
         back = self.present[k]
@@ -490,10 +490,10 @@ class Kinematics:
         return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
 
     def rest(self, k: int, restitution: float) -> float | None:
-        """Return the time for which contact k still bounces, if this is negligible.
+        """Return the time for which contact k still bounces, or None.
 
-        Bouncing is negligible where the height of the next flight is at most `least`.
-        Else None.
+        None if this time is not negligible: if the height of the next flight is more
+        than `least`. restitution : of the contact.
         """
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):
@@ -509,16 +509,16 @@ class Kinematics:
         return self.largest_rise(self.arc.plan.tolerance)
 
     def largest_rise(self, part: float) -> Floats:
-        """Return a part of the range (L,) of each gap, or more for its rounding.
+        """Return the part `part` of the range of each gap (L,), or more for rounding.
 
-        This is the rounding of the gap and of the time.
+        The rounding is that of the gap and of the time.
         """
         rounded = self.slack + math.ulp(self.t) * self.reach[1]
         least = np.maximum(part * self.reach[0], CLEAR_OF_ROUNDING * rounded)
         return np.asarray(least)
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
-        """Whether impulses of other laws change the rate of law k."""
+        """Whether impulses of the laws `others` change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
         return bool(
@@ -526,7 +526,7 @@ class Kinematics:
         )
 
     def are_spanned(self, some: Sequence[int], others: Sequence[int]) -> list[bool]:
-        """Return for each of some laws whether rows of others span its row."""
+        """Return for each law of `some` whether the rows of `others` span its row."""
         sizes = self.shape.slopes.max(axis=0)
         rows = self.rows / np.where(sizes > 0.0, sizes, 1.0)
         lengths = np.linalg.norm(rows, axis=1)[:, None]

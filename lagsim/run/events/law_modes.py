@@ -37,7 +37,7 @@ LATER = 10.0
 
 
 def put_modes(arc: Arc, chosen: Chosen) -> None:
-    """Store selected modes in the parameters that the kernels read."""
+    """Write the selected modes to the parameters that the kernels read."""
     p = arc.system.p
     own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
     p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
@@ -45,9 +45,9 @@ def put_modes(arc: Arc, chosen: Chosen) -> None:
 
 
 def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
-    """Return the state (size,) a short time later, to second order.
+    """Return the state (size,) after a short time `moment`, to second order.
 
-    p : ndarray, shape (r,), the multipliers of the laws `some`. moment : the time.
+    p : ndarray, shape (r,), the multipliers of the laws `some`.
     """
     rates = here.free.copy()
     rates[here.arc.velocities] += here.answer.response[:, some] @ p
@@ -129,11 +129,9 @@ class Chosen(NamedTuple):
 
     @classmethod
     def of(cls, here: Kinematics, some: list[int], found: RowModes) -> Chosen:
-        """Return the modes of all laws from the modes of the laws `some`.
+        """Return the modes of all laws from those of the laws `some`; others are off.
 
-        Others are off.
-
-        found : its first rows belong to the laws `some`.
+        found : the modes of rows, of which the first belong to the laws `some`.
         """
         mode, direction = np.zeros((2, here.count))
         r = len(some)
@@ -148,7 +146,7 @@ class Chosen(NamedTuple):
 def chosen_modes(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
     """Select the modes by the accelerations of the laws `some`, which could act.
 
-    `left`: how often each law has reached the limit of its multiplier at this time.
+    left : how often each law has reached the limit of its multiplier at this time.
     """
     if not some:
         none = np.empty(0)
@@ -224,7 +222,8 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
     """Return the time in which the forces on a slip change by as much as its friction.
 
-    Evaluated at ever later times, since a force may begin to change at a rate of 0.
+    The change is evaluated at ever later times, since a force may begin to change at a
+    rate of 0. At most the time to the end of the run.
 
     Parameters
     ----------
@@ -250,7 +249,10 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 
 
 def set_slack(here: Kinematics, found: Chosen) -> None:
-    """Store the slacks and bands of laws, so that rounding ends no mode."""
+    """Store the slacks and bands of laws, so that rounding ends no mode.
+
+    found : the modes selected.
+    """
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
     slack, table, mode = p.slack[K:], here.table, found.mode
     slack[:] = 0.0
@@ -278,7 +280,7 @@ def set_slack(here: Kinematics, found: Chosen) -> None:
 
 
 def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -> None:
-    """Store slack and band of a slider without mass in `size` and `band` (L,).
+    """Store slack and band of slider k, which has no mass, in `size` and `band` (L,).
 
     A lossless slider may return to its limit.
     """
@@ -290,9 +292,9 @@ def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -
 
 
 def changes(here: Kinematics, before: Floats) -> Iterator[Event]:
-    """Return events of constraints that now hold and did not before, or the reverse.
+    """Yield the events of laws that now hold and did not before, or the reverse.
 
-    `before`, shape (L,): the modes before.
+    before : shape (L,), the modes before.
     """
     t, now = here.arc.t, here.arc.system.p.law_mode
     if (now == before).all():

@@ -49,7 +49,7 @@ NOTHING = Due()
 
 
 class Before(NamedTuple):
-    """Table row just before the time reached, and the velocity error before it.
+    """Table row just before the time reached, and the velocity error there.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ class Sections:
         self._blocks: list[list[Floats]] = [[] for _ in asked]
 
     def begin(self, arc: Arc) -> None:
-        """Activate the search for sections in the kernels."""
+        """Start the search for sections in the kernels of the first arc."""
         state, model = arc.state, arc.equations.model
         asked = model.output.sections
         state.sought = 1.0
@@ -45,7 +45,7 @@ class Sections:
         state.periods[:] = periods(model)
 
     def take(self, arc: Arc, until: float = np.inf) -> None:
-        """Store the rows located up to the time `until`, with the modes of the arc.
+        """Store the rows located up to the time `until`, in the modes of the arc.
 
         States located later than `until` remain in the memory of the kernels.
         """
@@ -78,7 +78,7 @@ class Sections:
         self.take(arc)
 
     def tables(self, order: list[str]) -> dict[str, Floats]:
-        """Return the rows of each section, shape (k, columns), by name."""
+        """Return the rows of each section, shape (k, columns), by name in `order`."""
         nothing = np.empty((0, self._columns))
         return {
             name: np.concatenate([nothing, *self._blocks[self.names.index(name)]])
@@ -95,7 +95,8 @@ def periods(model: Model) -> list[float]:
 def too_many_strobes(model: Model, settings: Settings) -> list[Problem]:
     """Return a problem for each strobe whose period is too short or not positive.
 
-    A period is too short where the run has `STROBES` of these periods or more.
+    A period is too short where the run has `STROBES` of these periods or more; the list
+    is empty if there is no such strobe.
     """
     strobes = [x for x in model.output.sections if x.every is not None]
     return [

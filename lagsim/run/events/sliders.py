@@ -76,12 +76,12 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the relative distance to its limit at which a force counts as at it."""
+    """Return the distance of a force to its limit, over the limit, that counts as 0."""
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
 def select_sliding(arc: Arc, y: Floats) -> Settled:
-    """Select the sliding sliders at the state y, shape (size,), and their velocities.
+    """Select the sliding sliders at the state y (size,), and their velocities.
 
     The modes are stored in the parameters of the kernels.
     """
@@ -89,7 +89,7 @@ def select_sliding(arc: Arc, y: Floats) -> Settled:
 
 
 class _Sliders:
-    """The sliders of a run at a state, each with the number of its first row."""
+    """The sliders of a run at a state, each by the number of its first row."""
 
     def __init__(self, arc: Arc, y: Floats) -> None:
         self.arc, self.y, self.p = arc, y.copy(), arc.system.p
@@ -107,7 +107,7 @@ class _Sliders:
         self._measure()
 
     def settled(self) -> Settled:
-        """Return the state with sticking sliders at rest, and others in motion."""
+        """Return the state after the selection of the sliders that slide."""
         past = self._past(self.elastic, SATISFIED)
         jumps = bool(past)
         if jumps:
@@ -143,8 +143,9 @@ class _Sliders:
     def _past(self, some: list[int], part: float) -> list[int]:
         """Return the sliders of `some` whose forces exceed their limits.
 
-        They exceed the limit by the part `part` of it and by rounding; with a negative
-        part, they exceed the limit less this part and less rounding.
+        A force exceeds its limit if it is larger by the part `part` of the limit and by
+        rounding; with a negative part, if it exceeds the limit less this part and
+        rounding.
         """
         found, here = [], self._at(self.own)
         for k in some:
@@ -173,7 +174,7 @@ class _Sliders:
                 return
 
     def _at(self, some: Collection[int], later: float = 0.0) -> Kinematics:
-        """Evaluate the kinematics with the sliders `some` set to slide.
+        """Evaluate the laws with the sliders `some` set to slide.
 
         later : the time from now, by which the state advances at its present rates.
         """
@@ -197,10 +198,10 @@ class _Sliders:
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
         """Return the sliders of `edge` that slide, now or at a time `later` from now.
 
-        This solves a linear complementarity problem of r rows. Its matrix D (r, r) has
-        the decrease of the rate of each row per unit slip of each slider against its
-        force. A slider in dampers has two rows, the margins of its force to both
-        limits. Where a limit is 0 the slip has either sign, which is stored.
+        A linear complementarity problem of r rows is solved. Its matrix D (r, r) is the
+        decrease of the rate of each row per unit slip of each slider against its force.
+        A slider in dampers has two rows, the margins of its force to both limits. Where
+        a limit is 0 the slip has either sign, which is stored.
         """
         slides, sticks = self._at(edge, later), self._at((), later)
         both = [k for k in edge if k in self.viscous]

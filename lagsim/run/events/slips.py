@@ -226,7 +226,7 @@ def _derivative(x: Floats) -> Floats:
 
 
 def _own(D: Floats) -> Floats:
-    """Return the largest acceleration (P,) of each slip per unit of its own friction.
+    """Return the largest acceleration (P,) of each slip by a unit of its friction.
 
     D : shape (2 P, 2 P), the Delassus matrix.
     """

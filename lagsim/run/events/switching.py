@@ -129,7 +129,7 @@ class Switching(Source):
         return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:
-        """Report the points of tables that the kernel has passed.
+        """Return a decision with the events of the table points that the kernel passed.
 
         Points of a smooth table are events only where y' jumps.
         """
@@ -148,9 +148,10 @@ class Switching(Source):
         return Decision(events=tuple(events))
 
     def _reached(self, arc: Arc, k: int) -> Decision:
-        """Return the decision to settle at the instant at which surface k is reached.
+        """Return the decision to settle where surface k reaches its level.
 
-        The decision has the distance of the surface from its level, before any act.
+        `Located.off` is twice the remaining |expression - level|; 0 for a carried
+        surface, whose expression has another value above its leader.
         """
         modes, off = self.modes, 0.0
         if arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
@@ -159,7 +160,7 @@ class Switching(Source):
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
-        """Whether a surface of velocities is at its level, but for rounding."""
+        """Whether a surface of velocities is at its level, except for rounding."""
         modes = self.modes
         if not np.any(modes.on_rates):
             return False
@@ -176,9 +177,9 @@ class Switching(Source):
         )
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision at a located switch, or ahead of one that is near.
+        """Return the decision at a located switch, or ahead of a surface that is near.
 
-        Else None.
+        None if the code of the kernel concerns no switch.
         """
         self.modes.begin(arc)
         if code == at.SWITCH_FOUND:
@@ -270,9 +271,10 @@ class Switching(Source):
     ) -> tuple[list[Event], frozenset[int]]:
         """Stop velocities that do not lead onto the sides selected at corners.
 
-        The velocities in y are projected onto the rows of both sides. So are velocities
-        that forces reverse before the position changes by more than rounding; then the
-        events of rest are returned, and the corners at which velocities are stopped.
+        The velocities in y are projected onto the rows of both sides of a corner. So
+        are velocities that forces reverse before the position changes by more than
+        rounding. Return the events of rest by the latter, and the corners at which
+        velocities are stopped.
 
         Parameters
         ----------
@@ -327,9 +329,10 @@ class Switching(Source):
         return any(self.slides[k] for k in arc.system.switches.corners)
 
     def _projected(self, *, resting: bool) -> Floats | None:
-        """Return the state (size,) projected onto the surfaces followed.
+        """Return the state (size,) projected onto the surfaces followed, or None.
 
-        None where the projection changes the state too far.
+        None where the projection changes the state too far. resting : whether the
+        motion rests on surfaces, where a larger change is allowed.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
@@ -349,7 +352,7 @@ class Switching(Source):
         return y
 
     def _known(self, surfaces: SurfacesAt) -> dict[int, float]:
-        """Return the surfaces known to be at their levels: index -> largest distance.
+        """Return the surfaces known to be at their levels, with largest distances.
 
         These are the surface reached last, with its distance then, and the surfaces at
         whose levels constraints hold the motion, with the rounding of the constraints.
@@ -367,7 +370,10 @@ class Switching(Source):
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
-        """Return a caution, once, that the motion past surfaces is not unique."""
+        """Return a caution, once, that the motion past surfaces is not unique.
+
+        several : the numbers of the surfaces; () is returned if there are none.
+        """
         names = self._names(several)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
@@ -442,7 +448,7 @@ class Switching(Source):
     ) -> SidesFound:
         """Select the modes at surface k, which the motion has just reached.
 
-        Where switches accumulate, the state is taken as at rest on their surfaces.
+        Where switches accumulate, the state counts as at rest on their surfaces.
         Arguments: see `select`.
         """
         self.approaches = 0
@@ -477,7 +483,7 @@ class Switching(Source):
         return found._replace(decision=found.decision._replace(ending=ending))
 
     def _near(self, within: float) -> list[int]:
-        """Return the surfaces whose levels the motion can reach in a time.
+        """Return the surfaces whose levels the motion can reach in the time `within`.
 
         Where switches accumulate no other surface is at its level.
         """
@@ -489,23 +495,21 @@ class Switching(Source):
         return [k for k, x in enumerate(off) if x <= most[k]]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
-        """Return the event of an accumulation of switches of surface k.
+        """Return the event, at `time`, of an accumulation of switches of surface k.
 
-        time : of the event. At the corner of an equality it has the name of the
-        equality.
+        At the corner of an equality the event has the name of the equality.
         """
         corner = arc.system.switches.corners.get(k)
         name = corner.rows[0] if corner else None
         return Event(time, "zeno", name, switch=self.sides[k].text)
 
     def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
-        """End an arc ahead of a surface that no step can pass.
+        """Return the decision to end an arc ahead of a surface that no step can pass.
 
         On the other side the branch in force may have no finite value (a root, an
         inverse). Where the state is on a surface already, or no step leads to it, the
-        surface counts as reached.
-
-        short : whether the arc ended before its planned end.
+        surface counts as reached. short : whether the arc ended before its planned end;
+        if so, another arc begins where no surface is near, else None is returned.
         """
         found = self._time_ahead(arc)
         if found is None:
@@ -516,11 +520,10 @@ class Switching(Source):
         return self._reached(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return the next surface, if it is reached already, and a time just before it.
+        """Return the next surface if it is reached already, and a time just before it.
 
-        The first is None if it is not reached.
-
-        None alone where no surface is near.
+        The first is None if the surface is not reached. None alone where no surface is
+        near.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:
@@ -534,11 +537,11 @@ class Switching(Source):
         return k if hit else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
-        """Pass a surface that the state is on within rounding; else None.
+        """Return the decision to pass a surface that the state is on, or None.
 
         Far from the origin no double lies between the position and the surface, and
         steps too short to change the position make no progress. A series method that
-        does not leave a surface is replaced.
+        does not leave a surface is replaced. None where the state is on no surface.
         """
         k, ahead = self._next(arc)
         if ahead < math.inf and self._is_on(arc, k):
@@ -551,7 +554,7 @@ class Switching(Source):
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Return the surface that the motion reaches next, and the time to it.
 
-        By the present rates; the time is inf if no surface is approached.
+        The time is computed from the present rates; inf if no surface is approached.
         """
         modes = self.modes
         rows = modes.rows()

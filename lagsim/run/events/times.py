@@ -68,9 +68,9 @@ class _Ahead(Source):
         return self._arc.parameters | self._modes
 
     def _is_other(self, arc: Arc) -> bool:
-        """Whether modes on which breaks depend have changed.
+        """Whether modes of the file on which breaks depend have changed.
 
-        If so, search again from now.
+        If so, the breaks are searched again from now on.
         """
         modes = {name: arc.modes[name] for name in self._names}
         if modes == self._modes:
@@ -150,7 +150,7 @@ class KnotTimes(_Ahead):
             pass_knots(p, arc.t + p.apart)
 
     def _rounding(self, clock: TimedTable) -> float:
-        """Return a bound of the rounding error of the times of knots."""
+        """Return a bound of the rounding error of the times of a table's knots."""
         at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
         ends = self._start, self._arc.settings.end
         x, a = (max(map(abs, pair)) for pair in zip(*map(at, ends), strict=True))
@@ -169,7 +169,7 @@ class KnotTimes(_Ahead):
         self._are_events, self._told = [x[-1] for x in found], 0
 
     def passed(self, arc: Arc) -> Decision:
-        """Report the knots that the kernel has passed, where they are events."""
+        """Return a decision with the events at knots that the kernel has passed."""
         p, first = arc.system.p, self._told
         if p.passed == first:
             return GO_ON
@@ -183,9 +183,9 @@ class KnotTimes(_Ahead):
         return Decision(events=tuple(events))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Write further knots to the kernel's memory if it has passed all.
+        """Write further knots to the kernel's memory if all in it are passed.
 
-        Else return None.
+        None for codes of the kernel other than `KNOTS_PASSED`.
         """
         if code != at.KNOTS_PASSED:
             return None
@@ -228,7 +228,7 @@ class TimeBreaks(_Ahead):
         return [*(modes[k].discrete for k in self._own), *ends]
 
     def select(self, arc: Arc) -> None:
-        """Set the branches of time switches for the interval up to the next break."""
+        """Set the branches of switches of t for the interval up to the next break."""
         if self._is_other(arc):
             self._discrete, self._next = None, self._following(inf)
         if self._own:
@@ -241,7 +241,7 @@ class TimeBreaks(_Ahead):
         arc.runner.prepare()
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
-        """Return the time of the next break."""
+        """Return the time of the next break; inf after the last."""
         return (self._next,)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -288,16 +288,16 @@ FORESEEN = 1e-2
 class Pulses(Source):
     """Sizes of the changes that pulses of t alone will cause, for error control.
 
-    Without them the error control would resolve the tail of a wide pulse, a hundred
-    powers of ten below its peak, down to rounding. A pulse between the samples has no
-    size until a step over it is rejected (`methods.parts.search`).
+    Without these sizes the error control would resolve the tail of a wide pulse, a
+    hundred powers of ten below its peak, down to rounding. A pulse between the samples
+    has no size until a step over it is rejected (`methods.parts.search`).
     """
 
     def __init__(self) -> None:
         self._seen = -inf  # up to this time
 
     def set_out(self, arc: Arc) -> Decision:
-        """Return the decision with sizes for error control, by pulses ahead."""
+        """Return the decision that raises the sizes of components by pulses ahead."""
         if arc.t < self._seen:
             return GO_ON
         self._seen = arc.end
@@ -324,7 +324,7 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
     Returns
     -------
     list of float
-        The samples at which a term is closest to the value where it acts.
+        The samples at which a term is closest to the argument of its pulse.
     """
     graph, timed = arc.equations.graph, arc.system.timed
     values: dict[str, Any] = {**arc.parameters, "t": times}
@@ -348,7 +348,8 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
 def _pushed(arc: Arc, time: float) -> Floats:
     """Return the changes (size,) of the state by the forces at a later time.
 
-    The forces act for the part `FORESEEN` of the interval between samples.
+    The forces act for the part `FORESEEN` of the interval between samples. 0 where a
+    change is not finite.
     """
     state, velocities = arc.state, arc.velocities
     width = FORESEEN * (arc.end - arc.t) / SAMPLES

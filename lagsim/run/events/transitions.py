@@ -71,9 +71,10 @@ class Transitions(Source):
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
 
     def start(self, arc: Arc) -> Decision:
-        """Return the events that acted at the start, before the first row.
+        """Return the decision with the events that acted at the start.
 
-        Their modes are those of the first arc. Their impulses are given here.
+        They acted before the first row; the first arc has their modes. The impulses of
+        these events are applied here.
         """
         begun = arc.equations.begun_by
         events, state = arc.equations.model.events, arc.state
@@ -97,8 +98,9 @@ class Transitions(Source):
     def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Store which conditions are true at the start, after all modes are set.
 
-        Return the conditions that become true there, see `Truth.become_at_start`;
-        `before` are the values before the impacts at the start, if any.
+        Return the conditions that become true there, see `Truth.become_at_start`.
+        before : the values of the conditions before the impacts at the start, or None
+        without impacts.
         """
         if not len(arc.state.orientation):
             return NOTHING
@@ -118,8 +120,8 @@ class Transitions(Source):
     def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> Due:
         """Return the events that are due by the state just before an instant.
 
-        comes_to_rest : whether a law or a surface may hold a rate at 0 from then on, so
-        that `if(x_dot < 0, 1, 0)` stays 0.
+        comes_to_rest : function of the arc, whether a law or a surface may hold a rate
+        at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
         """
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
@@ -137,8 +139,9 @@ class Transitions(Source):
     def due_after(self, arc: Arc, *, struck: bool, looked_at: bool) -> Due:
         """Return the events that are due by the state after all acts and impacts.
 
-        struck, looked_at : whether velocities have jumped since conditions were
-        decided; whether their truth before is known.
+        struck : whether velocities have jumped since the conditions were decided.
+        looked_at : whether the truth of the conditions just before the instant is
+        stored; if not, it is evaluated here.
         """
         if not len(arc.state.orientation):
             return NOTHING
@@ -217,10 +220,11 @@ class Transitions(Source):
     def _returned(
         self, arc: Arc, due: Due, acts: ActsAt
     ) -> tuple[ActsAt, Ending | None]:
-        """Add a visit, and return the ending of a run whose impulses lead back to it.
+        """Return the acts with this visit added, and the ending of a cycle, or None.
 
-        The modes and the velocities are equal to those before an earlier round of the
-        instant, with the same events.
+        A cycle: the impulses lead back to the modes and the velocities before an
+        earlier round of the instant, with the same events. In a model without impulses
+        the acts are returned unchanged.
         """
         if not self.kicks:
             return acts, None
@@ -239,9 +243,9 @@ class Transitions(Source):
     def _kicked(
         self, arc: Arc, impulse: Floats, y: Floats | None = None
     ) -> tuple[Floats, JumpImpulses, float]:
-        """Return the state after an impulse, its impulses, and the energy it brings.
+        """Return the state after an impulse, the impulses of rows, and the energy.
 
-        The state includes its work.
+        The energy is that which the impulse brings; the state contains it as work.
 
         Parameters
         ----------
@@ -257,7 +261,10 @@ class Transitions(Source):
         return after, given, energy
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
-        """Set the modes of event k; return an ending where a mode is not finite."""
+        """Set the modes of event k; return an ending if a mode is not finite.
+
+        None otherwise.
+        """
         events = arc.equations.model.events
         event, first = events[k], sum(len(x.sets) for x in events[:k])
         every = sum(len(x.sets) for x in events)
@@ -288,8 +295,9 @@ class Transitions(Source):
 def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
     """Return the ending of a run whose last round restores modes of an earlier one.
 
-    The events of these rounds undo each other at one instant. Within one round events
-    may restore modes: all were due together, and none follows from another.
+    None if it does not. The events of these rounds undo each other at one instant.
+    Within one round events may restore modes: all were due together, and none follows
+    from another.
     """
     *earlier, (_, before, _) = rounds
     seen = [modes for _, modes, _ in earlier]
@@ -307,7 +315,7 @@ def _chatter(rounds: Sequence[Round]) -> Ending:
 def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:
     """Return the generalized impulse (n,) of event k at the state reached.
 
-    And the ending of the run where the impulse is not finite.
+    With the ending of the run where the impulse is not finite, else None.
     """
     found = data_at(arc, arc.y).impulses[k]
     if np.isfinite(found).all():
@@ -317,5 +325,5 @@ def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:
 
 
 def _with_energy(event: Event, energy: float, names: Collection[str]) -> Event:
-    """Return an event with the energy of the impulses, if it is one of `names`."""
+    """Return the event, with the energy of the impulses if it is one of `names`."""
     return event._replace(energy=energy) if event.name in names else event

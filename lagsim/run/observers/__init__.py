@@ -71,7 +71,7 @@ class Keep:
 
 
 class Relay:
-    """Distribution of rows to a store and other observers, with its elapsed time.
+    """Distribution of rows to a store and other observers, with the time it takes.
 
     Attributes
     ----------
@@ -134,7 +134,8 @@ class Corners:
         """Store the rows just before and just after an event.
 
         Events no more than `within` apart are merged: the rows before the first and
-        after the last are kept. A slip on a disc may have many events before it stops.
+        after the last are kept. A slip on a disc may have many events before the slip
+        stops.
 
         Parameters
         ----------
@@ -152,7 +153,7 @@ class Corners:
 
 
 class Moments:
-    """Storage of the last row at each of given times; ends the run after the last time.
+    """Storage of the last row at each of given times; ends the run after them.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ class Moments:
         self.rows = np.full((len(times), columns), np.nan)
 
     def add(self, rows: Floats) -> None:
-        """Store the rows, among (k, columns), at the given times."""
+        """Store the rows, among rows (k, columns), that lie at the given times."""
         places = np.searchsorted(self._times, rows[:, 0])
         places = np.minimum(places, len(self._times) - 1)
         for k in np.flatnonzero(self._times[places] == rows[:, 0]):
@@ -281,7 +282,9 @@ class Measures(Extremes):
 
 
 def _merged(sums: Floats, rows: Floats) -> Floats:
-    """Return number, mean and squares (3, columns) with further rows (k, columns).
+    """Return number, mean and squares (3, columns), updated by rows (k, columns).
+
+    sums : (3, columns), the former values. nan do not count.
 
     Source: T. F. Chan, G. H. Golub, R. J. LeVeque, Algorithms for computing the sample
     variance, Amer. Stat. 37 (1983), eq. 2.1.

@@ -134,7 +134,7 @@ WRONG = 0.3
 
 
 def gained(balance: Floats) -> float:
-    """Return the net growth of energy - work (k,); 0 if it only oscillates.
+    """Return the net growth of energy - work (k,); 0 if the balance only oscillates.
 
     The growth is the difference of the medians of the last and the first tenth, if it
     exceeds the interquartile range of both tenths. If no later value comes near the
@@ -160,7 +160,10 @@ def gained(balance: Floats) -> float:
 
 
 def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
-    """Return energy - work (k,) from columns of rows; nan for inf - inf."""
+    """Return energy - work (k,) of rows (k, columns); nan for inf - inf.
+
+    energy, work : indices of the columns; work is None in a model without work.
+    """
     if work is None:
         return rows[:, energy]
     with np.errstate(invalid="ignore"):
@@ -178,9 +181,10 @@ def energy_parts(columns: Sequence[str]) -> dict[str, int]:
 def energy_in_play(
     places: Mapping[str, int], low: Floats, high: Floats, between_rows: float
 ) -> float:
-    """Return the energy in play of rows with these extremes of their columns.
+    """Return the energy in play of rows, from the extremes of their columns.
 
-    See `EnergyMonitor.energy_in_play`.
+    The energy in play is the largest energy that the motion exchanges, see
+    `EnergyMonitor.energy_in_play`.
 
     Parameters
     ----------
@@ -283,12 +287,11 @@ class EnergyMonitor:
 
     @property
     def energy_in_play(self) -> float:
-        """Largest of the kinetic energy and of the ranges of potential energy and work.
+        """Largest of the kinetic energy, and the ranges of energies and of the work.
 
-        The largest energy at the ends of steps is included, since the energy may vanish
-        in all rows, as that of a drive that reverses at each of the output times. A
-        model without kinetic and potential energy has the ranges of Lagrangian and
-        work, and the largest |energy|.
+        The energy at the ends of steps is included, since the energy may vanish in all
+        rows, as that of a drive that reverses at each of the output times. For a model
+        by its `lagrangian` alone, the range of the Lagrangian or the largest |energy|.
         """
         low, high = self._extremes.low, self._extremes.high
         return energy_in_play(self._parts, low, high, self.between_rows)
@@ -325,7 +328,7 @@ class EnergyMonitor:
         return float(np.max(found, initial=0.0))
 
     def states(self, most: int) -> Iterator[tuple[float, list[Floats]]]:
-        """Return t and [q, q', q'', s] of about `most` rows, the first row included.
+        """Yield t and [q, q', q'', s] of about `most` rows, the first row included.
 
         Rows are omitted from the time on at which the error of the energy exceeds the
         part `WRONG` of the largest energy so far, since the motion has diverged there.
@@ -347,7 +350,7 @@ GROWN = 1.1
 
 
 def _records(sizes: Floats, least: float) -> Flags:
-    """Mark the sizes (k,) that exceed `least` and every earlier size."""
+    """Return a mask (k,) of the sizes that exceed `least` and every earlier size."""
     top = np.maximum.accumulate(np.where(sizes > least, sizes, 0.0))
     return np.diff(top, prepend=0.0) > 0.0
 
@@ -405,8 +408,9 @@ class Growth:
     def since(self, bound: float, part: float = 0.0) -> float | None:
         """Return the first recorded time at which the noted magnitude exceeds `bound`.
 
-        Magnitudes up to the part `part` of the greatest one are left out. Where no
-        other one is recorded, the time is that of the greatest magnitude.
+        None if it never does. Magnitudes up to the part `part` of the greatest one are
+        left out; if only such magnitudes are recorded, the time is that of the greatest
+        one.
         """
         over = [(t, size) for t, size, noted in self._noted if noted > bound]
         found = next((t for t, size in over if not size <= part * self.size), None)
@@ -487,8 +491,8 @@ class ResidualMonitor:
     def constraint_since(self, name: str, part: float) -> float | None:
         """Return the time when |residual| first exceeds `part` of its scale so far.
 
-        It also exceeds that part of the greatest |residual|: where all terms are 0 but
-        for roundoff, they are no scale.
+        None if it never does. The residual also exceeds that part of the greatest
+        |residual|: where all terms are 0 but for roundoff, they are no scale.
         """
         return self._residuals[name].since(part, part)
 

@@ -50,7 +50,10 @@ LOW, LOW_T, HIGH, HIGH_T = range(4)
 
 
 def _with_room(array: Array, axis: int, rows: int) -> Array:
-    """Return an array with at least `rows` rows along an axis, doubled if too short."""
+    """Return an array with at least `rows` rows along an axis, doubled if too short.
+
+    The new rows are not initialized.
+    """
     shape = list(array.shape)
     if shape[axis] >= rows:
         return array
@@ -98,7 +101,7 @@ class _Envelope:
     def points(self, column: int) -> tuple[Array, Array]:
         """Return times and values of a column for a plot: two points per bucket.
 
-        In order of time; NaN for an empty bucket.
+        `column` is its index. The points are in order of time; NaN for an empty bucket.
         """
         kept = self._kept[:, : -(-self._rows // self.size), column].copy()
         values, times = kept[[LOW, HIGH]], kept[[LOW_T, HIGH_T]]
@@ -119,7 +122,7 @@ def _merged(first: Array, second: Array) -> Array:
 def _extremes(t: Array, values: Array, size: int) -> Array:
     """Return low, its time, high, its time of whole buckets: (4, n, width).
 
-    t : (n size,), values : (n size, width)
+    t : (n size,), values : (n size, width), size : the number of rows of a bucket.
     """
     # Contiguous along the rows, where argmin and argmax are vectorised.
     buckets = values.reshape(-1, size, values.shape[1])
