@@ -96,8 +96,9 @@ class Gauss(Fixed):
 def refusal(scene: Structure) -> str:
     """Return the reason why the method cannot handle a model, or "" if it can.
 
-    It cannot where constraints keep momenta from replacing the velocities, or where the
-    dense matrices of Newton's method would be too large.
+    scene : the structure of the model. The method cannot handle constraints, where
+    momenta cannot replace the velocities, and models too large for the dense matrices
+    of Newton's method.
     """
     if scene.constraints == "holonomic":
         return (
@@ -329,7 +330,7 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
 
 
 class Gauss4(Gauss):
-    """Memory of `gauss4`, with its tableau."""
+    """Memory of `gauss4`, with the tableau of the method."""
 
     stages: int = 2
     nodes: Floats = array("stages", C)

@@ -102,7 +102,7 @@ def displacement(radius: float) -> float:
 
 
 class GeneralizedAlpha(Fixed):
-    """Memory of the method's own acceleration, and of the factors of its equation."""
+    """Memory of the method: its accelerations, and the factors of Newton's matrix."""
 
     spectral_radius: float = option(
         RADIUS, 0.0, 1.0,
@@ -123,7 +123,7 @@ STATE = GeneralizedAlpha
 
 
 def start(s: GeneralizedAlpha, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start."""
+    """Begin an arc: evaluate y' and the method's acceleration at the start."""
     begin(s, p)
     aim(s, p)
     s.due = 1.0

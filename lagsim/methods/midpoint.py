@@ -44,7 +44,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class Midpoint(Gauss):
-    """Memory of `midpoint`, with its tableau."""
+    """Memory of `midpoint`, with the tableau of the method."""
 
     stages: int = 1
     nodes: Floats = array("stages", C)

@@ -234,7 +234,7 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
 def interpolate(s: Moreau, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """Write the state (size,) at the fraction x of the last step: on the chord.
 
-    Multipliers are those of the step. At an impact velocities and works jump in the
+    Multipliers are constant in a step. At an impact velocities and works jump in the
     middle of the step: there are no values in between, and no event.
     """
     n, h = s.n, s.step_h
@@ -295,7 +295,7 @@ def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
 
 
 def factor(p: Impulses) -> None:
-    """Factor M = L L^T within its envelope, once if it is constant."""
+    """Factor M = L L^T within its envelope, unless a constant M has been factored."""
     L = p.inertia_factor
     if p.factored >= 1.0:
         return

@@ -58,7 +58,7 @@ NOT_WORTH = 1.2
 
 
 def start(s: Radau, p: SparseNewton) -> None:
-    """Begin an arc: evaluate y' at its start, choose the first step."""
+    """Begin an arc: evaluate y' at the start, and choose the first step."""
     slope = s.slope
     derivative(s.t, s.y, p, slope)
     s.evaluations += 1.0
@@ -101,8 +101,8 @@ def step(s: Radau, p: SparseNewton) -> int:
 def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
     """Choose the next step after one of length h, and whether to keep the Jacobian.
 
-    ahead : the next step by the error. rejected : whether an attempt was rejected
-    before.
+    ahead : the length of the next step by the error estimates. rejected : whether an
+    attempt at the last step was rejected.
     """
     s.h = min(ahead, h) if rejected else ahead
     if s.ceiling > 0.0:
@@ -162,9 +162,10 @@ def change(s: Radau, error: float) -> float:
 
 
 def predict(s: Radau, h: float, error: float) -> float:
-    """Return the factor by which the step is divided, by two errors, IV.8 (8.25).
+    """Return the factor by which the step is divided, IV.8 (8.25).
 
-    h, error : the accepted step, and its error in units of the tolerance.
+    The factor follows from the errors of the last two steps. h, error : the accepted
+    step, and its error in units of the tolerance.
     """
     quotient = change(s, error)
     if s.previous_h > 0.0:

@@ -71,7 +71,10 @@ STATE = Rattle
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why the method cannot handle a model, or ""."""
+    """Return the reason why the method cannot handle a model, or "" if it can.
+
+    scene : the structure of the model.
+    """
     if scene.constraints not in ("none", "holonomic"):
         return (
             "it has constraints between velocities that fix no positions (`dop853` "

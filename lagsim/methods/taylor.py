@@ -86,7 +86,7 @@ def amplification(z: complex) -> float:
 
 
 def start(s: Taylor, p: Parameters) -> None:
-    """Begin an arc: compute the series at its start, choose the first step."""
+    """Begin an arc: compute the series at the start, and choose the first step."""
     c = s.series
     s.which = 0.0
     series(s.t, s.y, p, c)
@@ -292,7 +292,10 @@ STATE = Taylor
 
 
 def buffer(size: int, which: float) -> int:
-    """Return the offset in memory of series 0 or 1; for 2 the length of both."""
+    """Return the index in memory at which series 0 or 1 (`which`) begins.
+
+    For which = 2 it is the length of both series. size : the number of components of y.
+    """
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 

@@ -77,7 +77,10 @@ STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why positions and velocities cannot advance in turn, or ""."""
+    """Return the reason why positions and velocities cannot advance in turn, or "".
+
+    scene : the structure of the model.
+    """
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is Verlet's method for holonomic ones, "
@@ -91,7 +94,10 @@ def refusal(scene: Structure) -> str:
 
 
 def inseparable(scene: Structure) -> str:
-    """Return the reason why the motion does not split into kicks and drifts, or ""."""
+    """Return the reason why the motion does not split into kicks and drifts, or "".
+
+    scene : the structure of the model.
+    """
     instead = (
         "(`midpoint` and `gauss4` are symplectic for any Lagrangian, `dop853` follows "
         "any motion closely)"
@@ -138,7 +144,7 @@ amplification = partial(composed_amplification, (1.0,))
 
 
 def start(s: Symplectic, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start."""
+    """Begin an arc: evaluate y' at the start; set the lengths of kicks and drifts."""
     end = 0.0
     before = 0.0
     for stage in range(s.stages):

@@ -134,7 +134,10 @@ def array(length: Length, value: float | Sequence[float] = 0.0) -> Any:
 
 
 def part(whole: str, length: Length, first: Length = "") -> Any:
-    """Declare an array within the array `whole`, from its element `first` (or 0) on."""
+    """Declare an array within the array `whole`, from its element `first` (or 0) on.
+
+    length : as for `array`.
+    """
     return Field(
         ARRAY, 0.0, length, lambda memory: memory.place(whole) + memory.size_of(first)
     )

@@ -97,7 +97,7 @@ def formulate(
     equations : Equations
         The full equations.
     start : Start
-        Their start.
+        The start of the full equations.
     settings : Settings
     suits : function
         Whether the method can integrate given equations; always true for `auto`.
@@ -132,7 +132,9 @@ def formulations() -> list[str]:
 
 
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
-    """Return a fault, in a list, if there is no formulation `asked`, else [].
+    """Return a list with one fault if there is no formulation `asked`, else [].
+
+    place : where the name stands in the file, or None.
 
     Examples
     --------
@@ -171,7 +173,8 @@ def _whole(
 ) -> Formulation:
     """Return a formulation named `name` of the full equations, without reduction.
 
-    reason : of the choice. gain : the rate of `baumgarte`.
+    reason : of the choice. projected : whether states are projected. gain : the rate of
+    `baumgarte`.
     """
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
@@ -204,10 +207,12 @@ def _projection(rows: Sequence[Row]) -> str:
 def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
     """Return the formulation called `name`.
 
+    gain : the rate of `baumgarte`.
+
     Raises
     ------
     _CannotError
-        If it is impossible for these equations.
+        If the formulation is impossible for these equations.
     """
     e = equations
     if e.laws:
@@ -229,10 +234,12 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
 def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulation:
     """Return the formulation called `name`, of a model whose constraints always hold.
 
+    gain : the rate of `baumgarte`.
+
     Raises
     ------
     _CannotError
-        If it is impossible for these equations.
+        If the formulation is impossible for these equations.
     """
     if name == "elimination":
         reduction, why = _eliminated(e, start)
@@ -292,8 +299,8 @@ def _chosen(
 ) -> Formulation:
     """Return the cheapest formulation that the method can integrate.
 
-    Elimination is chosen where a step costs less than PAYS of that of the full
-    equations, or where the method cannot integrate the full equations.
+    suits : see `formulate`. Elimination is chosen where a step costs less than PAYS of
+    that of the full equations, or where the method cannot integrate the full equations.
     """
     whole = _full(equations, start)
     if equations.laws or not equations.rows or len(equations.q) > LARGEST:

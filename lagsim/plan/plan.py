@@ -136,7 +136,7 @@ class Plan:
 
     @property
     def newton(self) -> NewtonMatrix | None:
-        """Sparse Newton matrix of an implicit method; None where there is none."""
+        """Sparse Newton matrix of an implicit method; None where none is used."""
         if self.elimination is None:
             return None
         return newton_of(self.method, self.reduction.equations)
@@ -161,8 +161,8 @@ class Plan:
 def structure(equations: Equations) -> Structure:
     """Return the structure of `equations`: mass matrix, constraints, linearity.
 
-    Decided from the expressions alone: a structure that only appears at some values of
-    the parameters is not found.
+    The structure is decided from the expressions alone: one that only appears at some
+    values of the parameters is not found.
     """
     g, entries = equations.graph, equations.mass_nodes
     coupled = [together for _, together in equations.coupled]
@@ -231,8 +231,8 @@ NEARBY = 0.1
 def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
     """Return the length (m,) of each row at the start, in the metric of M.
 
-    For a row that vanishes at the start: the largest of its lengths at random states
-    nearby.
+    For a row that vanishes at the start, it is the largest length of the row at random
+    states nearby.
     """
     if not equations.rows:
         return ()
@@ -336,7 +336,8 @@ def _automatic(equations: Equations, solved: Elimination | None, rtol: float) ->
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
     """Return the estimated time of DOP853 divided by that of a Taylor series.
 
-    0 where the series is too long, or the tolerance is too loose for a series.
+    solved : the solution for q'' and lambda. rtol : the relative tolerance. 0 where the
+    series is too long, or the tolerance is too loose for a series.
     """
     names = equations.moving
     moving = equations.graph.dependent(motion_rates(equations, solved), names)
@@ -367,7 +368,8 @@ def _asked(
 def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
     """Raise InputError with the reason `why`, unless this is "".
 
-    The message states that the method `name` cannot handle the model.
+    The message states that the method `name` cannot handle the model. hint : advice for
+    the message.
     """
     if why:
         text = f"`{name}` cannot handle this model: {why}"
@@ -555,7 +557,10 @@ def eliminate(
 
 
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
-    """Whether the model's functions are too long to compile, and run from tapes."""
+    """Whether the model's functions are too long to compile, and run from tapes.
+
+    elimination : the solution for q'' and lambda; None where loops solve.
+    """
     if equations.graph.of((ELEMENTS,)):
         return True
     if elimination is not None:

@@ -192,7 +192,7 @@ def rest_of_row(n: int, k: int, row: Floats) -> float:
 def swap(p: Parameters, k: int, i: int) -> None:
     """Exchange rows k and i of Y, with their scales, right sides and indices.
 
-    Both are counted in the present order of pivots.
+    k, i : places in the present order of pivots.
     """
     n, Y, scales, right, order = p.n, p.Y, p.scales, p.w, p.order
     for j in range(n):
@@ -234,7 +234,7 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
-    """Apply the k-th reflection, stored in `row`, to x (n,)."""
+    """Apply the k-th reflection, stored in `row`, with factor `factor_k`, to x (n,)."""
     along = factor_k * (x[k] + mass.product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
     x[k + 1 : n] -= along * row[k + 1 : n]
@@ -262,6 +262,7 @@ def multipliers(p: Parameters, rank: int) -> None:
     """Store the solution lambda (m,) of R lambda = w of least norm, unscaled.
 
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
+    rank : of the rows.
     """
     x, out = p.x, p.multipliers
     x[:rank] = p.w[:rank]
@@ -478,9 +479,9 @@ def join(p: Parameters, label: Floats) -> None:
 
 
 def join_row(p: Parameters, k: int, label: Floats) -> int:
-    """Set the labels of the coordinates in row k of A to the lowest of these labels.
+    """Set the labels of the coordinates in row k of A to the lowest of them.
 
-    Return the number of changes.
+    label : (n,). Return the number of changes.
     """
     row = p.A[k * p.n :]
     least = inf
@@ -507,7 +508,7 @@ def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
 
 
 def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
-    """Set labels above `least` to `least` where row_j != 0, for begin <= j < end.
+    """Set label[j] above `least` to `least` where row_j != 0, begin <= j < end.
 
     Return the number of changes.
     """

@@ -204,7 +204,8 @@ def surface_functions(
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
     """Return `surfaces` and `surface_rows`, see `sliding`, and the pattern of J.
 
-    The pattern: index of the first element of each row, and column of each element.
+    The pattern is returned as two lists: index of the first element of each row, and
+    column of each element.
     """
     g = equations.graph
     flow = equations.flow
@@ -311,7 +312,10 @@ def functions(
 def section_functions(
     e: Equations, relations: list[int], state: Sequence[str]
 ) -> dict[str, list[int]]:
-    """Return the functions of sections: their relations, and slopes with term sizes."""
+    """Return the functions of sections: their relations, and slopes with term sizes.
+
+    relations : the nodes. state : the names of the components of y.
+    """
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
 
@@ -365,7 +369,10 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 def _solved(
     equations: Equations, plan: Plan, columns: Columns, *, switching: bool
 ) -> dict[str, list[int]]:
-    """Return the functions of equations that were solved symbolically, by name."""
+    """Return the functions of equations that were solved symbolically, by name.
+
+    switching : see `functions`.
+    """
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
     accelerations, multipliers = elimination.motion()

@@ -201,7 +201,10 @@ def copy_within(p: Parameters, i: int, x: Floats, out: Floats) -> None:
 
 
 def product_within(p: Parameters, i: int, a: Floats, b: Floats) -> float:
-    """Return the sum of a_j b_j over the columns j in the reach of row i."""
+    """Return the sum of a_j b_j over the columns j in the reach of row i.
+
+    a, b : (n,).
+    """
     found = 0.0
     for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
         for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
@@ -299,7 +302,10 @@ def solve_rows(p: Parameters, sliding: int) -> None:
 
 
 def solve_in_place(count: int, band: int, S: Floats, pivots: Floats, x: Floats) -> None:
-    """Replace x (count,) by S^-1 x; nan where S is singular."""
+    """Replace x (count,) by S^-1 x; nan where S is singular.
+
+    band, pivots : as for `decompose`.
+    """
     if decompose(1, count, band, S, pivots) == 0:
         x[:count] = nan
     else:
@@ -625,7 +631,7 @@ def group_rows(p: Parameters) -> None:
 
 
 def join_group(p: Parameters, first: int, number: int) -> int:
-    """Assign a group to all rows that hold and are coupled with row `first`.
+    """Assign group `number` to all rows that hold and are coupled with row `first`.
 
     Return the count of these rows.
     """

@@ -148,7 +148,10 @@ def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
 
 
 def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
-    """Return the names in exponents, which decide whether a power is localized."""
+    """Return the names in exponents, which decide whether a power is localized.
+
+    ends : expressions that end an arc.
+    """
     nodes = tuple(equations.of_motion)
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
 
@@ -218,7 +221,10 @@ class _Search:
         return found + [Indicator(args[0], kind) for kind in ACTS_WHERE.get(op, ())]
 
     def _members(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of the terms of elements, each for all members."""
+        """Return the indicators of the terms of elements, each for all members.
+
+        n : the node of the elements. those : see `_of`.
+        """
         g, of, args = self.g, payload(self.g, n), self.g.args[n][1:]
         some = [k for k, a in enumerate(args) if a in those]
         own = [x for x in of.slots if of.reads(x, frozenset(some))]

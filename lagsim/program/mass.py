@@ -44,6 +44,8 @@ def factor(p: Parameters) -> None:
 def cholesky(n: int, first: Floats, L: Floats) -> None:
     """Replace the lower triangle of L (n, n) by its Cholesky factor; nan if indefinite.
 
+    first : (n,), see `first_column`.
+
     Examples
     --------
     >>> import numpy as np
@@ -111,7 +113,10 @@ def augment_force(p: Parameters) -> None:
 
 
 def forward(n: int, first: Floats, L: Floats, x: Floats) -> None:
-    """Replace x (n,) by L^-1 x, L (n, n) lower triangular."""
+    """Replace x (n,) by L^-1 x, L (n, n) lower triangular.
+
+    first : (n,), see `first_column`.
+    """
     for i in range(n):
         value = x[i]
         for j in range(first_column(first, i), i):
@@ -142,7 +147,7 @@ def backward_mass(p: Parameters, x: Floats, out: Floats) -> None:
 
 
 def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
-    """Store L^-T x (n,) in out; x is overwritten."""
+    """Store L^-T x (n,) in out; x is overwritten. first : see `first_column`."""
     for k in range(n):
         i = n - 1 - k
         value = x[i] / L[i * n + i]

@@ -100,7 +100,7 @@ class RowPattern(NamedTuple):
 
 
 def _store(words: Floats, numbers: Iterable[int]) -> None:
-    """Store integers as the bits of doubles, which kernels read by `bits`."""
+    """Store integers as the bits of doubles, `words`, which kernels read by `bits`."""
     words.view("int64")[:] = list(numbers)
 
 
@@ -145,7 +145,7 @@ def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
 def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
     """Return for each row the indices, ascending, of rows that share a column with it.
 
-    n : number of columns.
+    reach : the columns of each row. n : number of columns.
     """
     holders: list[list[int]] = [[] for _ in range(n)]
     for k, own in enumerate(reach):

@@ -97,7 +97,7 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 
 
 def rounding_bounds(e: Equations, elimination: Elimination) -> list[int]:
-    """Return bounds of the rounding errors of rates, as `dense.rounding` does."""
+    """Return nodes of bounds of the rounding errors of rates, see `dense.rounding`."""
     g, n = e.graph, len(e.q)
     force_rounding = force_rounding_bounds(e)
     pairs = zip(force_rounding, _inertial(e, elimination), strict=False)

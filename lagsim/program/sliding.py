@@ -224,8 +224,8 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 def share_corners(p: Parameters) -> None:
     """Convert the forces that act at corners into shares of the upper sides, p.share.
 
-    A share is 1/2 where no force acts on a corner; it is -1, which ends the mode, for a
-    force where the constraint transmits none.
+    A share is 1/2 where no force acts on a corner; it is -1, which ends the mode, where
+    a force acts and the constraint transmits none.
     """
     width = 1 + p.m
     for k in range(p.surfaces):
@@ -300,8 +300,8 @@ def above(x: float, roundoff: float) -> float:
 def take_shares(sliding: int, p: Parameters) -> None:
     """Store the shares in p.share, and add sum_k w_k (f_k - f0) to the field.
 
-    A share whose combined field does not stay on its surface, beyond rounding, is set
-    to -1, which ends the mode.
+    sliding : the number of followed surfaces. A share whose combined field does not
+    stay on its surface, beyond rounding, is set to -1, which ends the mode.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -414,7 +414,8 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
     """Exchange rows so that the largest element of column k stands in row `row`.
 
-    Return 0 if the element is 0 within rounding, or if there is no such row; else 1.
+    B : (size, size); right : (size, 3). Return 0 if the element is 0 within rounding,
+    or if there is no such row; else 1.
     """
     if row >= size:
         return 0

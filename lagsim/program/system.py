@@ -588,7 +588,10 @@ class Pace:
         return ROWS * self.steps
 
     def lasted(self, seconds: float) -> None:
-        """Set the number of steps of the next call from the duration of the last."""
+        """Set the number of steps of the next call from the duration of the last.
+
+        seconds : that duration.
+        """
         if seconds > 2.0 * MOMENT:
             self.steps = max(1, int(self.steps * MOMENT / seconds))
         elif seconds < MOMENT:

@@ -80,7 +80,10 @@ def largest_shift(rtol: float | None) -> float:
 
 
 def empty_state(runner: Runner, options: Options = ()) -> State:
-    """Return a new state of a method, with only the method's options set."""
+    """Return a new state of the runner's method, with only the method's options set.
+
+    options : names and values of the options of methods.
+    """
     state = runner.empty.copy()
     for name, value in options:
         if name in state.fields:
@@ -118,13 +121,19 @@ NEAR = 500
 class Arc(NamedTuple):
     """A time interval with fixed modes, and the state reached in it.
 
-    The state is the memory of the kernels. It is passed from arc to arc; only arcs
-    and kernels write to it.
+    The state is the memory of the kernels. It is passed from arc to arc; only arcs and
+    kernels write to it.
 
     Attributes
     ----------
     equations : Equations
         Complete equations of motion; `system.equations` are the ones integrated.
+    start : Instant
+        Start of the run.
+    plan : Plan
+    system : System
+        Compiled functions of the plan.
+    settings : Settings
     runner : Runner
         Linked functions of the plan's method, or of the method for sliding.
     state : State
@@ -209,7 +218,7 @@ class Arc(NamedTuple):
         Parameters
         ----------
         y, rates : ndarray, shape (size,)
-            State and its rates y'.
+            State, and the rates y' there.
         moment : float
             The time step.
         """

@@ -271,7 +271,10 @@ class Run:
 
     @unless_overflow
     def begin(self) -> Ending | None:
-        """Begin the first arc; return the ending if the run ends at its start."""
+        """Begin the first arc; return the ending if the run ends at its start.
+
+        None if the run continues.
+        """
         ending = self._recorded(settle_start(self.arc, self.deciders))
         if ending is None:
             self._set_out(self.arc.settings.end)
@@ -291,7 +294,7 @@ class Run:
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
         """Integrate by one call of the kernel; return the ending if the run ends.
 
-        Arguments: see `whole`.
+        None if the run continues. most_steps, arc_steps : see `whole`.
         """
         arc = self.arc
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
@@ -328,7 +331,7 @@ class Run:
     def _hand_on_block(self) -> Ending | None:
         """Pass the finite rows of the last kernel call to the observers.
 
-        Return the ending if a row is not finite.
+        Return the ending if a row is not finite, else None.
         """
         arc = self.arc
         emitted = int(arc.state.emitted)
@@ -369,7 +372,10 @@ class Run:
         return not over
 
     def _meet(self, code: int) -> None:
-        """Replace the arc's time by the time of its instant, see `instants`."""
+        """Set the arc's time to the common time of its instant, see `instants`.
+
+        code : the kernel's return code.
+        """
         arc, settings = self.arc, self.arc.settings
         if is_same(settings, arc.t, self.record.t):
             arc.state.t = self.record.t
@@ -482,7 +488,7 @@ class Run:
     def _corner(self, code: int) -> Floats | None:
         """Return the columns (4, k) of states beside an event, see `_seen`; or None.
 
-        None where no rows beside events are stored.
+        code : the kernel's return code. None where no rows beside events are stored.
         """
         if not self.corners:
             return None

@@ -146,7 +146,10 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
-    """Return advice to use the method `ANY`; empty where this would not help."""
+    """Return advice to use the method `ANY`; "" where this would not help.
+
+    outcome : of the run.
+    """
     if outcome not in WHY or arc.runner.method.NAME == ANY:
         return ""
     if arc.plan.step is not None:
@@ -179,7 +182,10 @@ def _fastest(arc: Arc) -> str:
 
 
 def end_of_table(arc: Arc) -> Ending | None:
-    """Return the ending if a table without extrapolation is past its last point."""
+    """Return the ending if a table without extrapolation is past its last point.
+
+    None if no table is.
+    """
     g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
     cells = [
         (g.args[x.discrete], p.flat[arc.system.place(x.variable)])
@@ -219,7 +225,7 @@ class Unmet(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the ending if constraints are violated at `CHECKS` checks in turn.
 
-        None otherwise.
+        None otherwise. code : the kernel's; a check takes place at PAUSED.
         """
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
@@ -537,7 +543,10 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Whether each rate exceeds the part FAST of the largest; all True if all are 0."""
+    """Return a mask of the speeds that exceed the part FAST of the largest speed.
+
+    All are True if all speeds are 0.
+    """
     fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
     return fast
 
@@ -564,7 +573,10 @@ def _trial(arc: Arc) -> tuple[State, State]:
 
 
 def _cost(arc: Arc, before: State, after: State) -> float:
-    """Return the number of operations per unit of simulated time between two states."""
+    """Return the number of operations per unit of simulated time between two states.
+
+    before, after : the states; inf if no time has passed.
+    """
     n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t
     if passed == 0.0:

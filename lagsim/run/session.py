@@ -112,7 +112,7 @@ class Case(NamedTuple):
         return self._replace(settings=self.settings._replace(**other))
 
     def at(self, state: Instant) -> Case:
-        """Return the case with another start, which is not examined again."""
+        """Return the case with the start `state`, which is not examined again."""
         return self._replace(examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
@@ -133,6 +133,8 @@ class Case(NamedTuple):
         self, plan: Plan | None = None, *, clock: Stopwatch | None = None
     ) -> Session:
         """Compile the case by `plan`, by default by its own plan.
+
+        clock : receives the time of each stage.
 
         Raises
         ------

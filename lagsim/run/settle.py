@@ -87,7 +87,7 @@ class Deciders(NamedTuple):
 def unless_overflow(
     work: Callable[P, Ending | None],
 ) -> Callable[P, Ending | None]:
-    """Decorate a stage of a run: an overflow in Python ends the run.
+    """Decorate the stage `work` of a run: an overflow in Python ends the run.
 
     Kernels check each state themselves. Events are computed in Python, which raises
     ArithmeticError or ValueError where numpy returns inf and nan.
@@ -115,7 +115,7 @@ def is_overflow(error: Exception) -> bool:
 def phase(
     work: Callable[[InstantRecord, Deciders], InstantRecord],
 ) -> Callable[[InstantRecord, Deciders], InstantRecord]:
-    """Decorate a phase, which then does nothing once the run has ended.
+    """Decorate the phase `work`, which then does nothing once the run has ended.
 
     An overflow in the phase ends the run.
     """

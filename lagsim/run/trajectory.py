@@ -234,7 +234,10 @@ class Source:
     def once(
         self, code: WarningCode, text: str, about: str = ""
     ) -> tuple[Caution, ...]:
-        """Return a caution, unless one of its code and subject was returned."""
+        """Return a caution with `text`, or () if one about the subject was returned.
+
+        code : of the caution. about : the subject; each code has subjects of its own.
+        """
         if f"{code} {about}" in self._warned:
             return ()
         self._warned |= {f"{code} {about}"}

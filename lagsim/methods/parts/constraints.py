@@ -390,7 +390,7 @@ def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
 
 
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
-    """Remove, from errors of q and q' (2 n,), the part that projection removes.
+    """Remove, from `error` (2 n,) of q and q', the part that projection removes.
 
     h : the length of the step. Return twice the kinetic energy of that part, as
     velocities (errors of q over h), relative to the energy of the mechanism.

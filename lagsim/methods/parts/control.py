@@ -234,7 +234,7 @@ def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
 def compute_tolerances(
     s: Control, p: Parameters, new: Floats, rates: Floats, h: float
 ) -> None:
-    """Compute the tolerances, see `set_tolerances`."""
+    """Compute the tolerances of all components; arguments: see `set_tolerances`."""
     if SWITCHES and p.surfaces > 0 and h < SHORTER * s.bounded_step:
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
@@ -597,8 +597,9 @@ def add_bound(
 def set_reach(s: Control, p: Parameters, y: Floats, k: Floats, h: float) -> None:
     """Set the largest size of each component in a step h from y, with y' = k at y.
 
-    With switches, the size of a velocity is that at y: a force with a root of the
-    velocity is steep at rest, and the change in the step is no rounding of it.
+    The sizes are stored in `reach`. With switches, the size of a velocity is that at y:
+    a force with a root of the velocity is steep at rest, and the change of the velocity
+    in the step is no rounding.
     """
     accelerations = k[s.velocities]
     for i in range(s.size):

@@ -433,7 +433,7 @@ def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
 
 
 def is_same(s: Crossings, t: float, other: float) -> bool:
-    """Whether two times are one instant."""
+    """Whether the times t and `other` belong to one instant."""
     return abs(t - other) <= same_time(s, t)
 
 

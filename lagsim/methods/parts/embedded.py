@@ -146,7 +146,7 @@ class Embedded(State):
 
 
 def start(s: Embedded, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start, choose the first step."""
+    """Begin an arc: evaluate y' at the start, and choose the first step."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
@@ -308,7 +308,8 @@ def error_norm(s: Embedded, h: float, errors: Floats) -> float:
 def combined(error5: float, error3: float) -> float:
     """Return the square of the error from two squared estimates (II.10, (10.17)).
 
-    With one estimate, error3 is not used. nan remains nan.
+    error5, error3 : the squared estimates of higher and of lower order. With one
+    estimate, error3 is not used. nan remains nan.
     """
     if not PAIR.combines:
         return error5

@@ -46,7 +46,7 @@ def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def start(s: Fixed, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start."""
+    """Begin an arc: evaluate y' at the start."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
@@ -69,7 +69,8 @@ def step(s: Fixed, p: Parameters) -> int:
 def next_time(s: State, end: float) -> float:
     """Return the time at which the next step ends.
 
-    It is a whole number of steps after the arc's start, or `end`.
+    The time is a whole number of steps after the arc's start, or `end` if that comes
+    first.
     """
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
@@ -99,7 +100,10 @@ def judge(
 
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
-    """Whether Newton's changes (n,) of velocities v (n,) in a step h are rounding."""
+    """Whether a change (n,) of velocities v (n,) by Newton's method is rounding.
+
+    h : the length of the step.
+    """
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0, 0.0, 1)
         s.rounding_known = 1.0
@@ -155,7 +159,7 @@ def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa
 
 
 class Tableau:
-    """A Runge-Kutta method.
+    """The coefficients of a Runge-Kutta method.
 
     Attributes
     ----------
@@ -226,5 +230,5 @@ class Tableau:
 
 
 def _dot(a: Iterable[float], b: Iterable[float]) -> float:
-    """Return the sum of products of two sequences, up to the end of the shorter."""
+    """Return the sum of products of a and b, up to the end of the shorter sequence."""
     return sum(x * y for x, y in zip(a, b, strict=False))

@@ -196,9 +196,9 @@ def shape_step(
 ) -> None:
     """Store polynomials of the state in the fraction u of a step h, in `shape`.
 
-    They are cubics between states and rates (size,) at both ends (see
-    `check_features`), and for positions also the terms that match the second
-    derivatives there.
+    They are cubics between the states old and new, with the rates old_rates and
+    new_rates (size,) at the ends, and for positions also the terms that match the
+    second derivatives there.
     """
     shape = s.shape
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
@@ -425,8 +425,8 @@ def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -
 def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
     """Return a bound of signal k itself, on the side of its active value.
 
-    The signal is nowhere closer to that value between two points. Arguments: see
-    `closest`.
+    The signal is nowhere closer to that value between two points. left, right, width :
+    see `closest`.
     """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, left, right, width)

@@ -118,7 +118,10 @@ LARGEST = 300
 
 
 def too_large(scene: Structure) -> str:
-    """Return the reason why a model has too many unknowns for dense matrices, or ""."""
+    """Return the reason why a model has too many unknowns for dense matrices, or "".
+
+    scene : the structure of the model.
+    """
     if scene.unknowns <= LARGEST:
         return ""
     return (
@@ -192,7 +195,10 @@ def largest_in_column(
 def solve(
     width: Static, n: int, band: int, A: Floats, pivots: Floats, x: Floats
 ) -> None:
-    """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`."""
+    """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`.
+
+    band : as for `decompose`.
+    """
     for k in range(n):
         best = int(pivots[k])
         for c in unrolled(width):

@@ -77,8 +77,8 @@ class Blocks(Memory):
     """The blocks of the state y (size,), by their roles.
 
     Second order: the coordinates q, then q'. First order: the states s. Quadratures, on
-    which no rate depends: the works, then others. `dynamic` are all blocks but the
-    quadratures.
+    which no rate depends: the works, then other integrals. `dynamic` contains all
+    blocks but the quadratures.
     """
 
     n: int  # coordinates
@@ -131,8 +131,8 @@ class KnownPoints(ModelParameters):
 class ModeWords(KnownPoints):
     """The modes of surfaces and laws, which are fixed in an arc.
 
-    Their numbers follow each other in the memory, and so do their arrays: see
-    `run.modes`.
+    All numbers of these modes follow each other in the memory, and so do all arrays:
+    see `run.modes`.
     """
 
     surfaces: int  # number of surfaces of switches

@@ -730,8 +730,9 @@ def end_of(
 ) -> float:
     """Return the first point in (low, high] at which row k is below `least`.
 
-    By the ITP method: the secant, moved toward the middle, with no more evaluations
-    than bisection needs, but for one. It ends at two neighbouring numbers.
+    The point is located by the ITP method: the secant, moved toward the middle, with no
+    more evaluations than bisection needs, but for one. The iteration ends at two
+    neighbouring numbers, and the larger one is returned.
 
     Source: I. F. D. Oliveira and R. H. C. Takahashi, An enhancement of the bisection
     method average performance preserving minmax optimality, ACM Trans. Math. Softw. 47

@@ -194,7 +194,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 
 @external
 def start(s: Clock, p: Parameters) -> None:
-    """Begin an arc: evaluate y' at its start, choose the first step."""
+    """Begin an arc: evaluate y' at the start, and choose the first step."""
 
 
 @external

@@ -91,7 +91,7 @@ def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -
 def evaluate(s: Events, p: Parameters) -> None:
     """Store the values of all conditions at the state reached in `worth`.
 
-    At the start of the run they include the jumps just after it.
+    At the start of the run the values include the jumps just after the start.
     """
     located(s.t, s.y, p, s.worth)
     for k in range(s.conditions):
@@ -319,7 +319,8 @@ def remember(s: Events) -> None:
 def may_change(s: Events) -> bool:
     """Whether a false condition is close to 0, or a true condition is past 0.
 
-    The value of a condition just satisfied is 0; the kernel follows it from there.
+    The value of a condition just satisfied is 0; the kernel follows the value from
+    there.
     """
     for k in range(s.conditions):
         value, side = s.worth[k], s.orientation[k]

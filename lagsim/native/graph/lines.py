@@ -187,9 +187,10 @@ class Lines:
         return values
 
     def _power(self, x: str, exponent: float) -> str:
-        """Write a small integer or half-integer power of the value x.
+        """Write the value x to the power `exponent`; return the name of the result.
 
-        It is written as products and a root; the name of the result is returned.
+        The exponent is a small integer or half-integer: the power is written as
+        products and a root.
         """
         whole = int(abs(exponent))
         result = ""
@@ -206,14 +207,14 @@ class Lines:
         return result
 
     def data(self, data: Data) -> str:
-        """Declare a constant array, and return its name."""
+        """Declare the constant array `data`, and return its name."""
         text = "\\" + data.numbers.tobytes().hex("\\")
         kind = f"private constant [{8 * len(data.numbers)} x i8]"
         self.declared.add(f'@data.{data.digest} = {kind} c"{text}", align 8')
         return f"@data.{data.digest}"
 
     def line(self, text: str) -> str:
-        """Write an instruction, and return the name of its value."""
+        """Write the instruction `text`, and return the name of its value."""
         name = self._name()
         if self.contract and text.startswith(("fadd double", "fsub double", "fmul d")):
             text = text.replace(" double", " contract double", 1)
@@ -238,7 +239,10 @@ class _Vectors(Lines):
         return self.line(f"fmul contract {VECTOR} {x}, {y}")
 
     def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
-        """Write a polynomial in z by its even and odd halves, which overlap in time."""
+        """Write a polynomial in z by its even and odd halves, which overlap in time.
+
+        coefficients : lowest power first. Return the name of the value.
+        """
         square = self.mul(z, z)
         halves = []
         for part in (coefficients[::2], coefficients[1::2]):

@@ -108,9 +108,10 @@ ret void
 def write(
     w: FunctionWriter, name: str, loop: Loop, places: Mapping[int, Place]
 ) -> None:
-    """Write the function `name`, which evaluates a Taylor series.
+    """Write the function `name`, which evaluates a Taylor series by a loop.
 
-    places : nodes that `prepare` has evaluated, with the places of their values.
+    w : receives the code. places : nodes that `prepare` has evaluated, with the places
+    of their values.
     """
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)
@@ -169,7 +170,10 @@ def write(
 
 
 def _sums(w: FunctionWriter, padded: int) -> str:
-    """Return the calls that compute the sums of an order; declare their function."""
+    """Return the calls that compute the sums of an order; declare their function.
+
+    padded : the number of sums, rounded up to a multiple of TOGETHER.
+    """
     text = _SUMS.format(vector=SUMS, row_bytes=16 * padded, align=LINE_BYTES)
     w.declared.add(text)
     calls = []

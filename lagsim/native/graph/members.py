@@ -137,7 +137,7 @@ class MembersFunction(Lines):
         ]
 
     def _table(self, numbers: Ints) -> str:
-        """Declare an array of integers of 32 bits; return the name of the array."""
+        """Declare `numbers` as an array of integers of 32 bits; return its name."""
         return self._constant(np.ascontiguousarray(numbers, np.int32).tobytes())
 
     def _constant(self, data: bytes) -> str:

@@ -50,9 +50,10 @@ store double {order}, ptr %out"""
 def write(
     w: FunctionWriter, name: str, loop: Loop, places: Mapping[int, Place]
 ) -> None:
-    """Write the function `name`, which evaluates a Taylor series.
+    """Write the function `name`, which evaluates a Taylor series order by order.
 
-    places : nodes that `prepare` has evaluated, with the places of their values.
+    w : receives the code. places : nodes that `prepare` has evaluated, with the places
+    of their values.
     """
     start = _START.format(
         name=name, signature=w.signature, base=w.scratch, mask=LINE_BYTES - 1,
@@ -97,7 +98,7 @@ class _Orders:
         self._state = [self._once[n] for n in r.rates]
 
     def write(self, k: int) -> None:
-        """Write order k, which gives the coefficients of order k + 1 of the state."""
+        """Write order k, which determines the coefficients of order k + 1."""
         g, r, w = self.g, self.r, self.w
         numbers = (float(k), 1.0 / k, 1.0 / (k + 1), float(k == 1))
         new = dict(zip(self._numbers, map(g.constant, numbers), strict=True))

@@ -31,7 +31,10 @@ SPLIT = 4
 
 
 def digest(size: int, order: int) -> str:
-    """Return a digest of the inputs that determine the result of `series_values`."""
+    """Return a digest of all that determines the result of `series_values`.
+
+    size, order : its arguments.
+    """
     return hashlib.sha256(
         repr((size, order, text_beside(__file__))).encode()
     ).hexdigest()

@@ -86,12 +86,12 @@ class CommonNodes:
             self.places |= stores
 
     def calls(self, name: str) -> list[str]:
-        """Return the names of the functions that a function calls first."""
+        """Return the names of the classes' functions that function `name` calls."""
         return [f"common.{k}" for k, x in enumerate(self._classes) if name in x]
 
 
 def _longest(name: str, manner: Manner) -> int:
-    """Return the number of pieces above which a function is not optimised."""
+    """Return the number of pieces above which the function `name` is not optimised."""
     return 1 if name in (*manner.once, *manner.rare) else LONG
 
 

@@ -269,7 +269,10 @@ class _Tapes:
         return lines
 
     def places(self, results: Sequence[int]) -> list[tuple[int, int, int]]:
-        """Return triples: result node, its first index in out, its count of numbers."""
+        """Return triples: result node, its first index in out, its count of numbers.
+
+        results : the nodes in the order of out.
+        """
         g, found, at = self.g, [], 0
         for n in results:
             count = payload(g, n).size if n in self.vectors else 1
@@ -284,7 +287,10 @@ class _Tapes:
         return whole.declared, [self.table, *whole.lines]
 
     def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
-        """Return the evaluations of all functions, of which `prepare` is the last."""
+        """Return the evaluations of the nodes `cone` of all functions.
+
+        functions : the results of each function; `prepare` is the last.
+        """
         ops, args, plain = self.g.ops, self.g.args, self.plain
         users, inner = self._users(cone, functions)
         level = [0] * len(args)

@@ -157,7 +157,7 @@ class Folding:
         return self.source.error(node, f"`{first}` {text}")
 
     def fold(self, node: ast.expr) -> Static | None:
-        """Return the value of a static expression, None where it is not static."""
+        """Return the value of an expression, None where the expression varies."""
         if isinstance(node, ast.Constant):
             return node.value if is_static(node.value) else None
         if isinstance(node, ast.BoolOp):
@@ -237,7 +237,10 @@ class Folding:
         return self.fold(node) == 0
 
     def values(self, target: ast.expr, iterable: ast.expr) -> Iterator[int]:
-        """Yield the values of an `unrolled(...)`; each sets the loop's variable."""
+        """Yield the values of an `unrolled(...)`; each sets the loop's variable.
+
+        target, iterable : the variable and the `unrolled(...)`.
+        """
         if not isinstance(target, ast.Name) or not self.goes_over(
             iterable, words.unrolled
         ):

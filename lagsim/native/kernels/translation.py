@@ -185,7 +185,7 @@ class _Function(Folding, ast.NodeVisitor):
         }
 
     def text(self, symbol: str, linkage: str) -> str:
-        """Return the IR of the function."""
+        """Return the IR of the function, named `symbol`, with LLVM's linkage."""
         source = self.source
         for name, kind in source.parameters.items():
             self._store_name(source.node, name, Value(f'%"{name}"', kind))
@@ -242,7 +242,7 @@ class _Function(Folding, ast.NodeVisitor):
         self.live = False
 
     def _branch(self, test: Value, yes: str, no: str) -> None:
-        """End a block with a jump to one of two labels, by a condition."""
+        """End a block with a jump to label `yes` if `test` is true, else to `no`."""
         self.lines.append(f"  br i1 {test.text}, label {yes}, label {no}")
         self.reached |= {yes, no}
 
@@ -763,7 +763,8 @@ class _Function(Folding, ast.NodeVisitor):
     ) -> None:
         """Write a loop whose counter runs from `start` to `stop`, exclusive.
 
-        `body` writes one pass, from the counter and the labels of exit and next pass.
+        body : function that writes one pass, from the counter and the labels of exit
+        and next pass. parallel : whether the passes access disjoint elements.
         """
         counter = self._allocate("counter", "int")
         self._put(start, counter)

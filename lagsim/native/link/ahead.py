@@ -102,7 +102,7 @@ class Helper:
         self.done = False
 
     def give(self, order: bytes) -> Iterator[bytes]:
-        """Send the task; return an iterator over the results as they are received.
+        """Send the task `order`; return an iterator over the results as they arrive.
 
         The iterator ends early if the second process fails.
         """
@@ -128,7 +128,10 @@ def _serve(
     ready: Callable[[], None],
     work: Callable[[bytes], Iterator[bytes]],
 ) -> None:
-    """Work on one task in the second process; an exception ends the results early."""
+    """Work on one task in the second process; an exception ends the results early.
+
+    line : the connection to the first process. ready, work : see `Helper`.
+    """
     # Signals are handled by the first process, and so is its wake-up pipe.
     signal.set_wakeup_fd(-1)
     for kind in (signal.SIGINT, signal.SIGTERM):

@@ -270,7 +270,7 @@ def _digest(parts: Iterable[object]) -> str:
 
 
 def _seal(key: str, code: bytes) -> bytes:
-    """Return the header of a stored object: a digest of its key and content."""
+    """Return the header of a stored object: a digest of its key and its code."""
     return _MAGIC + hashlib.sha256(key.encode() + code).digest()
 
 
@@ -291,7 +291,10 @@ def _read(path: Path, key: str) -> bytes | None:
 
 
 def _write(path: Path, key: str, code: bytes) -> None:
-    """Store an object by renaming a temporary file: readers find all or none."""
+    """Store `code` under a key, by renaming a temporary file to `path`.
+
+    Other processes find the complete file or none.
+    """
     beside = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
     try:
         with os.fdopen(files.begin(beside, 0o600), "wb") as file:

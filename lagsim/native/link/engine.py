@@ -187,12 +187,14 @@ def link_object(
 
 
 def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
-    """Return the LLVM module of an IR text for a target.
+    """Return the LLVM module of an IR text for the target `chosen`.
+
+    machine : LLVM's machine of the target. optimise : see `compile_object`.
 
     Raises
     ------
     NativeError
-        If it does not parse or verify.
+        If the text does not parse or verify.
     """
     llvm = _binding()
     try:

@@ -60,13 +60,13 @@ class History:
     Attributes
     ----------
     times : deque of float
-        Times of its last events.
+        Times of the last events.
     strikes : deque of (float, float)
-        Times and speeds of the last strikes of a contact.
+        Times and speeds of the last strikes, where the row is a contact.
     rests : deque of float
         Times at which the contact came to rest.
     impacts : int
-        Number of its impacts since it was at rest.
+        Number of impacts of the contact since it was at rest.
     """
 
     def __init__(self) -> None:

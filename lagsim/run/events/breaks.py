@@ -266,7 +266,10 @@ class Division:
 
 
 def finest(start: float, end: float) -> float:
-    """Return the width of the narrowest cells near t = 0, in units of time."""
+    """Return the width of the narrowest cells near t = 0, in units of time.
+
+    start, end : of the time interval that is searched.
+    """
     return 2.0**-106 * max(abs(start), abs(end))
 
 
@@ -387,7 +390,7 @@ def _times_of(
 ) -> Iterator[tuple[float, bool]]:
     """Return the times at which node `discrete` may change, each with a pause flag.
 
-    Arguments: see `break_times`; flags: see `Division.times`.
+    values, start, end : see `break_times`. The flags: see `Division.times`.
     """
     clock = TimedTable.of(g, discrete)
     if clock is None:
@@ -425,10 +428,11 @@ class TimedTable(NamedTuple):
     def knots(
         self, g: Graph, values: Mapping[str, float], start: float, end: float
     ) -> Iterator[tuple[float, int, int]]:
-        """Return the times of knots in the interval, with the cells before and after.
+        """Return the times of knots between `start` and `end`, with cells.
 
-        values : of the parameters. The times are exact to rounding. The iterator is
-        lazy: each time is computed when it is requested.
+        The cells are those before and after each knot. values : of the parameters. The
+        times are exact to rounding. The iterator is lazy: each time is computed when it
+        is requested.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)

@@ -64,8 +64,8 @@ def rounding_of_start(arc: Arc) -> Floats:
 class Truth:
     """Truth of the conditions just before and just after an instant.
 
-    It is stored in the arrays `orientation` and `leeway` of the kernels, and read from
-    these arrays at the next instant.
+    The truth is stored in the arrays `orientation` and `leeway` of the kernels, and
+    read from these arrays at the next instant.
 
     Attributes
     ----------

@@ -179,7 +179,10 @@ class Contacts(Source):
         p.law_floor[:] = p.law_opens[:] = 0.0
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to settle the end of a law's mode, or None."""
+        """Return the decision to settle the end of a law's mode.
+
+        None for codes of the kernel other than `SWITCH_FOUND`, and for surfaces.
+        """
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
@@ -294,8 +297,9 @@ class Contacts(Source):
         ----------
         arc : Arc
         laws : LawsAt
+            The laws at the instant.
         state : LawState
-            The laws at this state, none of which approaches.
+            The laws at the state reached, none of which approaches.
         """
         here, some = state
         found = StateAfter(arc.y, laws, moved=False)
@@ -345,7 +349,7 @@ class Contacts(Source):
         return y
 
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
-        """Return the kinematics after sliders without mass have changed their modes.
+        """Return the kinematics after sliders without mass have changed modes.
 
         The state, events and ending are stored in `found`.
         """
@@ -507,8 +511,8 @@ class Contacts(Source):
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or gains energy, to `found`.
 
-        some : numbers of the laws struck. ending : whether the impact ends a series of
-        bounces; then a gain is not reported.
+        some : numbers of the laws struck. result : of the impact. ending : whether the
+        impact ends a series of bounces; then a gain is not reported.
         """
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)

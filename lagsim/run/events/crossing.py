@@ -219,7 +219,7 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     """Store the floors of all roots, their regularization, for the next arc.
 
     A floor is the error of a velocity that the tolerance allows in the run: ten times
-    the error allowed in a step, so that no error of a step leads across it.
+    the error allowed in a step, so that no error of a step leads across the root.
 
     Parameters
     ----------
@@ -412,7 +412,7 @@ class Crossing:
         return level if abs(value - level) <= most else None
 
     def _put_clear(self, k: int) -> None:
-        """Store the side of surface k by its expression, which is not at a level."""
+        """Store the side of surface k by the value of its expression, off a level."""
         before = self.modes.value[k]
         self.modes.put_clear(k, self.values[k])
         if self.modes.value[k] != before:

@@ -290,8 +290,9 @@ class FilippovCone:
     ) -> SideSolution | None:
         """Solve for the modes of the laws and of the surfaces that attract.
 
-        These are rows of one problem. A surface at its level because other surfaces are
-        has a constant share. None where the problem has no solution.
+        Laws and surfaces are rows of one problem. A surface that is at its level
+        because other surfaces are has a constant share. None where the problem has no
+        solution.
 
         Parameters
         ----------
@@ -347,6 +348,8 @@ class FilippovCone:
 
         Parameters
         ----------
+        sides
+            The sides of the surfaces that do not attract.
         some : ndarray of int, shape (s,)
             The numbers of the surfaces that attract.
         unit, tolerance : ndarray, shape (n,)
@@ -437,8 +440,8 @@ class Carried(NamedTuple):
     high
         The side of the carried surface on the upper side of the leader.
     ends_below, ends_above
-        Whether the expression can leave its side below and above the leader. It cannot
-        where it is at its level because the leader is.
+        Whether the expression of the carried surface can leave its side, below and
+        above the leader. It cannot where it is at its level because the leader is.
     """
 
     leader: int
@@ -791,8 +794,8 @@ class SurfaceModes:
     def sizes(self, rows: Rows) -> Floats:
         """Return the magnitude of each surface's terms (K,), at the sizes so far.
 
-        It is at least the change by rounding of the state, divided by the unit of
-        rounding, since slopes may vanish.
+        rows : of the surfaces at the state. The magnitude is at least the change by
+        rounding of the state, divided by the unit of rounding, since slopes may vanish.
         """
         arc, seen = self.arc, self.arc.seen
         slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()

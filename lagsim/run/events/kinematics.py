@@ -48,7 +48,7 @@ class MassAndRows:
         self._links: dict[int, list[int]] = {}
 
     def is_of(self, n: int, laws: int, numbers: Floats) -> bool:
-        """Whether this object was constructed from these arguments."""
+        """Whether this object was constructed from n, laws and `numbers`."""
         known = self._made_of
         return known[:2] == (n, laws) and np.array_equal(known[2], numbers)
 

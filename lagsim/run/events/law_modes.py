@@ -37,7 +37,7 @@ LATER = 10.0
 
 
 def put_modes(arc: Arc, chosen: Chosen) -> None:
-    """Write the selected modes to the parameters that the kernels read."""
+    """Write the modes `chosen` to the parameters that the kernels read."""
     p = arc.system.p
     own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
     p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]

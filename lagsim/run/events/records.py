@@ -31,8 +31,9 @@ class Due(NamedTuple):
     conditions : frozenset of int
         The numbers of conditions of located events, and of `until` after the last.
     waits : bool
-        Whether the truth of other conditions is decided once the modes of the instant
-        are: their values jump where a rate is 0 that a law may hold at 0.
+        Whether the truth of other conditions is decided after the modes of the
+        instant: the values of these conditions jump where a rate is 0 that a law may
+        hold at 0.
     """
 
     periodic: frozenset[int] = frozenset()

@@ -194,7 +194,7 @@ class Switching(Source):
     # The modes at an instant
 
     def let_go(self, arc: Arc) -> None:
-        """Put all surfaces that the motion follows on their lower sides, on trial."""
+        """Set all surfaces that the motion follows to their lower sides, on trial."""
         self.modes.begin(arc)
         self.modes.forget()
         self.modes.write()
@@ -316,8 +316,8 @@ class Switching(Source):
     def _put_on(self, y: Floats) -> None:
         """Project the state y (size,), in place, onto surfaces that the motion follows.
 
-        Velocities are projected first onto the equality rows of the lower side: before,
-        they may satisfy those of the upper side.
+        Velocities are projected first onto the equality rows of the lower side, since
+        they may satisfy the rows of the upper side before.
         """
         arc = self.modes.arc
         step = arc.runner.function("velocity_step")(arc.t, y)
@@ -387,8 +387,8 @@ class Switching(Source):
     def _set_slack(self, crossing: Crossing) -> None:
         """Set how far each mode may be off its condition before it ends.
 
-        These are `slack` and `band`, shape (modes.count,), bounds of rounding and of
-        tolerated errors.
+        The distances are `slack` and `band`, shape (modes.count,), bounds of rounding
+        and of tolerated errors. crossing : the selection of the modes.
         """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc

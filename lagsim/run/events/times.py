@@ -117,8 +117,8 @@ class KnotTimes(_Ahead):
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
         """Return an iterator over the knots in order of time.
 
-        Each has its time, its mode, the cells before and after it, and whether it is
-        an event.
+        A knot is a tuple of its time, its mode, the cells before and after it, and
+        whether it is an event.
         """
         return heapq.merge(*(self._of(*each) for each in clocks(self._arc).items()))
 
@@ -150,7 +150,10 @@ class KnotTimes(_Ahead):
             pass_knots(p, arc.t + p.apart)
 
     def _rounding(self, clock: TimedTable) -> float:
-        """Return a bound of the rounding error of the times of a table's knots."""
+        """Return a bound of the rounding error of the knots' times of a table.
+
+        clock : the table.
+        """
         at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
         ends = self._start, self._arc.settings.end
         x, a = (max(map(abs, pair)) for pair in zip(*map(at, ends), strict=True))
@@ -245,7 +248,10 @@ class TimeBreaks(_Ahead):
         return (self._next,)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to pass a break at the time reached; None without one."""
+        """Return the decision to pass a break at the time reached; None without one.
+
+        code : the kernel's return code.
+        """
         if code != at.DONE or arc.t < self._next - width(arc.settings, arc.t):
             return None
         self._met.add(arc.t, 0)
@@ -259,7 +265,7 @@ class TimeBreaks(_Ahead):
         return Decision(events=self._events(arc), turn=Turn.SETTLE, ending=ending)
 
     def _events(self, arc: Arc) -> tuple[Event, ...]:
-        """Return the event of the break reached; none at knots where y' is continuous.
+        """Return the event of the break reached; () at knots where y' is continuous.
 
         Such knots are those of smooth tables in an argument that is not a t + b.
         """

@@ -222,9 +222,9 @@ class Transitions(Source):
     ) -> tuple[ActsAt, Ending | None]:
         """Return the acts with this visit added, and the ending of a cycle, or None.
 
-        A cycle: the impulses lead back to the modes and the velocities before an
-        earlier round of the instant, with the same events. In a model without impulses
-        the acts are returned unchanged.
+        due : the events that act next. A cycle: the impulses lead back to the modes and
+        the velocities before an earlier round of the instant, with the same events. In
+        a model without impulses the acts are returned unchanged.
         """
         if not self.kicks:
             return acts, None

@@ -36,7 +36,7 @@ class Store(Observer, Protocol):
 
     @property
     def last(self) -> float | None:
-        """Time of the last stored row."""
+        """Time of the last stored row; None before the first row."""
 
     def begin_anew(self) -> None:
         """Delete all stored rows."""

@@ -72,7 +72,7 @@ class Widened:
 
     @property
     def last(self) -> float | None:
-        """Time of the last stored row."""
+        """Time of the last stored row; None before the first row."""
         return self._store.last
 
     def begin_anew(self) -> None:
