@@ -168,7 +168,10 @@ def predict(s: Gauss) -> None:
 
 
 def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
-    """Solve for the stages' velocities; return 0 if Newton's method fails, else 1."""
+    """Solve for the stages' velocities V of a step h by Newton's method.
+
+    Return 0 if the method fails, else 1.
+    """
     n = s.n
     unknowns = s.stages * n
     right = s.right

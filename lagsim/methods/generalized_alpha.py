@@ -91,12 +91,18 @@ def share(radius: float) -> float:
 
 
 def weight(radius: float) -> float:
-    """Return gamma, the weight of the new acceleration in the velocity (eq. 17)."""
+    """Return gamma, the weight of the new acceleration in the velocity (eq. 17).
+
+    radius : the method's `spectral_radius`.
+    """
     return 0.5 - share(radius) + radius / (radius + 1.0)
 
 
 def displacement(radius: float) -> float:
-    """Return beta, the weight of the new acceleration in the displacement (eq. 20)."""
+    """Return beta, the weight of the new acceleration in the displacement (eq. 20).
+
+    radius : the method's `spectral_radius`.
+    """
     half = 0.5 * (1.0 - share(radius) + radius / (radius + 1.0))
     return half * half
 

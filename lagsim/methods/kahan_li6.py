@@ -51,7 +51,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class KahanLi6(Composition):
-    """Memory of `kahan-li6`, with the weights of its Verlet steps."""
+    """Memory of `kahan-li6`, with the weights of the Verlet steps."""
 
     stages: int = 9
     weights: Floats = array("stages", WEIGHTS)

@@ -96,7 +96,7 @@ RISE = (
 
 
 class Composition(Symplectic):
-    """Memory of the dense output: polynomials of the last step."""
+    """Memory of compositions: the polynomials of the dense output of the last step."""
 
     r: Floats = array(lambda s: 4 * s.size)
     c3: Floats = array("size")  # the quintic
@@ -232,7 +232,7 @@ def polynomial(s: Composition, i: int, x: float) -> float:
 
 
 class KahanLi8(Composition):
-    """Memory of `kahan-li8`, with the weights of its Verlet steps."""
+    """Memory of `kahan-li8`, with the weights of the Verlet steps."""
 
     stages: int = 17
     weights: Floats = array("stages", WEIGHTS)

@@ -132,7 +132,10 @@ PARAMETERS = Impulses
 
 
 def amplification(z: complex) -> float:
-    """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
+    """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
+
+    It is the radius of the matrix (2, 2) that advances (q, q').
+    """
     import numpy as np
 
     square, damping = abs(z) ** 2, 2.0 * z.real
@@ -464,7 +467,10 @@ def share_out(p: Impulses, count: int, h: float, v: Floats) -> None:
 
 
 def is_shared(p: Impulses, i: int) -> bool:
-    """Whether active row i is a limit or an equality, whose impulse may be shared."""
+    """Whether the impulse of active row i may be shared with parallel rows.
+
+    True for limits and equalities.
+    """
     k = int(p.acting[i])
     return float(p.row_kind[k]) >= LIMITED and float(p.row_pair[k]) < 0.0
 

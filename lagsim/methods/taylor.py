@@ -357,9 +357,8 @@ def chosen_step(s: Taylor, c: Floats, t: float) -> float:
 def bound(term: float, shrink: float, k: int) -> float:
     """Return log2 h of the longest step h with `term` h^k at most 2^shrink.
 
-    To 1e-4/k, which is enough for the length of a step.
-
-    term : |y_k|, the size of the coefficient of order k in tolerances.
+    The error is 1e-4/k, small enough for the length of a step. term : |y_k|, the size
+    of the coefficient of order k in tolerances. UNBOUNDED if the term is 0.
     """
     part = 1.0 / k
     found = (shrink - rough_log2(max(term, LEAST_NUMBER))) * part
@@ -369,7 +368,8 @@ def bound(term: float, shrink: float, k: int) -> float:
 def rough_log2(x: float) -> float:
     """Return log2 x of a normal number x > 0, to 1.2e-4.
 
-    From the exponent, and a polynomial of the significand that is exact at its ends.
+    It is computed from the exponent, and a polynomial of the significand that is exact
+    at both ends.
 
     Examples
     --------
@@ -383,7 +383,7 @@ def rough_log2(x: float) -> float:
 
 
 def rough_power_of_two(x: float) -> float:
-    """Return 2^x for |x| < 1022, to 5e-6 of its value.
+    """Return 2^x for |x| < 1022, with a relative error of 5e-6.
 
     Examples
     --------

@@ -453,7 +453,10 @@ def atan(x: float) -> float:
 
 
 def beside_root(x: float, root: float) -> float:
-    """Return sqrt(1 - x^2) - root, the correction of an approximate value `root`."""
+    """Return sqrt(1 - x^2) - root, the correction of an approximate value `root`.
+
+    0 if root is 0.
+    """
     square = x * x
     rest = 1.0 - square
     product = root * root

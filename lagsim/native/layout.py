@@ -218,7 +218,7 @@ class Memory:
         self.numbers[field.word] = value
 
     def __init_subclass__(cls) -> None:
-        """Assign each annotated name its word."""
+        """Assign a word to each annotated name."""
         cls.fields = dict(cls.fields)
         for name, kind in inspect.get_annotations(cls).items():
             given = cls.__dict__.get(name, 0.0)
@@ -298,9 +298,9 @@ class Memory:
         return type(self)(self.flat.copy())
 
     def take(self, other: Memory) -> None:
-        """Copy numbers, and arrays of equal length, from another memory.
+        """Copy numbers, and arrays of equal length, from the memory `other`.
 
-        Names that only one of the memories has are left out.
+        Names that only one of both memories has are left out.
         """
         for name in self.fields.keys() & other.fields.keys():
             field = self.fields[name]

@@ -262,10 +262,11 @@ def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulat
 def _with_quaternions(found: Formulation) -> Formulation:
     """Return the formulation with projection onto |quaternion| = 1 alone.
 
-    Lengths of quaternions are not constraints of the model file, so they are projected
-    even by `drift` and `baumgarte`; in the projection, residual and rate of all other
-    rows are replaced by 0. Where the rate of a row may jump, `found` is returned
-    unchanged: a projection would hide the error of the impact.
+    Lengths of quaternions are not constraints of the model file, so states are
+    projected onto |quaternion| = 1 even by `drift` and `baumgarte`; in the projection,
+    residual and rate of all other rows are replaced by 0. Where the rate of a row may
+    jump, `found` is returned unchanged: a projection would hide the error of the
+    impact.
     """
     e = found.reduction.equations
     held = e.model.quaternions
@@ -335,7 +336,7 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
 
 
 def _eliminated(equations: Equations, start: Start) -> tuple[Reduction, str]:
-    """Return the reduction that eliminates all eliminable coordinates, and "".
+    """Return (the reduction that eliminates all eliminable coordinates, "").
 
     If there are none: the unreduced equations, and the reason.
     """

@@ -124,7 +124,7 @@ class Plan:
     def form(self) -> tuple[object, ...]:
         """Key of the compiled functions of given equations.
 
-        It contains each decision that may change with the start or with values of
+        The key contains each decision that may change with the start or with values of
         parameters.
         """
         reduction, solved = self.reduction, self.elimination
@@ -212,7 +212,7 @@ def _varies(equations: Equations, entries: list[int]) -> str:
 
 
 def coupled(e: Equations) -> list[int]:
-    """Return, for each coordinate, the first one to which M or a row couples it.
+    """Return, for each coordinate, the first coordinate coupled to it by M or a row.
 
     Returns
     -------

@@ -212,7 +212,7 @@ def largest_entry(n: int, k: int, row: Floats) -> int:
 
 
 def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
-    """Exchange columns k and c of Y (m, n), stored reflection vectors included."""
+    """Exchange columns k and c of Y (m, n), also of stored reflection vectors."""
     if c != k:
         for i in range(m):
             Y[i * n + k], Y[i * n + c] = Y[i * n + c], Y[i * n + k]

@@ -112,8 +112,8 @@ def _second_orders(e: Equations, rows: Iterable[Row]) -> list[int]:
     """Return, for each row, the node of its scaled residual after a Newton step.
 
     The residual is expanded to second order, with the step in place of the velocities.
-    The first-order term cancels the residual where the rows are independent. Velocity
-    constraints have 0.
+    The first-order term cancels the residual where the rows are independent. The node
+    of a velocity constraint is 0.
     """
     g: Graph = e.graph
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
@@ -326,12 +326,11 @@ INNER = 8.0 * UNIT_ROUNDOFF / SUM_ROUNDOFF
 
 
 def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[int]:
-    """Return nodes of magnitudes (C,) of conditions' terms, then of slopes (C, V).
+    """Return nodes of the sizes (C,) of conditions' terms, then of slopes (C, V).
 
-    Terms within a function, as in `sin(x + 1e6)`, count by their effect on the value.
-
-    nodes : the C conditions.
-    names : the V variables with respect to which slopes are taken.
+    Terms within a function, as in `sin(x + 1e6)`, count by their effect on the value of
+    the function. nodes : the C conditions. names : the V variables with respect to
+    which slopes are taken.
     """
     g = e.graph
     variables = [g.variable(name) for name in names]
@@ -351,9 +350,9 @@ def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[in
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
     """Return the inertias that vary with positions: coordinate -> node.
 
-    These are the pivots of M if they are short expressions, since a pivot vanishes
-    where other coordinates can replace the coordinate (Euler angles at theta = 0); else
-    the diagonal of M.
+    The inertias are the pivots of M if these are short expressions, since a pivot
+    vanishes where other coordinates can replace the coordinate (Euler angles at theta =
+    0); else the diagonal of M.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -430,7 +429,7 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Return the functions for `dense.jacobian`, or a sparse Newton matrix."""
+    """Return the functions for `dense.jacobian`, or for a sparse Newton matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}

@@ -107,7 +107,10 @@ def note_column(p: Parameters, k: int, i: int) -> None:
 
 
 def note_still(p: Parameters) -> None:
-    """Store the held rows of laws that have one element, see `keep_still`."""
+    """Store row, column and element of held rows of laws with a single element.
+
+    See `keep_still`.
+    """
     first, count = p.m - p.laws, 0
     for k in range(int(p.ranked)):
         i = int(p.order[k])
@@ -178,7 +181,7 @@ def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
 def forward_within(p: Parameters, i: int, out: Floats) -> None:
     """Store L^-1 x in `out` (n,), within the reach of row i, and set x to 0.
 
-    x is p.u (n,), which is 0 outside of that reach.
+    x is p.u (n,), whose elements out of that reach are 0.
     """
     n, u = p.n, p.u
     for e in range(mass.first_range(p, i), mass.first_range(p, i + 1)):
@@ -363,7 +366,10 @@ def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def products(p: Parameters) -> int:
-    """Store G = A_h A^T (count, laws) of the rows that hold in p.free; return count."""
+    """Store G = A_h A^T (count, laws) in p.free; return count.
+
+    h : the `count` laws that hold and share. The product is weighted, see `inner`.
+    """
     n, laws = p.n, p.laws
     rows = p.A[(p.m - laws) * n :]
     count = 0
@@ -414,7 +420,7 @@ def kept_part(p: Parameters, k: int) -> float:
 def asked_size(p: Parameters, k: int) -> float:
     """Return the size of multiplier k of a limited row before the projection P.
 
-    For a row of a disc, the norm of the multipliers of both rows.
+    For a row of a disc it is the norm of the multipliers of both rows.
     """
     x = p.share_asked[k]
     z = p.share_asked[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
@@ -653,7 +659,7 @@ def join_group(p: Parameters, first: int, number: int) -> int:
 
 
 def widen_band(p: Parameters, k: int) -> None:
-    """Widen the band of a group by the neighbours of the row with place k."""
+    """Widen the band of the group of the row with place k by its neighbours."""
     i = int(p.order[k])
     g = int(p.row_group[i])
     for e in range(bits(p.near_starts[i]), bits(p.near_starts[i + 1])):
@@ -664,7 +670,10 @@ def widen_band(p: Parameters, k: int) -> None:
 
 
 def elapsed_part(t: float, p: Parameters, k: int) -> float:
-    """Return (t - t0) / T for slip k, whose transition begins at t0 and lasts T."""
+    """Return (t - t0) / T for slip k, whose transition begins at t0 and lasts T.
+
+    The transition is the regularized beginning of the slip.
+    """
     return float((t - p.law_begun[k]) / p.law_lasts[k])
 
 
@@ -804,7 +813,7 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
 
 
 def is_one_sided(p: Parameters, k: int) -> bool:
-    """Whether a law's multiplier cannot be negative."""
+    """Whether the multiplier of law k cannot be negative."""
     # These two are the first kinds.
     return float(p.law_kind[k]) <= FREEWHEEL
 

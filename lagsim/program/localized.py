@@ -245,14 +245,14 @@ class _Search:
         return [Indicator(base, LARGE, power)] if power >= TALL else []
 
     def _value(self, n: int) -> float:
-        """Return the value of a node; 0 if it varies in time or is not finite."""
+        """Return the value of node n; 0 if n varies in time or is not finite."""
         if not self.g.depends([n]) <= self.values.keys():
             return 0.0
         (found,) = evaluate(self.g, [n], self.values)
         return float(found) if math.isfinite(found) else 0.0
 
     def _product(self, n: int) -> list[Indicator]:
-        """Return an indicator for a product with factors exp or large powers; else [].
+        """Return [indicator] for a product with factors exp or large powers; else [].
 
         Its argument is the sum of the factors' logarithms.
         """
@@ -298,7 +298,7 @@ class _Search:
     def _logarithm(self, n: int) -> int | None:
         """Return the node of log |n|, or None.
 
-        n has to be an exponential, a constant, or a product or quotient of these.
+        None unless n is an exponential, a constant, or a product or quotient of these.
         """
         g = self.g
         if n not in self.moving:

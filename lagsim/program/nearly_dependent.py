@@ -41,9 +41,10 @@ def is_frictionless(p: Parameters, begin: int, end: int) -> bool:
 
 
 def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
-    """Factor the scaled columns Q R of Y of a group; return 0 if dependent, else 1.
+    """Factor the scaled columns of Y of a group as Q R.
 
-    R : (count, count). Q replaces the rows of p.Y from place `begin` on.
+    Return 0 if the columns are dependent, else 1. begin, count : the places of the
+    group's rows. R : (count, count). Q replaces the rows of p.Y from place `begin` on.
     """
     n = p.n
     R[: count * count] = 0.0

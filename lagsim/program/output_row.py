@@ -157,7 +157,8 @@ def _multipliers(
 def _sums(equations: Equations) -> dict[int, int]:
     """Return, for each gap with several pieces, the sum over its pieces as a node.
 
-    The keys are the nodes of the first piece's multiplier, friction force, and impulse.
+    The keys are the nodes of the multiplier, friction force, and impulse of the first
+    piece.
     """
     g = equations.graph
     parts: dict[str, list[str]] = {}

@@ -81,7 +81,7 @@ class RowPattern(NamedTuple):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Sizes of the memory that `fill` fills."""
+        """Sizes of the memory that `fill` needs, by the names of `Parameters`."""
         return {
             "reached": sum(map(len, self.ranges)),
             "neighbours": sum(map(len, self.near)),
@@ -184,7 +184,10 @@ def pattern(e: Equations) -> Pattern:
 
 
 def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Store in p the sparsity pattern, and each row's kind, contact and restitution."""
+    """Store the sparsity pattern, and each row's kind, contact and restitution in p.
+
+    found : the pattern.
+    """
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns

@@ -57,8 +57,8 @@ def _not_inertial(e: Equations, potential: int) -> list[int]:
 def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
 
-    Where M is close to singular (angles near gimbal lock) these errors dominate. Signs
-    are as in `force_rounding_bounds`.
+    The bounds are nodes. Where M is close to singular (angles near gimbal lock) these
+    errors dominate. Signs are as in `force_rounding_bounds`.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     if e.chains is not None:

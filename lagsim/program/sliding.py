@@ -166,7 +166,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 def weigh(p: Parameters) -> None:
     """Store the 1-norm of the gradient of each followed surface in p.B (surfaces,).
 
-    Surfaces that are not followed have 0.
+    The elements of other surfaces are 0.
     """
     for k in range(p.surfaces):
         p.B[k] = 0.0

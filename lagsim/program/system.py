@@ -99,7 +99,7 @@ _TABULATE = (
 
 
 def kernels(system: System) -> Iterator[ProgramPart]:
-    """Iterate over the kernels that a method calls besides the model's functions."""
+    """Yield the kernels that a method calls besides the model's functions."""
     statics = {"LAWS": bool(system.laws)}
     if system.has_loops:
         statics["WHOLE"] = system.sparsity().whole
@@ -123,7 +123,10 @@ def kernels(system: System) -> Iterator[ProgramPart]:
 
 
 def values_part(size: int, order: int) -> ProgramPart:
-    """Return the part that evaluates series of `order`, of `size` components."""
+    """Return the program part that evaluates series.
+
+    size, order : number of components of the series, and their order K.
+    """
     made_from = polynomials.digest(size, order)
     return graph_part(made_from, lambda: (polynomials.series_values(size, order), 0))
 
@@ -311,7 +314,7 @@ class System:
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
-        """Whether `plan` needs no other compiled functions than this system has."""
+        """Whether `plan` needs no compiled functions besides those of this system."""
         if plan.form != self.plan.form:
             return False
         return self.moreau is not None or self.indicators == self.watched_for(plan)
@@ -319,7 +322,7 @@ class System:
     def bound(self, model: Model, plan: Plan) -> System:
         """Return a copy of the system for other values, with its compiled functions.
 
-        `plan` must fit, see `fits`.
+        model, plan : with the other values; the plan must fit, see `fits`.
         """
         new = copy(self)
         new.take_values(model, plan)
@@ -474,7 +477,7 @@ class System:
         return self._layout_of[name]
 
     def length_words(self, k: int) -> list[int]:
-        """Return the indices in p of the length of constraint row k."""
+        """Return the indices in p at which the length of constraint row k is stored."""
         words = [self.place(f"length.{self.equations.rows[k].name}")]
         if self.has_loops:
             words += [self.p.place(name) + k for name in ("lengths", "usual_lengths")]
@@ -489,7 +492,7 @@ class System:
     def begin(self, start: Instant) -> Floats:
         """Return the state vector y (size,) at a start.
 
-        Modes of the model file are stored in p first.
+        The modes of the model file are first set in p to their values in the model.
         """
         for x in self.equations.model.parameters:
             if x.mode:
@@ -547,7 +550,7 @@ class System:
 
     @cached_property
     def has_times(self) -> bool:
-        """Whether a law is in force at times only, by its condition `when`."""
+        """Whether a law is in force at times only, by a condition `when`."""
         return any(law.when is not None for law in self.laws)
 
     def held_together(self) -> list[int]:
@@ -652,7 +655,7 @@ class Runner:
 
     @cached_property
     def empty(self) -> State:
-        """Return a state record of the method, allocated, for runs to copy."""
+        """A new state of the method, allocated, which runs copy."""
         system = self.system
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
         located = len(system.columns.sections)
@@ -700,7 +703,7 @@ class Runner:
     def function(
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
-        """Return one of the model's functions as a callable (t, y) -> out (length,)."""
+        """Return the model's function `name` as a callable (t, y) -> out (length,)."""
         known = self._functions.get((name, length))
         if known is not None:
             return known
@@ -744,7 +747,7 @@ class Runner:
     def advance(self, state: State, rows: int, budget: int) -> int:
         """Run the method for at most `rows` rows and `budget` steps; return a code.
 
-        See `driver.advance`.
+        state : the memory of the method. See `driver.advance`.
         """
         rows = min(rows, len(self.block))
         code: int = self._advance(
@@ -759,7 +762,8 @@ class Runner:
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the states of sections crossed at a run's end; see `crossings.finish`.
 
-        whole : whether the run has reached its end time.
+        state : the memory of the method. whole : whether the run has reached its end
+        time.
         """
         finish = self.at_instants["finish"]
         finish(state.address, self.system.p.address, float(whole))

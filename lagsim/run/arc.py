@@ -188,7 +188,7 @@ class Arc(NamedTuple):
 
     @property
     def masses(self) -> Floats:
-        """Diagonal of the mass matrix M (n,) where it was last evaluated."""
+        """Diagonal of the mass matrix M (n,) at the state of its last evaluation."""
         return np.maximum(self.state.masses[: self.system.n], 0.0)
 
     @property
@@ -258,9 +258,10 @@ class Arc(NamedTuple):
         return self.runner.function("located", count)(t, y) if count else np.zeros(0)
 
     def surface_rows(self, t: float, y: Floats) -> tuple[Floats, Floats]:
-        """Evaluate the K surfaces at t and y.
+        """Evaluate the residuals and Jacobian rows of the K surfaces at t and y.
 
-        Returns residuals, rates, b and scales (4, K), and Jacobian rows (K, n + l).
+        Return residuals, rates, b and scales (4, K), and Jacobian rows (K, n + l) of
+        q'' (n,) and of the rates of first-order states (l,).
         """
         K, (starts, columns) = self.system.surfaces, self.system.pattern
         found = self.runner.function("surface_rows", 4 * K + len(columns))(t, y)

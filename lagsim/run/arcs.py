@@ -144,7 +144,7 @@ class Recorder:
         self.choices += decision.choices
 
     def unlisted(self) -> list[Caution]:
-        """Return a caution with the number of events not in `events`, if any."""
+        """Return [caution with the number of events not in `events`], or []."""
         if not self.unkept:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
@@ -434,7 +434,7 @@ class Run:
         return None
 
     def _strikes_last(self) -> bool:
-        """Whether a law strikes at the end of the run, to rounding of its time."""
+        """Whether a law strikes at the end of the run, to rounding of the end time."""
         arc = self.arc
         if arc.t < arc.settings.end or self.record.t == arc.t:
             return False
@@ -541,7 +541,7 @@ class Run:
         return None
 
     def _take(self, decision: Decision) -> None:
-        """Carry out a decision on the arc, and store its records."""
+        """Carry out a decision on the arc; store its events, cautions and choices."""
         if decision is GO_ON:
             return
         self.recorder.keep(decision)
@@ -616,7 +616,7 @@ class Run:
 
 
 def statistics_of(arc: Arc, arcs: int) -> Statistics:
-    """Return the counts of the work done up to an arc's current time.
+    """Return the counts of steps, evaluations and factorisations up to now.
 
     arcs : number of arcs of the run.
     """
@@ -655,7 +655,7 @@ def _sources(arc: Arc) -> Iterator[Source]:
 
 
 def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
-    """Return the sources that decide at an instant."""
+    """Return the sources, among those of the run, that decide at an instant."""
 
     def own(kind: type[Kind]) -> Kind | None:
         """Return the source of a class, or None."""

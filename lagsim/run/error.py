@@ -26,7 +26,7 @@ TIMES = 20
 
 
 class Failed(str):
-    """Reason why a repeat provided no error estimate."""
+    """Text of the reason why a repeat of a run provided no error estimate."""
 
     __slots__ = ()
 
@@ -113,7 +113,10 @@ class ErrorBar(NamedTuple):
         return [(float(self.times[k]), float(reached[k])) for k in samples]
 
     def lost_by(self, errors: Floats) -> Floats:
-        """Return errors (n,) or (k, n) as parts of the larger of range and `still`."""
+        """Return errors (n,) or (k, n) as parts of the larger of range and `still`.
+
+        errors : in the units of the coordinates and states.
+        """
         still = 0.0 if self.still is None else self.still
         return _parts(errors, np.fmax(self.scales, still))
 
@@ -255,7 +258,7 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:
-    """Return the largest finite quotient sizes/inertias in each row of both; else 0."""
+    """Return the largest finite quotient sizes/inertias in each row; 0 without one."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias
     return np.asarray(

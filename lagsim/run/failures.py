@@ -169,7 +169,7 @@ def _described_state(arc: Arc, row: Floats) -> str:
 
 
 def _fastest(arc: Arc) -> str:
-    """Return a text on the component that changes fastest, relative to its size."""
+    """Return a sentence on the component that changes fastest, relative to its size."""
     moving = arc.state.dynamic
     rates = np.abs(arc.rates(arc.t, arc.y))[moving]
     sizes = np.abs(arc.y[moving])
@@ -328,7 +328,7 @@ class Stiffness(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision on a change of the method, or on a warning; else None.
 
-        code : the kernel's, STIFF where steps are limited by stability.
+        code : the kernel's return code, STIFF where steps are limited by stability.
         """
         if code == at.STIFF:
             return self._considered(arc)
@@ -341,7 +341,7 @@ class Stiffness(Source):
     def _considered(self, arc: Arc) -> Decision:
         """Return the decision after many steps at the stability bound.
 
-        Either another method or a caution.
+        It is a change of the method, a caution, or `GO_ON`.
         """
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
         # Forces of elements have no Jacobian.

@@ -154,7 +154,9 @@ class Interrupt:
 
     @contextlib.contextmanager
     def raised(self) -> Iterator[None]:
-        """Raise exceptions on signals within the context, where no results can be lost.
+        """Raise exceptions on signals within the context.
+
+        For code whose early end loses no results.
 
         Raises
         ------
@@ -198,7 +200,10 @@ def noting() -> bool:
 
 
 def exception_of(number: int | None) -> BaseException:
-    """Return the exception for a signal; KeyboardInterrupt unless it is SIGTERM."""
+    """Return the exception for a signal number.
+
+    Terminated for SIGTERM, else KeyboardInterrupt, also for None.
+    """
     return Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
 
 

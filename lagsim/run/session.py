@@ -98,7 +98,8 @@ class Case(NamedTuple):
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
         """Return the case with other values of parameters.
 
-        The equations are derived anew only if the pieces of a gap change.
+        parameters : name -> value. The equations are derived anew only if the pieces of
+        a gap change.
 
         Raises
         ------
@@ -214,7 +215,7 @@ class Session(NamedTuple):
         return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
-        """Return the session with another plan, as by other tolerances.
+        """Return the session with another plan, such as one with other tolerances.
 
         The plan must need no functions besides the compiled ones.
         """
@@ -304,7 +305,8 @@ def open_case(
 def suited(model: Model, settings: Settings) -> Model:
     """Return a model whose elements, if any, the method of a run can integrate.
 
-    It is the model, or the model written out, see `language.elements`.
+    The result is the model, or the model with all elements written out, see
+    `language.elements`.
 
     Raises
     ------

@@ -280,7 +280,7 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Select the branches of all switches of t alone, from this time on."""
+    """Select the branches of all switches of t alone, from the instant on."""
     if not now.stale:
         return now
     if by.knots is not None:
@@ -381,7 +381,10 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Find the events that have become due by the state after all phases."""
+    """Find the events that have become due by the state after all phases.
+
+    The record returned has them in `due`.
+    """
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts

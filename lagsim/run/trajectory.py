@@ -45,7 +45,7 @@ class Outcome(Enum):
 
     @property
     def failed(self) -> bool:
-        """Whether the run ended early for another reason than a signal."""
+        """Whether the run ended early, and not by an interrupt."""
         return not self.complete and self is not Outcome.INTERRUPTED
 
     @property
@@ -248,11 +248,11 @@ class Source:
         return ()
 
     def set_out(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Prepare the source for an arc at its start; return a decision."""
+        """Prepare the source for an arc at its start; return a decision on the arc."""
         return GO_ON
 
     def passed(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Return a decision with the events that the kernel passed on its way."""
+        """Return a decision with the events that the kernel passed without a return."""
         return GO_ON
 
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002

@@ -233,9 +233,10 @@ def record_sigma(s: Rank, sigma: float, h: float) -> None:
 
 
 def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
-    """Store sigma after a long step, and sigma at the middle of the step.
+    """Store sigma after a step of length h, and sigma at the middle of the step.
 
-    Sigma may vanish in a step with equal values at both ends.
+    sigma : the value after the step. Sigma may vanish within a long step and have equal
+    values at both ends.
     """
     record_sigma(s, sigma_at(s, p, 0.5), 0.5 * h)
     watched = s.watched
@@ -283,8 +284,8 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
 def needs_loops(s: Rank) -> bool:
     """Whether a failed step is to be repeated with the QR decomposition.
 
-    True for a step over a loss of rank: straight-line code squares the condition number
-    of the rows.
+    True for a step over a loss of rank with straight-line code, which squares the
+    condition number of the rows.
     """
     return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
@@ -292,8 +293,8 @@ def needs_loops(s: Rank) -> bool:
 def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     """Return the time until rank is lost, or nearly so; 0 if no loss is seen.
 
-    By secants through sigma along a parabola from the current state. `ahead` is the
-    estimate from the recent slope of sigma.
+    The time is found by secants through sigma along a parabola from the current state.
+    ahead : the estimate from the recent slope of sigma.
     """
     n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
     v, a = y[s.velocities], rates[s.velocities]
@@ -335,7 +336,7 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
-    """Return the smallest singular value of the rows a time h ahead.
+    """Return the smallest singular value of the rows at a time h after the present.
 
     Positions are extrapolated by the velocities.
     """

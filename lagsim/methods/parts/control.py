@@ -200,7 +200,7 @@ def set_tolerances(
 
 
 def is_within(s: Control, y: Floats) -> bool:
-    """Whether a state (size,) is within the ranges so far."""
+    """Whether a state y (size,) is within the ranges of the components so far."""
     out = 0
     for i in range(s.size):
         out += 0 if s.low[i] <= y[i] <= s.high[i] else 1
@@ -414,8 +414,9 @@ def bound_by_others(
 def foresee(s: Control, p: Parameters, k: Floats) -> None:
     """Compute the sizes that components at rest reach in the first instant of an arc.
 
-    A force that starts from 0, as a power of the time, causes a motion without initial
-    size, and one component may set the next in motion. k : (size,), y' at the start.
+    They are stored in `foreseen`. A force that starts from 0, as a power of the time,
+    causes a motion without initial size, and one component may set the next in motion.
+    k : (size,), y' at the start.
     """
     n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes, accelerations = s.spare, k[s.velocities]

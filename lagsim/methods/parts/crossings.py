@@ -162,7 +162,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
 
 
 def know_bands(s: Crossings, p: Parameters) -> None:
-    """Compute the bands of the sections for the last step, once per step."""
+    """Compute the bands of the sections for the last step, if not yet computed."""
     if s.banded == 0.0:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
@@ -540,7 +540,7 @@ def find_strobes(s: Crossings, p: Parameters) -> int:
 
 
 def strobe_time(s: Crossings, j: int) -> float:
-    """Return the time of the next strobe of section j."""
+    """Return the time of the next state of strobe j."""
     return float(s.row_start + s.passed[j] * s.periods[j])
 
 

@@ -121,7 +121,10 @@ def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def arrived(s: State, p: Parameters) -> int:
-    """Return the code of the end that the run has reached, or NOWHERE."""
+    """Return the code of the end that the run has reached, or NOWHERE.
+
+    A step that has been cut is ended first; knots at the time reached are passed.
+    """
     if s.cut > 0.0:
         take_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:

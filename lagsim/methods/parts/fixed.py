@@ -215,7 +215,7 @@ class Tableau:
 
     @cached_property
     def _polynomial(self) -> list[float] | None:
-        """Coefficients of R, highest power first, or None for an implicit method.
+        """Coefficients of R(z), highest power first; None for an implicit method.
 
         R(z) = 1 + sum over k of z^k B^T A^(k-1) 1, where A is nilpotent.
         """

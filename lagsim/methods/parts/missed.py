@@ -366,7 +366,7 @@ def turned(s: SearchTable, k: int, width: float) -> float:
 
 
 def variation(s: SearchTable, k: int) -> float:
-    """Return the largest change of row k from the middle of a stretch to its ends."""
+    """Return the largest change of row k from the middle of a stretch to an end."""
     m = s.middles[k]
     return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
 
@@ -528,7 +528,7 @@ def expect(s: SearchTable) -> None:
 
 
 def time_of(s: SearchTable, k: float) -> float:
-    """Return the time of output row k of the arc."""
+    """Return the time of output row k, counted from the first row."""
     return float(s.row_start + k * s.row_step)
 
 
@@ -667,7 +667,10 @@ def restore_extents(s: SearchTable) -> None:
 
 
 def reject_step(s: SearchTable, p: Parameters, x: float) -> None:
-    """Reject the last step; the next step ends halfway to its fraction x."""
+    """Reject the last step; the next step ends halfway to its fraction x.
+
+    The state is that at the start of the rejected step.
+    """
     interpolate(s, p, 0.0, s.point)
     s.y[:] = s.point[: s.size]
     restore_extents(s)

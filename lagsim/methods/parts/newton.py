@@ -70,7 +70,7 @@ def take(width: Static, z: Floats, out: Floats) -> None:
 
 
 def magnitude(width: Static, z: Floats) -> float:
-    """Return |z|, or for complex z the sum of |Re z| and |Im z|."""
+    """Return |z|, or for a complex number z (width 2) the sum of |Re z| and |Im z|."""
     return total(abs(z[k]) for k in unrolled(width))
 
 
@@ -230,7 +230,10 @@ def square(width: Static, g: Floats) -> None:
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Write the vector s + g r (n,) to out; s follows r in memory."""
+    """Write the vector s + g r (n,) to out; r (n,) is followed by s in memory.
+
+    g : a number of `width` doubles, as are the elements of the vectors.
+    """
     for i in range(n):
         own = out[width * i :]
         take(width, r[width * (n + i) :], own)

@@ -111,7 +111,8 @@ class ModelParameters(Blocks):
 class KnownPoints(ModelParameters):
     """Points of tables at known times, where y' has no jump.
 
-    The run sets the next knots, and the kernel continues with the cell after each.
+    The run writes the next knots here; after each knot the kernel continues in the cell
+    stored with it.
     """
 
     knots: int  # room for so many
@@ -181,7 +182,7 @@ class ModeWords(KnownPoints):
 
     @cached_property
     def modes(self) -> tuple[memoryview, memoryview]:
-        """Views of the bytes of all numbers and of all arrays above."""
+        """Views of the bytes of all numbers of modes, and of all arrays of modes."""
         first, last = self.fields["sliding"].word, self.fields["law_shares"].word
         whole = self.numbers
         arrays = whole[self.place("side") : self.place_after("law_pushes")]

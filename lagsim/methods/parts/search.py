@@ -577,7 +577,7 @@ def follow_roots(s: Events, p: Parameters) -> None:
 
 
 def follows(s: Events, k: int) -> bool:
-    """Whether condition k is an inequality that is true and located when it ends."""
+    """Whether condition k is an inequality that is true, and located when it ends."""
     return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
 
 

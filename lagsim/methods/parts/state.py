@@ -189,7 +189,7 @@ def slope(h: float, c: Floats, out: Floats) -> None:
 
 @external
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
-    """Project a state (size,) onto the surfaces that the motion slides along."""
+    """Project y (size,) onto the surfaces that the motion slides along, in place."""
 
 
 @external

@@ -170,7 +170,8 @@ class Lines:
     ) -> list[str]:
         """Write sines and cosines of up to LANES angles; return the values' names.
 
-        wanted : pairs of "sin" or "cos" and the index of an angle.
+        angles : their names. wanted : pairs of "sin" or "cos" and the index of an
+        angle.
         """
         self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"

@@ -239,7 +239,10 @@ class MembersFunction(Lines):
                     self._add(error, rows[c], first + 1)
 
     def _term(self, values: dict[int, str]) -> None:
-        """Write the code of the term; values : node -> name of its value, extended."""
+        """Write the code of the term of a member.
+
+        values : node -> name of its value; extended by the nodes of the term.
+        """
         g = self.of.graph
         for n in self.of.cone:
             if n in values:

@@ -86,7 +86,7 @@ class _Writer:
         return self.line(f"shufflevector {self.kind} {one}, {self.kind} poison, {mask}")
 
     def coefficient(self, k: int, factor: float) -> str:
-        """Write `factor` times the coefficients y_k of the components."""
+        """Write `factor` times the coefficients y_k; return the name of the vector."""
         place = f"getelementptr double, ptr %c.at, i64 {1 + k * self.size}"
         loaded = self.line(f"load {self.kind}, ptr {self.line(place)}, align 8")
         if factor == 1.0:

@@ -516,7 +516,10 @@ class Interpreter(Lines):
         return fields
 
     def _address(self, array: str, at: str, k: int) -> str:
-        """Return the address in `array` at the index in field k of an evaluation."""
+        """Write the address of an element of `array`; return its name.
+
+        The index of the element is field k of the evaluation whose fields are at `at`.
+        """
         field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
         index = self.line(f"load i32, ptr {field}")
         return self.line(f"getelementptr inbounds double, ptr %{array}, i32 {index}")

@@ -311,14 +311,14 @@ class _Function(Folding, ast.NodeVisitor):
     def _single(self, value: Value) -> Value:
         """Return the current element of an array, within an assignment to a slice.
 
-        A number is returned unchanged.
+        A number is returned unchanged. value : the array or the number.
         """
         if value.kind == "Floats" and self.element:
             return self._get("float", self._address(value.text, self.element))
         return value
 
     def _common(self, node: ast.AST, *values: Value) -> tuple[list[Value], str]:
-        """Convert numbers to their common kind."""
+        """Return numbers converted to their common kind, and this kind."""
         kind = "float" if any(v.kind == "float" for v in values) else "int"
         return [self._cast(v, kind, node) for v in values], kind
 
@@ -334,7 +334,7 @@ class _Function(Folding, ast.NodeVisitor):
         )
 
     def _bound(self, block: ast.expr, name: str) -> Value:
-        """Return the `start` or `stop` of a block."""
+        """Return the value of the `start` or `stop` (`name`) of a block."""
         _, place, _ = self._word(block)
         return self._load_size(self._address(place, int(name == "stop")))
 
@@ -823,7 +823,7 @@ class _Translation:
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:
-        """Translate the waiting functions, and functions found during translation."""
+        """Return the IR of all functions: those waiting, and those that they call."""
         defined = []
         used: set[str] = set()
         while self.waiting:

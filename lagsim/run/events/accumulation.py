@@ -183,7 +183,7 @@ class Accumulation:
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """Return the duration of the k-th last window of events, k = 0, 1, ..."""
+        """Return the duration of the window of events k windows before the last one."""
         first = -1 - k * self.window
         return self.recent[first][0] - self.recent[first - self.window][0]
 
@@ -241,7 +241,7 @@ class Accumulation:
         """Whether the last events leave no time for the motion.
 
         True where the last `STUCK` events took at most `NO_TIME` of the duration, or
-        where the row of the last one hurries.
+        where the row of the last event hurries.
         """
         if len(self.recent) < STUCK:
             return False

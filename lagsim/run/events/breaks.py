@@ -223,7 +223,8 @@ class Division:
     def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
         """Mark cells too narrow to be divided as ready, so that they are not split.
 
-        The least width is larger beside a long undecidable interval `rough` (lo, hi).
+        rough : (lo, hi), the last interval left undecided; beside a long one the least
+        width is larger.
         """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
         if not len(cells):
@@ -274,7 +275,7 @@ def finest(start: float, end: float) -> float:
 
 
 def _divided(cells: Cells) -> Cells:
-    """Return the cells; each one marked for division is replaced by `PARTS` cells."""
+    """Return the cells, each cell marked for division replaced by `PARTS` cells."""
     split = cells["task"] == _SPLIT
     lo, hi = cells["lo"], cells["hi"]
     edges = (hi - lo)[:, None] * (np.arange(PARTS + 1) / PARTS) + lo[:, None]

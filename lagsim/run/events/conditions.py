@@ -152,8 +152,8 @@ class Truth:
     def _located_after(self, late: float, part: float) -> Floats:
         """Return the values (C,) of the conditions shortly after the start.
 
-        The time is the part `part` of `late`; time and state move by at least some
-        units in the last place.
+        The time after the start is `part` times `late`; time and state move by at least
+        some units in the last place.
         """
         arc, places = self.arc, PLACES * part / PART
         rates = np.zeros(len(arc.y))
@@ -199,7 +199,10 @@ class Truth:
             self.state.leeway[c] = np.inf
 
     def changed(self) -> set[int]:
-        """Return indices of conditions that become true by modes that events set."""
+        """Return indices of conditions that become true by modes that events set.
+
+        Empty if conditions contain no such modes.
+        """
         if not self.set_by_modes:
             return set()
         self._look_ahead()

@@ -60,10 +60,10 @@ def before_event(arc: Arc) -> Before:
 
 
 def at_start(arc: Arc) -> Before:
-    """Return the row at the start, with switches of time at their values there.
+    """Return the row at the start, with switches of time at their values at t.
 
-    In the first arc these switches have the values that they have from the start on.
-    The modes of the system are left at the values of the start.
+    In the first arc these switches have the values that they have just after the start.
+    The modes of the system are left at the values at the start.
     """
     discrete = [mode.discrete for mode in arc.system.switches.modes]
     values = {**arc.parameters, "t": arc.t}
@@ -158,7 +158,7 @@ def _corners(
         The numbers of the corners that the state is on; several may belong to one
         constraint, as the kink and a knot of `table(abs(x))`.
     energy : float
-        The energy that the impact removes; only the first event has it.
+        The change of the energy in the impact; only the first event has it.
     """
     own: dict[str, list[str]] = {}
     for k in bent:

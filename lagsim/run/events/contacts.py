@@ -189,7 +189,7 @@ class Contacts(Source):
         return Decision(turn=Turn.SETTLE, located=Located(law=k))
 
     def approach(self, arc: Arc) -> bool:
-        """Whether a closed law approaches at the state reached."""
+        """Whether a closed law would strike at the state reached."""
         here = Kinematics(arc, arc.y)
         return any(here.closed[k] and here.strikes(k) for k in self.striking)
 
@@ -336,7 +336,7 @@ class Contacts(Source):
     def _stopped(
         self, here: Kinematics, held: list[int], slid: Collection[int]
     ) -> Floats:
-        """Return the state (size,) in which laws that slid until now are at rest.
+        """Return the state (size,) in which slips that stop are at rest.
 
         held, slid : numbers of laws that hold from now on, and that slid until now.
         """
@@ -557,7 +557,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
 
 
 def laws_at(arc: Arc) -> LawsAt:
-    """Return the laws at an instant, by the modes of the arc that has ended."""
+    """Return the record of the laws at an instant, by the modes of the arc ended."""
     mode = arc.system.p.law_mode.copy()
     return LawsAt(mode, frozenset(np.flatnonzero(mode == kept.SLIDING).tolist()))
 
@@ -582,7 +582,7 @@ def rest_soon(arc: Arc, within: float) -> None:
 
 
 def comes_to_rest(arc: Arc) -> bool:
-    """Whether the rate of a law that slides is 0 at this instant, but for rounding."""
+    """Whether the rate of a law that may slide is 0 at this instant, to rounding."""
     here = Kinematics(arc, arc.y)
     slow = here.table.bounded & (np.abs(here.rates) <= here.still)
     return bool((slow & here.closed).any())  # sliders without mass are not closed

@@ -300,7 +300,7 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: SurfaceModes, k: int) -> float:
-    """Return half the difference of the rates of surface k on its two sides."""
+    """Return half the difference of J_k (q'', s') of surface k on its two sides."""
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
@@ -376,7 +376,7 @@ class Crossing:
                 self._put_clear(k)
 
     def decide(self) -> None:
-        """Select the modes of all surfaces, by their rates or by the forces."""
+        """Select the modes of all surfaces, by the rates or else by the forces."""
         modes = self.modes
         self.roundoff = np.zeros(modes.count)
         value, whole = modes.value.copy(), modes.whole

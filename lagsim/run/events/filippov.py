@@ -540,7 +540,7 @@ class SurfaceModes:
 
     @property
     def slides(self) -> Flags:
-        """Whether the motion follows each surface (K,)."""
+        """Mask (K,) of the surfaces that the motion follows."""
         return np.asarray(self.kind == kept.FOLLOWED)
 
     @property
@@ -550,12 +550,12 @@ class SurfaceModes:
 
     @property
     def bound(self) -> Floats:
-        """Whether each surface's mode does not follow from its expression (K,)."""
+        """Mask (K,) of the surfaces whose mode does not follow from the expression."""
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
     @property
     def p(self) -> kept.Parameters:
-        """The parameters from which the compiled functions read the modes."""
+        """The parameters (memory) from which compiled functions read the modes."""
         return self.arc.system.p
 
     def store(self, **numbers: Floats) -> None:
@@ -811,7 +811,7 @@ class SurfaceModes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Yield states that differ from the one reached by rounding plus `reach`.
+        """Yield states that differ from the state reached by rounding plus `reach`.
 
         reach : a number, or shape (size,).
         """

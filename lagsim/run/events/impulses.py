@@ -34,7 +34,7 @@ HALVINGS = 30
 
 
 def data_at(arc: Arc, y: Floats) -> JumpData:
-    """Evaluate masses, rows, momenta and impulses at the state y (size,)."""
+    """Return masses, rows, momenta and impulses at the state y (size,)."""
     found = arc.system.impulses
     assert found is not None
     return found.data(arc.runner.function("impulses", len(found.nodes))(arc.t, y))

@@ -242,7 +242,10 @@ class Kinematics:
             self.moves = self.shape.spread @ most
 
     def _most(self, closed: list[bool]) -> Floats:
-        """Estimate the largest multiplier (L,) of each closed law; 0 of all others."""
+        """Return estimates (L,) of the largest multipliers of closed laws.
+
+        0 for laws that are not closed.
+        """
         table, own = self.table, self.shape.reply.D.diagonal()
         balancing = self.forces / np.where(own > 0.0, own, np.inf)
         most = np.where(closed, np.where(table.bounded, self.statics, balancing), 0.0)
@@ -302,10 +305,10 @@ class Kinematics:
         return ""
 
     def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
-        """Whether the static bound of a law at slip 0 is less than its dynamic bound.
+        """Whether the static bound of law k at slip 0 is less than its dynamic bound.
 
-        The bounds of a law that was located (`met`) are equal within rounding: there it
-        counts whether the static bound falls to the dynamic one.
+        The bounds of a law that was located (`met`) are equal within rounding: there
+        the result is whether the static bound falls to the dynamic one.
         """
         law, own = self.laws[k], [k]
         if law.static == law.bound:
@@ -322,7 +325,7 @@ class Kinematics:
         return bool(before[3][k] > before[2][k])
 
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` just before this time, by the rounding of the time."""
+        """Return `_free` at the time just before, by the rounding of the time."""
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
@@ -447,7 +450,7 @@ class Kinematics:
         return bool(self.table.equal[k]) and abs(rate) > still
 
     def reached(self, struck: Iterable[int], some: Collection[int]) -> list[int]:
-        """Return the laws of `some` that impulses of `struck` act on, ascending.
+        """Return the laws of `some`, ascending, on which impulses of `struck` act.
 
         Impulses act through the mass matrix, and through other laws of `some`.
         """
@@ -565,8 +568,9 @@ class Kinematics:
     def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
         """Return some laws as the rows of the problem that selects their modes.
 
-        left : for some laws the number of times at this instant at which they reached
-        the end of their mode (`mechanics.row_modes.modes`).
+        some : the numbers of the laws. left : for some laws the number of times at this
+        instant at which they reached the end of their mode
+        (`mechanics.row_modes.modes`).
         """
         closed, response = self.problem(some, np.zeros(len(some)), self.answer)
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)

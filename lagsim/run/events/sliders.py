@@ -162,7 +162,7 @@ class _Sliders:
             self.p.law_direction[k] = self.signs[k]
 
     def _move(self) -> None:
-        """Solve for the velocities of sliders, given which of them slide."""
+        """Solve for the velocities of the sliders, given which sliders slide."""
         self._set(self.sliding)
         arc, own = self.arc, self.places
         velocities = self.y[arc.velocities]
@@ -186,7 +186,7 @@ class _Sliders:
         return Kinematics(arc, y, arc.t + later)
 
     def _slip(self, edge: list[int]) -> None:
-        """Select which of the sliders at their limits, `edge`, slide."""
+        """Select the sliders that slide, among those at their limits, `edge`."""
         for _ in range(STEPS if edge else 0):
             self._move()
             before, self.sliding = self.sliding, self._slipping(edge)

@@ -279,7 +279,7 @@ def _is_smooth(phi: Floats, nodes: Floats, least: Floats) -> bool:
 
 
 def _lasts(here: Kinematics, pairs: Ints, t: float, y: Floats) -> bool:
-    """Whether all modes but those of slips in `pairs` last at time t and state y."""
+    """Whether all modes, except of slips in `pairs`, last at time t and state y."""
     events = here.arc.runner.event_functions
     left, slack = events(t, y), 2.0 * np.minimum(events(here.t, here.y), 0.0)
     left[here.arc.system.surfaces + pairs] = 0.0

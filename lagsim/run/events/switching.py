@@ -121,7 +121,7 @@ class Switching(Source):
 
     @property
     def slides(self) -> Flags:
-        """Whether the motion follows each surface (K,)."""
+        """Mask (K,) of the surfaces that the motion follows."""
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:

@@ -92,7 +92,7 @@ class _Ahead(Source):
 def clocks(arc: Arc) -> dict[int, TimedTable]:
     """Return the tables of a t + b that kernels pass, by the indices of their modes.
 
-    y' has no jump at their points.
+    y' has no jump at the points of such a table.
     """
     g, modes = arc.equations.graph, arc.system.switches.modes
     smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}

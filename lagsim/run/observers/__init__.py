@@ -89,7 +89,7 @@ class Relay:
         self.fault: OSError | None = None
 
     def add(self, rows: Floats) -> None:
-        """Store rows (k, columns); pass the stored ones to the other observers."""
+        """Store rows (k, columns); pass the rows that are stored to the observers."""
         if self.fault is not None:
             return
         began = time.perf_counter()

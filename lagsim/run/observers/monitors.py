@@ -298,7 +298,7 @@ class EnergyMonitor:
 
     @property
     def ranges(self) -> Floats:
-        """Range of each column."""
+        """Range (columns,) of each column."""
         with np.errstate(invalid="ignore"):  # what is infinite in all rows has none
             return np.asarray(self._extremes.high - self._extremes.low)
 
@@ -375,7 +375,7 @@ class Growth:
     def grows(self, size: float, noted: float) -> bool:
         """Whether rows with these largest magnitudes, or nan, would change the record.
 
-        size, noted : largest values of the arguments `sizes` and `noted` of `add`.
+        size, noted : the largest of the arguments `sizes` and `noted` of `add`.
         """
         return not (size <= self.size and noted <= self._next)
 
@@ -420,7 +420,7 @@ class Growth:
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Return the columns of each constraint's residual and scale: name -> two indices.
+    """Return the indices of each constraint's residual and scale columns, by name.
 
     Constraints that hold only at times have no such columns and are omitted.
     """
@@ -504,8 +504,8 @@ class ResidualMonitor:
     def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
         """Return the constraints whose |residual| exceeds `part` of the scale.
 
-        Each entry has the name, the greatest |residual|, its ratio to the scale, and
-        its row; in decreasing order of the ratio.
+        Each entry has the name of a constraint, the greatest |residual|, its ratio to
+        the scale, and its row; in decreasing order of the ratio.
         """
         found = []
         for name, own in self.constraint_parts.items():

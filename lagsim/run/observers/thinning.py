@@ -260,10 +260,10 @@ class Thinning:
             self._corners = corners[corners[:, -1, 0] <= self._last[0]]
 
     def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
-        """Insert values at events into a curve, in order of time.
+        """Return a curve with values at events inserted, in order of time.
 
-        t, values : the curve. met : (2 k, variants), values before and after each
-        event.
+        t, values : the curve. met : (2 k, variants), values before and after each of
+        the k events, of which the variant closest to the curve is used.
         """
         times = self._corners[:, -1, 0]
         at = np.searchsorted(t, times, side="right")
