@@ -366,7 +366,7 @@ def bound(term: float, shrink: float, k: int) -> float:
 
 
 def rough_log2(x: float) -> float:
-    """Return log2 x of a normal number x > 0, to 1.2e-4.
+    """Return log2 x of a normal number x > 0, with an error of 1.2e-4.
 
     It is computed from the exponent, and a polynomial of the significand that is exact
     at both ends.

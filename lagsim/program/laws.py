@@ -90,10 +90,10 @@ def couple(p: Parameters, sliding: int) -> None:
 
 
 def note_column(p: Parameters, k: int, i: int) -> None:
-    """Store the column of row i, with place k, and its elements, if it has one column.
+    """Store the column of row i, with place k, if the row has a single column.
 
-    Kernels then need not read the matrices A and Z for this row. A row that may reach
-    several columns has -1.
+    Its elements of A and Z are stored, too; kernels then need not read these matrices
+    for the row. A row that may reach several columns has -1.
     """
     n = p.n
     e = mass.first_range(p, i)

@@ -148,7 +148,7 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
 def _other_means(arc: Arc, outcome: Outcome) -> str:
     """Return advice to use the method `ANY`; "" where this would not help.
 
-    outcome : of the run.
+    outcome : the outcome of the run.
     """
     if outcome not in WHY or arc.runner.method.NAME == ANY:
         return ""

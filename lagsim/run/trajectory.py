@@ -262,6 +262,6 @@ class Source:
     def decide(self, arc: Arc, code: int) -> Decision | None:  # noqa: ARG002
         """Return the decision on a return code of the kernel.
 
-        None where the code concerns another source.
+        None where the code is handled by another source.
         """
         return None

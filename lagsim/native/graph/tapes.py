@@ -103,7 +103,10 @@ class Tasks(NamedTuple):
 
 
 def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Return the IR of `functions`, as tapes: name -> nodes written to out[0], ..."""
+    """Return the IR of `functions`, which run from tapes.
+
+    functions : name -> the nodes written to out[0], out[1], ...
+    """
     tapes = _Tapes(g, layout, functions)
     lines = tapes.functions(functions, tapes.state)
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
@@ -324,11 +327,11 @@ class _Tapes:
     def _users(
         self, cone: Sequence[int], functions: Sequence[Sequence[int]]
     ) -> tuple[list[int], list[bool]]:
-        """Return a bit mask of the functions that use each node; whether each is inner.
+        """Return two lists with an entry for each node of the graph.
 
-        Both lists have an entry for each node of the graph. An inner node is a product
-        whose only use in each function is a sum: the evaluation of the sum computes the
-        product.
+        The first: a bit mask of the functions that use the node. The second: whether
+        the node is inner: a product whose only use in each function is a sum, so that
+        the evaluation of the sum computes the product.
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]

@@ -125,9 +125,10 @@ def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Progr
 def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> ProgramPart:
-    """Return the program part of kernels, translated unless they are in the cache.
+    """Return the program part of kernels.
 
-    functions, statics : as for `translation.translate`.
+    They are translated unless the cache has the code. functions, statics : as for
+    `translation.translate`.
     """
     # The digest is computed once in a process: it takes nearly as long as a short run.
     known = *functions, repr(statics)

@@ -180,7 +180,7 @@ class Truth:
         return self._marked(self.run("meet"))
 
     def jumped(self, met: Iterable[int]) -> frozenset[int]:
-        """Return those of the conditions `met` whose values have jumped past 0."""
+        """Return the conditions, of the indices `met`, whose values jumped past 0."""
         state = self.state
         return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
 

@@ -369,7 +369,7 @@ class Contacts(Source):
 
         That examination uses the residuals left by the solution for the guesses; at a
         state that has not moved yet there are no ranges to compare a residual with.
-        False if events have set other modes of the file at the start since.
+        False after the start, or if events have set other modes of the file there.
         """
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start

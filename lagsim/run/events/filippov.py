@@ -545,7 +545,7 @@ class SurfaceModes:
 
     @property
     def holds(self) -> Flags:
-        """Whether the motion stays on each surface, followed or redundant (K,)."""
+        """Mask (K,) of the surfaces that hold the motion, followed or redundant."""
         return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
 
     @property

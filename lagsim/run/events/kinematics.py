@@ -217,7 +217,10 @@ class Kinematics:
         self.still = rounding + SAME_TIME * math.ulp(t) * self.pushes
 
     def at(self, y: Floats, t: float | None = None) -> Kinematics:
-        """Return the laws at the state y (size,) and t, with these grazing contacts."""
+        """Return the laws at the state y (size,) and t (default: now).
+
+        Contacts that graze here graze there, too.
+        """
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:

@@ -125,7 +125,10 @@ class Switching(Source):
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:
-        """Return the number of steps at which approach to surfaces is checked next."""
+        """Return the number of steps at which approaches are checked next.
+
+        Approaches are those to surfaces, see `decide`.
+        """
         return (arc.steps // NEAR + 1) * NEAR
 
     def passed(self, arc: Arc) -> Decision:

@@ -313,9 +313,10 @@ def _chatter(rounds: Sequence[Round]) -> Ending:
 
 
 def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:
-    """Return the generalized impulse (n,) of event k at the state reached.
+    """Return the generalized impulse (n,) of event k, and an ending or None.
 
-    With the ending of the run where the impulse is not finite, else None.
+    The impulse is that at the state reached; the ending is that of a run whose impulse
+    is not finite.
     """
     found = data_at(arc, arc.y).impulses[k]
     if np.isfinite(found).all():

@@ -304,7 +304,7 @@ class EnergyMonitor:
 
     @property
     def held(self) -> Floats:
-        """Largest |constraint force| on each coordinate (n,)."""
+        """Largest |constraint force| on each coordinate (n,); 0 without constraints."""
         if not self._held:
             return np.zeros(self.count)
         sizes = np.abs([self._extremes.low, self._extremes.high])
