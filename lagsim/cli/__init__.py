@@ -84,7 +84,7 @@ def entry() -> int:
 
 
 def _leave(number: int, _frame: object) -> NoReturn:
-    """Signal handler: end the process at once, when no work is under way."""
+    """Signal handler: end the process at once; used while no work is under way."""
     files.remove_passing()
     os._exit(128 + number)
 
@@ -119,7 +119,8 @@ def _application() -> typer.Typer:
 def _guarded(application: Callable[[], typer.Typer]) -> int:
     """Create and call the application; return the exit code.
 
-    An unforeseen exception is reported as a bug, with exit code 70.
+    application : function that creates it. An unforeseen exception is reported as a
+    bug, with exit code 70.
     """
     import typer
 
@@ -206,13 +207,16 @@ _GLANCE_SECONDS = 0.05
 
 
 def raise_pending_signal() -> None:
-    """Raise the exception of a received signal, which other code may have swallowed."""
+    """Raise the exception of a received signal, if there was one.
+
+    Other code may have caught and discarded the first exception.
+    """
     if heard:
         raise exception_of(heard[0])
 
 
 def watch() -> None:
-    """Start the thread that ends this process after a signal, whatever it computes."""
+    """Start a thread that ends this process after a signal, even amid a computation."""
     sys.unraisablehook = _report_uncaught
     if sys.platform != "win32":  # where this takes a socket
         reads, writes = os.pipe()
@@ -228,7 +232,10 @@ def is_watched() -> bool:
 
 @contextlib.contextmanager
 def signals_raised() -> Iterator[None]:
-    """Turn signals into exceptions (in the main thread, where they are not ignored)."""
+    """Context manager: turn signals into exceptions.
+
+    It has an effect in the main thread, on signals that are not ignored.
+    """
 
     def stop(number: int, _frame: object) -> NoReturn:
         heard.append(number)
@@ -253,7 +260,10 @@ def _report_uncaught(raised: sys.UnraisableHookArgs) -> None:
 
 
 def _watch(reads: int) -> None:
-    """End the process some time after a signal, unless the main thread has done so."""
+    """End the process some time after a signal, unless the main thread has ended it.
+
+    reads : file descriptor from which the numbers of signals are read.
+    """
     number = os.read(reads, 1)[0]
     import select
 

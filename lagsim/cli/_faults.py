@@ -81,12 +81,12 @@ def _paths_told() -> Iterator[None]:
 def reported(
     error: LagsimError, documents: list[Any] | None = None, file: str | None = None
 ) -> int:
-    """Print an error, or add its document to `documents`; return the exit code.
+    """Print an error, or append its document to `documents`; return the exit code.
 
     Parameters
     ----------
     file
-        Named with faults of a model that have no place in it.
+        Named with faults of a model that have no place in a file.
     """
     if isinstance(error, StartError):
         from lagsim.cli._verdict import annotate_start, report
@@ -138,7 +138,10 @@ def plain_text(error: LagsimError) -> str:
 def errors_document(
     problems: Iterable[Problem], file: str | None = None
 ) -> dict[str, Any]:
-    """Return the document of unusable input."""
+    """Return the document of unusable input.
+
+    file : the model file, named with faults that have no place in a file.
+    """
     return {"errors": [_as_mapping(problem, file) for problem in problems]}
 
 
@@ -173,7 +176,8 @@ _FILES = "too many files are open (ulimit -n)"
 def unforeseen() -> int:
     """Report an unforeseen exception; return the exit code.
 
-    It is a bug, unless the system has no more to give.
+    Such an exception is a bug of lagsim, unless memory or another resource of the
+    system is exhausted.
     """
     import traceback
 
@@ -202,7 +206,10 @@ def unforeseen() -> int:
 
 
 def _report_file(trace: str) -> Path | None:
-    """Write a report of a bug to a file of the user's cache; None without room."""
+    """Write a report of a bug to a file in the user's cache; return its path.
+
+    trace : the traceback. None if the file cannot be written.
+    """
     from lagsim.native.link.cache import folder
     from lagsim.outputs.manifest import versions
 

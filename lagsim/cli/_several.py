@@ -90,7 +90,10 @@ def done(piece: PendingRun, interrupt: Interrupt) -> Done:
 def _heard(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
-    """Call `work`; return its exit code, documents, and the text printed on stderr."""
+    """Call `work`; return its exit code, its documents, and what it printed on stderr.
+
+    file : the model file. documents : list that `work` fills.
+    """
     with contextlib.redirect_stderr(io.StringIO()) as printed:
         try:
             code = work()
@@ -115,12 +118,12 @@ def run_all(
     Parameters
     ----------
     job
-        Makes the job of one model: of its folder, documents and interrupt.
+        Makes the job of one model from its folder, documents and interrupt.
 
     Raises
     ------
     InputError
-        Where two would write into one folder.
+        Where two models would write into one folder.
     """
     overrides, names = assignments(sets), [Path(path).name for path in paths]
     found, pieces, first = dict[int, Done](), dict[int, PendingRun](), dict[str, str]()
@@ -203,7 +206,10 @@ def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> s
 
 
 def _row(found: Done | None) -> tuple[str, ...]:
-    """Return the cells of a model in the summary."""
+    """Return the cells of a model in the summary.
+
+    found : the result; None for a model that has not been run.
+    """
     if found is None:
         return ("not begun",)
     record = found.documents[0] if found.documents else {}

@@ -53,7 +53,8 @@ def flag(name: str, text: str) -> Any:
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
     """Return the declaration of an option with a value, None by default.
 
-    metavar : the value's name. text : its help. names : of the option.
+    metavar : placeholder of the value in the help. text : the help. names : names of
+    the option, if not that of the parameter.
     """
     return typer.Option(None, *names, metavar=metavar, help=text, **more)
 
@@ -130,9 +131,9 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
 
 
 def strict_line(name: str, codes: Iterable[str]) -> str:
-    """Return the closing line of a command that `--strict` fails for its warnings.
+    """Return the closing line of a command that fails by `--strict`.
 
-    codes : of the warnings.
+    name : of the model. codes : codes of the warnings.
     """
     codes = list(codes)
     named = ", ".join(dict.fromkeys(codes))
@@ -165,14 +166,15 @@ def aligned_pairs(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def titled_rows(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Return rows (name, text) of a table; only the first row has the name."""
+    """Return rows (name, text) of a table; rows after the first have an empty name."""
     return [("" if k else name, text) for k, text in enumerate(texts)]
 
 
 def aligned(rows: Sequence[Sequence[str]], *, lefts: int) -> str:
-    """Return rows of texts, which may end early, in columns.
+    """Return rows of texts in aligned columns.
 
-    The first `lefts` columns are aligned to the left, all others to the right.
+    Rows may have fewer cells than others. The first `lefts` columns are aligned to the
+    left, all others to the right.
     """
     widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
     lines = []
@@ -302,7 +304,8 @@ def drawn_or_reported(
 ) -> bytes | None:
     """Return the content of a picture; None if drawing fails.
 
-    A failure is printed as a warning, and its record is appended to `warnings`.
+    name : the file. warnings : receives the record of a failure, which is also printed
+    as a warning.
     """
     from lagsim.outputs import attempted
 
@@ -411,9 +414,9 @@ def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
 
 
 def methods_of(text: str | None) -> tuple[str, ...] | None:
-    """Return the methods of an option A,B; None without it, or with retired ones alone.
+    """Return the methods of an option A,B; None without the option.
 
-    A retired method is left out with a warning.
+    Retired methods are left out with a warning; None also if no others are named.
     """
     if text is None:
         return None
@@ -431,9 +434,9 @@ def methods_of(text: str | None) -> tuple[str, ...] | None:
 def parse_range(
     problems: Problems, option: str, text: str, expected: RangeOption
 ) -> tuple[float, float] | None:
-    """Parse two numbers A:B; return the smaller first, or None after a problem.
+    """Parse a range A:B; return its ends, the smaller first, or None after a problem.
 
-    option : its name, for the message.
+    option : name of the option in the message. expected : the permitted ranges.
     """
     found = expected.ends(text.split(":"))
     if found is None:
@@ -443,9 +446,9 @@ def parse_range(
 
 
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
-    """Return the first line of a summary.
+    """Return the first line of a summary: whether the study is complete, with counts.
 
-    Whether the study is complete, with counts.
+    counts : pairs of a number and a noun.
     """
     state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
     counted_up = " by ".join(counted(*count) for count in counts)
@@ -453,7 +456,10 @@ def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
 
 
 def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
-    """Return lines of a summary on methods that do not apply, grouped by the reason."""
+    """Return lines of a summary on methods that do not apply, grouped by reason.
+
+    refused : mappings with the keys `method` and `reason`.
+    """
     by_reason: dict[str, list[str]] = {}
     for one in refused:
         by_reason.setdefault(one["reason"], []).append(one["method"])
@@ -484,7 +490,7 @@ class UnwritableError(LagsimError):
 
 
 def prepare() -> None:
-    """Replace closed streams, and let none fail on a letter that it does not know."""
+    """Replace closed standard streams, and let all write letters they cannot encode."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             handle = os.open(os.devnull, os.O_RDWR)
@@ -500,12 +506,12 @@ def say(text: str) -> None:
 
 
 def width_of(stream: TextIO) -> int | None:
-    """Return the width of a terminal in letters; None if the stream is none."""
+    """Return the width of a terminal in letters; None if the stream is no terminal."""
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
 def colour(text: str, code: str) -> str:
-    """Return a text with the codes of a colour around it."""
+    """Return a text enclosed in the control sequences of a colour."""
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
@@ -530,7 +536,7 @@ def on_github() -> bool:
 
 
 def harmless(text: str) -> str:
-    """Return a text in which the runner of GitHub recognises no command.
+    """Return a text in which the runner of GitHub Actions recognises no command.
 
     A mark replaces the first blank of a line, so that columns stay aligned.
     """
@@ -540,7 +546,7 @@ def harmless(text: str) -> str:
 
 
 def unmarked(text: str) -> str:
-    """Return a text without the sign of older commands."""
+    """Return a text without the mark of older commands of GitHub Actions."""
     return text.replace("##[", "## [")
 
 
@@ -552,7 +558,7 @@ def _marked(line: str) -> str:
 
 
 def fitted(text: str, stream: TextIO) -> str:
-    """Break lines that are wider than the terminal, below where their text begins."""
+    """Break lines wider than the terminal; continued lines begin below the text."""
     width = width_of(stream)
     return text if width is None else "\n".join(_broken(text.split("\n"), width))
 
@@ -655,7 +661,11 @@ def annotate_problem(problem: Problem, file: str | None = None) -> None:
 
 
 def _within(file: str | None) -> str | None:
-    """Return the path of a file relative to the repository, for annotations."""
+    """Return the path of a file for annotations, relative to the repository.
+
+    A path outside of the repository is returned unchanged. None for standard input, and
+    without a file.
+    """
     if file is None or file == "-" or file.startswith("<"):  # standard input
         return None
     root = os.environ.get("GITHUB_WORKSPACE")

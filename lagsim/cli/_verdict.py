@@ -123,7 +123,7 @@ def _sided(verdict: RelationResiduals) -> str:
 def _status(verdict: RelationResiduals, residual: float) -> str:
     """Return the state of a constraint that holds only at times, in words.
 
-    residual : of its position, as shown.
+    residual : the residual of its position, as shown in the report.
     """
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
@@ -134,7 +134,7 @@ def _status(verdict: RelationResiduals, residual: float) -> str:
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:
-    """Return lines on a singular mass matrix, and on reachable dimensions."""
+    """Return lines on a singular mass matrix, and on the dimension that is reached."""
     lines = []
     if start.augmented:
         lines.append(
@@ -157,7 +157,10 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
 
 
 def _repair(start: StartReport) -> list[str]:
-    """Return lines for `initial:` with an admissible start, or the reason for none."""
+    """Return lines for `initial:` with an admissible start.
+
+    If none was found, the lines are the reason.
+    """
     if start.admissible:
         if start.rest:
             return ["  the rest, for `initial:`", *_pasteable(start.rest)]

@@ -172,7 +172,7 @@ def _written(
 def _wish(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> BenchOptions:
-    """Parse the options of the command."""
+    """Parse the options of the command into `BenchOptions`."""
     problems = Problems()
     chosen = methods_of(methods)
     if chosen is not None:
@@ -196,7 +196,10 @@ def _wish(
 def _between(
     option: str, text: str | None, problems: Problems
 ) -> tuple[float, float] | None:
-    """Return the two numbers above 0 of A:B, the larger first."""
+    """Return the two numbers above 0 of a text A:B, the larger first.
+
+    None without a text, or after a problem, which is added to `problems`.
+    """
     if text is None:
         return None
     expected = TOLERANCE_RANGE._replace(example=f"{option} 1e-3:1e-9")

@@ -87,7 +87,13 @@ def _picture(golden: StoredTable, new: StoredTable, verdict: Verdict) -> bytes:
 def _tolerances(
     rtol: str | None, atol: str | None
 ) -> tuple[float | None, float | None]:
-    """Parse the tolerances; raise an error for texts that are no numbers >= 0."""
+    """Parse rtol and atol; None for an option that is not given.
+
+    Raises
+    ------
+    InputError
+        For a text that is no number >= 0.
+    """
     values: list[float | None] = []
     problems = Problems()
     for name, text in (("--rtol", rtol), ("--atol", atol)):
@@ -177,7 +183,7 @@ def _document(
 
 
 def judgement(verdict: Verdict) -> dict[str, Any]:
-    """Return a verdict for a JSON document: the deviation of each column."""
+    """Return a verdict as a JSON document: the deviation of each column."""
     worst = [{**d._asdict(), "pass": d.passed} for d in verdict.worst]
     for cell in worst:
         del cell["ratio"]

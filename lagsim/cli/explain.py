@@ -46,7 +46,10 @@ def command(
 
 
 def _of_earlier_versions(name: str) -> list[MessageRow]:
-    """Return the row of warning W207 about a retired method or formulation, else []."""
+    """Return the row of warning W207 if `name` is a retired method or formulation.
+
+    [] for other names.
+    """
     from lagsim.model.reader import runs
 
     row = cautions()[RETIRED]

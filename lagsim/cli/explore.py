@@ -99,7 +99,7 @@ def _written(
 
 
 def _ranges(vary: list[str] | None) -> dict[str, tuple[float, float] | None]:
-    """Parse the names to vary and the ends of their sliders."""
+    """Parse the names to vary; return the ends of each slider, None if not stated."""
     problems, found = Problems(), dict[str, tuple[float, float] | None]()
     for text in vary or ():
         name, equals, after = (part.strip() for part in text.partition("="))

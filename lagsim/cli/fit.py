@@ -147,7 +147,7 @@ def command(
 
 
 def _matched(match: list[str] | None) -> dict[str, str]:
-    """Parse the options `--match COLUMN=EXPR[:SD]`."""
+    """Parse the options `--match COLUMN=EXPR[:SD]`; return `EXPR[:SD]` by column."""
     problems, found = Problems(), dict[str, str]()
     for text in match or ():
         column, equals, after = text.partition("=")
@@ -163,7 +163,7 @@ def _matched(match: list[str] | None) -> dict[str, str]:
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the closing lines."""
+    """Return the lines that the command prints at its end."""
     done = document["complete"]
     head = coloured(document["outcome"], "32" if done else "31")
     name, freedom = document["model"]["name"], document["degrees_of_freedom"]

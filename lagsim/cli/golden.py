@@ -116,7 +116,10 @@ def command(
 
 
 class _Task(NamedTuple):
-    """A model, or why it cannot be read, and the folder of its golden."""
+    """Model to be compared with its golden, and the folder of the golden.
+
+    If the model cannot be read, the error takes its place.
+    """
 
     path: str
     model: Model | LagsimError
@@ -279,7 +282,10 @@ def _unseen(known: Summary) -> str:
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:
-    """Return warnings on numbers whose changes the golden does not detect."""
+    """Return warnings on numbers whose changes the golden does not detect.
+
+    known : the stored summary of such changes.
+    """
     model, found = golden.about["model"], []
     if len(golden.rows) < min(LEAST_ROWS, golden.about["run_rows"]):
         text = f"the golden of {model} has {_rows(golden)} only"
@@ -294,7 +300,7 @@ def _doubts(golden: Golden, known: Summary) -> list[Caution]:
 
 
 def _worst(verdict: Verdict) -> str:
-    """Return a short text on the largest difference."""
+    """Return a short text on the largest difference of a verdict."""
     failed, parts = verdict.failed, [*verdict.faults]
     if verdict.missing:
         parts.append(f"{counted(len(verdict.missing), 'column')} missing")

@@ -123,7 +123,7 @@ def command(
 def _wish(
     responses: list[str] | None, frequencies: str | None, matrices: Path | None
 ) -> tuple[list[tuple[str, str]], tuple[float, float] | None]:
-    """Parse the options of the command."""
+    """Parse the options: pairs of input and output, and the range of frequencies."""
     problems, pairs = Problems(), []
     for text in responses or ():
         pair = pair_of(text)
@@ -192,7 +192,7 @@ def _small(value: float) -> str:
 
 
 def _written(value: complex) -> str:
-    """Return a complex amplitude as text; a real one without its imaginary part."""
+    """Return a complex amplitude as text; without imaginary part if it is real."""
     if abs(value.imag) <= 1e-6 * max(abs(value), 1e-6):
         return _small(value.real)
     return f"{value.real:.3g}{value.imag:+.3g}i"

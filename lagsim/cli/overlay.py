@@ -62,12 +62,17 @@ def command(
 def _wrote(
     path: Path, runs: Sequence[OverlaidRun], names: Sequence[str] | None, also: bool
 ) -> bool:
-    """Write a file if it can be drawn.
+    """Write a page or a picture if it can be drawn; return whether it was written.
 
     Parameters
     ----------
+    path : Path
+        The file; its ending determines the kind.
+    runs : sequence of OverlaidRun
+    names : sequence of str or None
+        Columns of the picture.
     also : bool
-        Whether the file was not requested by name.
+        Whether the file is a default output, not requested by name.
     """
     form = path.suffix.lower()
     if form in PICTURES:

@@ -92,11 +92,12 @@ ERROR_BAR: Any = typer.Option(
 def with_settings(
     keys: Mapping[str, str] = OPTIONS,
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator of commands: keys of `simulation` replace its `options`.
+    """Return a decorator that gives a command an option for each key of `simulation`.
 
-    The command receives the options given on the command line as a mapping.
+    The command receives the options that are given on the command line in its argument
+    `options`, by key.
 
-    keys : the options, each with the placeholder of its value.
+    keys : keys of `simulation` -> placeholder of the value in the help.
     """
     settings = []
     for key, metavar in keys.items():
@@ -205,8 +206,8 @@ class Job:
     Parameters
     ----------
     documents : list or None
-        Receives the content of run.json, in place of the printed summary; None to print
-        the summary.
+        The list to which the content of run.json is appended, in place of the printed
+        summary; None to print the summary.
     """
 
     def __init__(
@@ -271,7 +272,7 @@ class Job:
     def _made(self, session: Session, wishes: Document) -> int:
         """Run a session, write its folder of results, and return the exit code.
 
-        wishes : documents of the options.
+        wishes : what the options request of files, as documents.
         """
         wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name
@@ -300,7 +301,10 @@ class Job:
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
-        """Integrate, and write table, events, record and pictures; return the code."""
+        """Integrate; write table, events, run.json and pictures; return the exit code.
+
+        restart : creates the storage of checkpoints.
+        """
         wish, interrupt = self.wish, self.interrupt
         with interrupt.noted():
             more = self._appended(session)
@@ -334,7 +338,7 @@ class Job:
         return self._code(found, document, full)
 
     def _appended(self, session: Session) -> Appended | None:
-        """Return the columns of sensitivities and standard deviations, if any."""
+        """Return the columns of sensitivities and standard deviations; None if none."""
         model = session.case.model
         asked = *model.output.sensitivities, *self.wish.varied
         uncertain = any(p.uncertainty for p in model.parameters)
@@ -351,7 +355,10 @@ class Job:
     def _write(
         self, found: Attempt, results: Results, writer: Writer
     ) -> tuple[Document, OSError | None]:
-        """Write all files of a run; return run.json and an OSError or None."""
+        """Write all files of a run; return the content of run.json, and an error.
+
+        The error is the OSError of a disk that is full, or None.
+        """
         wish, lost, full = self.wish, False, found.fault
         try:
             writer.finish()
@@ -389,7 +396,7 @@ class Job:
         """Write the page and the pictures; return the OSError of a failure, or None.
 
         The table and run.json are written before, so that a failure here loses no rows.
-        A signal ends the drawing, since pictures can be drawn again.
+        A signal ends the drawing, since pictures can be drawn later.
         """
         from lagsim.studies.drawing import drawings
 
@@ -413,7 +420,10 @@ class Job:
         return None
 
     def _code(self, found: Attempt, document: Document, full: OSError | None) -> int:
-        """Return the exit code; report missing pictures, or a failure by `--strict`."""
+        """Return the exit code; report missing pictures, or a failure by `--strict`.
+
+        full : the OSError of writing, or None.
+        """
         interrupt = self.interrupt
         if full:
             return UnwritableError.exit_code
@@ -461,14 +471,15 @@ def _keep(
     restart: Callable[[], Restart],
     at_once: bool,
 ) -> None:
-    """Store checkpoints of a run after KEPT_AFTER_SECONDS.
+    """Store checkpoints of a run, at the earliest after KEPT_AFTER_SECONDS.
 
-    Before, the modules for checkpoints are not loaded.
+    Until then the modules for checkpoints are not loaded.
 
     Parameters
     ----------
     at_once : bool
-        Whether the run continues from a checkpoint, and so stores checkpoints at once.
+        Whether the run itself continues from a checkpoint: checkpoints are then stored
+        from the beginning.
     """
     due = time.monotonic() + KEPT_AFTER_SECONDS
 
@@ -487,6 +498,8 @@ def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> D
 
     Parameters
     ----------
+    full : OSError
+        The error of writing.
     lost : bool
         Whether the table is missing as well.
     """
@@ -521,7 +534,7 @@ MOST_NAMES = 2
 def summary(made: Attempt, document: Document, folder: Path) -> str:
     """Return the summary of a run that is printed at its end.
 
-    document : its run.json. folder : of the results.
+    document : the content of run.json. folder : the folder of the results.
     """
     colour = "32" if document["complete"] else "31"
     head = (
@@ -581,7 +594,10 @@ def _happened(trajectory: Trajectory) -> list[str]:
 
 
 def _named(events: Sequence[Event]) -> str:
-    """Return a text with the names of events' constraints, or their counts if many."""
+    """Return a text with the names of the events' constraints.
+
+    If the names are too many, their number takes their place.
+    """
     own = dict.fromkeys(f"`{e.name}`" for e in events if e.name)
     held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)

@@ -166,7 +166,7 @@ def _values(document: Document) -> list[np.ndarray[Any, np.dtype[np.complex128]]
 def _borders(document: Document) -> list[str]:
     """Return lines with the stability border of each method.
 
-    As a step h, and relative to the fastest period.
+    A border is given as a step h, and relative to the fastest period.
     """
     borders, span = document["borders"], document["runs"]["duration"]
     if not borders:
@@ -196,7 +196,7 @@ def _predicted(border: Document) -> str:
 def _over_parameter(document: Document) -> list[str]:
     """Return lines with the borders at both ends of the varied parameter's range.
 
-    And with the work of methods with step control.
+    Lines on the work of methods with step control follow.
     """
     name, values = document["vary"]["name"], document["vary"]["values"]
     borders = {

@@ -66,7 +66,10 @@ REASON = 160
 
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the names of a model that can be swept, to complete a command line."""
+    """Return the names that can be swept and begin with `incomplete`.
+
+    They complete a command line.
+    """
     try:
         model = read_file(str(context.params["model"]))
     except (LagsimError, KeyError):
@@ -184,7 +187,7 @@ def _grid(
 
 
 def _known(found: SweepRows, folder: Path) -> Any:
-    """Return the record of an earlier complete sweep; None if there is none."""
+    """Return the record of an earlier complete sweep with equal rows; None if none."""
     try:
         there = json.loads(content(folder / MANIFEST))
     except (OSError, ValueError):

@@ -33,9 +33,10 @@ class TableFormat(StrEnum):
 
 
 def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
-    """Return draw(), or a warning that `name` could not be drawn if it raises.
+    """Return the result of `draw()`; if it raises, a warning that names the file.
 
-    A picture that cannot be drawn does not stop the run or the other files.
+    name : the file that could not be drawn. Such a failure stops neither the run nor
+    the other files.
     """
     import traceback
 

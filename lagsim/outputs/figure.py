@@ -137,7 +137,7 @@ R = TypeVar("R")
 
 
 def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a function so that it draws in lagsim's style, not the user's."""
+    """Decorate a function so that it draws in lagsim's style, not in the user's."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -181,7 +181,10 @@ def legend(
 
 
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
-    """Return names cut to a line of `width` inches, and the number of columns."""
+    """Return the names of entries and the number of legend columns for a width.
+
+    Names are cut to a line of `width` inches.
+    """
     most = int(OF_SMALL_PRINT * width)
     names = [cut_text(name, most - BESIDE) for name, _ in entries]
     longest = max(map(len, names), default=0)
@@ -200,11 +203,11 @@ class Picture(Figure):
     Parameters
     ----------
     height : float
-        Of the panels with their labels, in inches.
+        Height of the panels with their labels, in inches.
     title, subject : str
         Written as `title: subject`.
     width : float
-        In inches.
+        Width of the picture, in inches.
     legend : sequence of (str, Pen)
     notes : iterable of str
 
@@ -255,7 +258,7 @@ class Picture(Figure):
         self.set_layout_engine("none")
 
     def when_placed(self, draw: Callable[..., None], *args: Any) -> None:
-        """Call `draw(*args)` once the sizes of panels are known."""
+        """Call `draw(*args)` after the layout, once the sizes of panels are known."""
         self._drawing.append(functools.partial(draw, *args))
 
     def _repr_png_(self) -> bytes:
@@ -371,7 +374,10 @@ TOO_COARSE, ENOUGH = 0.25, 1000
 
 
 def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
-    """Add a line without measuring it, unlike `Axes.plot`: the scales are known."""
+    """Add a line without updating data limits, unlike `Axes.plot`.
+
+    The scales of the panel are already known.
+    """
     axes.add_artist(Line2D(x, y, **pen, **more))
 
 
@@ -425,8 +431,8 @@ def draw_band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
 def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
     """Return the band (low, high) of a fast oscillation, widened to its envelope.
 
-    Otherwise the alternation of pixels with and without turning points would be
-    visible.
+    low, high : (k,), the extremes in each pixel. values : the oscillation. Without the
+    widening, pixels with and without turning points would alternate visibly.
     """
     turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
     swing = 2.0 * len(low) / max(turns, 1)
@@ -440,7 +446,7 @@ def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
 
 
 def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
-    """Draw y against x as dots or a line; pale after the first `trusted` values."""
+    """Draw y against x as dots or as a line; pale after the first `trusted` values."""
     if trusted < len(x):
         path(
             axes, x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen), len(x)
@@ -456,7 +462,7 @@ def _pale(pen: Pen) -> Pen:
 
 
 def point(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen) -> None:
-    """Draw one or several marks above the curves, unclipped at the edge."""
+    """Draw one or several marks at (x, y) above the curves, unclipped at the edge."""
     x, y = np.atleast_1d(x, y)
     if len(x):  # without any it had no place, and no layout were found
         line(axes, x, y, {"zorder": 2.5, **pen}, clip_on=False)
@@ -486,7 +492,10 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
 
 
 def _spaced(places: Array, apart: float) -> list[int]:
-    """Return the indices of places that are `apart` or more from the last kept one."""
+    """Return the indices of places that are at least `apart` from the last returned.
+
+    places : (n,), ascending.
+    """
     kept = []
     k = 0
     while k < len(places):
@@ -620,7 +629,7 @@ def spectrum_figure(
     across, up : PlottedColumn
         Frequencies and amplitudes.
     peaks : sequence of (float, float)
-        Frequency and amplitude of each.
+        Frequency and amplitude of each peak.
     """
     subject = f"spectrum of {up.name.removeprefix('amplitude of ')}"
     found = Picture(stack_height(1, SPECTRUM), title, subject)

@@ -43,10 +43,10 @@ _HEADS = frozenset(x.prefix.partition(".")[0] for x in KINDS if not x.letter)
 
 
 class PictureNames(UnicodeNames):
-    """Names with all parts after `_` as a subscript: `x_left`, `omega_1`."""
+    """Typesetting with all parts of a name after `_` as a subscript: `x_left`."""
 
     def split(self, name: str) -> tuple[str, str]:
-        """Return the letter or word of a name, and its subscript."""
+        """Return the letter or word of a name, and its subscript or ""."""
         base, below = super().split(name)
         digits, _, rest = below.partition("_")
         if not rest:
@@ -58,7 +58,10 @@ class PictureNames(UnicodeNames):
         return base, f"{BELOW}{','.join(parts)}{END}"
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Return letter or word with `order` dots over it, and its subscript."""
+        """Return a letter or word with `order` dots over it, and a subscript.
+
+        below : the subscript.
+        """
         return base + ("", *_COMMANDS)[order] + below
 
 
@@ -104,7 +107,7 @@ class Letters:
         return _NAME.sub(self._written, text).replace("-", "−")
 
     def _written(self, found: re.Match[str]) -> str:
-        """Return a typeset name, matched in an expression, with its subscripts."""
+        """Return the typeset form of a name found in an expression."""
         head, at, component = found["head"], found["at"], found["component"] or ""
         if head is None:
             return self.name(found[0])

@@ -59,11 +59,12 @@ def manifest(
     trajectory : Trajectory
     residuals : ResidualMonitor
     constraint_residual : float
+        The largest relative residual of the constraints.
     error_bar : ErrorBar or str
         A text: the reason why there is no error bar.
     cautions : sequence of Caution
     timings : mapping of str to float
-        Seconds by stage.
+        Seconds of each stage of the command, by its name.
     files : sequence of str
         Names of the files of the run.
     more : Appended, optional
@@ -238,8 +239,8 @@ def _printable(document: Any) -> Any:
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the loaded packages of `PACKAGES`.
 
-    Read from the modules: reading the metadata of packages takes longer than
-    integrating.
+    They are read from the modules, since reading the metadata of packages would take
+    longer than integrating.
     """
     found = {"python": sys.version.split()[0]}
     for name in PACKAGES:

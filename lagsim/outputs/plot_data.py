@@ -73,15 +73,15 @@ class PlotData:
         return self.letters.name(column), self.unit(column)
 
     def has_band(self, columns: Iterable[str]) -> bool:
-        """Whether any of some columns has a standard deviation."""
+        """Whether at least one of some columns has a standard deviation."""
         known = self.appended.names if self.appended else ()
         return any(DEVIATION.of(name) in known for name in columns)
 
     def band(self, column: str, t: Array, values: Array) -> Band | None:
         """Return times, and values less and plus one standard deviation.
 
-        None for a column without one. Rows at which it is unknown are nan: off the
-        output times, and where the motion is not differentiable.
+        None for a column without a standard deviation. Rows without a known deviation
+        are nan: off the output times, and where the motion is not differentiable.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class PlotData:
         return t, values - deviation, values + deviation
 
     def trusted(self) -> int:
-        """Return the number of points of a path before the horizon."""
+        """Return the number of points of a path up to the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
 

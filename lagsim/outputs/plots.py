@@ -105,9 +105,9 @@ def sheet(
     Parameters
     ----------
     timed : bool
-        Whether its panels have a time axis, on which events are marked.
+        Whether the panels have a time axis, on which events are marked.
     banded : bool
-        Whether its panels have bands of standard deviations.
+        Whether the panels have bands of standard deviations.
     """
     names: list[tuple[str, Pen]] = [DEVIATIONS] if banded else []
     if timed:
@@ -166,7 +166,10 @@ IN_PAIRS = 4
 
 
 def grouped(data: PlotData, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return groups of column names, one per panel; names of one unit share a panel."""
+    """Return groups of column names, one group per panel.
+
+    A few columns of one unit share a panel if their sizes are comparable.
+    """
     by_unit: dict[str, list[str]] = {}
     for name in names:
         by_unit.setdefault(data.unit(name), []).append(name)
@@ -199,7 +202,7 @@ def in_pairs(
     found : list of tuple of str
         An empty tuple is a free place.
     columns : int
-        Number of panels side by side, made even if there are pairs.
+        Number of panels side by side; an even number if there are pairs.
     """
     firsts = {one for one, other in pairwise(groups) if _is_pair(one[0], other[0])}
     if firsts and columns > 1 and columns % 2:
@@ -250,7 +253,10 @@ class Panels:
     def draw(
         self, picture: Picture, part: Picture | SubFigure, *, above: bool = False
     ) -> None:
-        """Draw the panels in a part of a picture; with `above`, labels are above."""
+        """Draw the panels in a part of a picture.
+
+        above : whether labels of vertical axes are above the panels.
+        """
         data, abreast = self._data, self._abreast
         above = above or abreast > 1
         panels = part.subplots(self._rows, abreast, squeeze=False)
@@ -287,7 +293,10 @@ class Panels:
 def bands_of(
     data: PlotData, columns: Iterable[str], drawn: Iterable[tuple[Array, Array]]
 ) -> list[Band | None]:
-    """Return the band of one standard deviation of each column, if it has one."""
+    """Return the band of one standard deviation of each column, None without one.
+
+    drawn : times and values of each column.
+    """
     pairs = zip(columns, drawn, strict=True)
     return [data.band(name, *curve) for name, curve in pairs]
 
@@ -299,7 +308,7 @@ def sides_of(bands: Iterable[Band | None]) -> list[tuple[Array, Array]]:
 
 
 def bands_around(axes: Axes, bands: Iterable[Band | None], pens: Iterable[Pen]) -> None:
-    """Draw bands behind their curves."""
+    """Draw bands behind their curves, each in the colour of the curve's pen."""
     for found, pen in zip(bands, pens, strict=False):
         if found is not None:
             draw_band(axes, *found, pen)
@@ -325,7 +334,10 @@ def label_greatest(
     *,
     above: bool = False,
 ) -> None:
-    """Label a scale's linear part, and the greatest value of the curves."""
+    """Label the linear part of a scale, and the greatest value of the curves.
+
+    drawn : the curves (times, values). above : whether the labels are above the panel.
+    """
     if not scale.linear:
         return
     t, values = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
@@ -343,7 +355,10 @@ def label_greatest(
 
 
 def largest(data: PlotData, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Return the greatest of the sizes of columns, for each unit."""
+    """Return, by unit, the greatest of the sizes of the columns of that unit.
+
+    sizes : column -> its size.
+    """
     found: dict[str, float] = {}
     for name, size in sizes.items():
         found[data.unit(name)] = max(found.get(data.unit(name), 0.0), size)
@@ -433,7 +448,10 @@ def side_of(name: str) -> str:
 def _values(
     data: PlotData, wanted: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
-    """Return abscissae and ordinates to draw, nan where a logarithm is undefined."""
+    """Return abscissae and ordinates to draw; nan where a logarithm is undefined.
+
+    x, name : the columns. timed : whether the abscissa is time.
+    """
     # Against time the envelope keeps spikes; others need both values of a row.
     across, up = data.rows.series(name) if timed else data.rows.path(x, name)
     if "x" in wanted.log:
@@ -448,9 +466,10 @@ def _xs(drawn: Curves) -> list[Array]:
 
 
 def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scale:
-    """Return the scale of the vertical axis for the curves on one side.
+    """Return the scale of the vertical axis for the curves of one side.
 
-    log : whether it is logarithmic. timed : whether the horizontal axis is time.
+    drawn : pairs (abscissae, values). log : whether the scale is logarithmic. timed :
+    whether the horizontal axis is time.
     """
     values = [up for _, up in drawn]
     if log:
@@ -461,9 +480,10 @@ def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scal
 def _are_directions(
     data: PlotData, curves: Mapping[str, DrawnExpression], scene: Scene, drawn: Curves
 ) -> bool:
-    """Whether abscissa and ordinate are lengths that one scale can show.
+    """Whether abscissa and ordinates are lengths that a common scale can show.
 
-    They are if units are equal, or both are coordinates of points or called x, y or z.
+    This is so if their units are equal, or if all are coordinates of points or called
+    x, y or z.
     """
     units = {data.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}
@@ -476,7 +496,10 @@ def _are_directions(
 
 
 def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float]:
-    """Return width of a picture, and height of its panel, for a path in one scale."""
+    """Return width of a picture and height of its panel for a path in equal scales.
+
+    x, y : the ranges of abscissa and ordinate.
+    """
     ratio = (y[1] - y[0]) / (x[1] - x[0])
     height = min(max(LOWEST, PANEL * ratio), TALLEST)
     return min(max(NARROWEST, BESIDE + height / ratio), WIDTH), height
@@ -506,7 +529,7 @@ def energy(data: PlotData) -> Picture:
     Parameters
     ----------
     data : PlotData
-        Its rows have `energy` and `kinetic`, `potential` or `lagrangian`, and the
+        The rows have `energy` and `kinetic`, `potential` or `lagrangian`, and the
         difference `DRIFT` if there is a column `work`.
     """
     heights = [TALL, LOW]
@@ -540,9 +563,10 @@ def energy(data: PlotData) -> Picture:
 
 
 def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
-    """Return the constant that is subtracted from each energy: its start, or 0.
+    """Return, by column of energy, the constant that is subtracted: its start, or 0.
 
-    It is 0 for an energy near 0. Constants of T and V are also subtracted from T + V.
+    A constant is subtracted where an energy is far from 0 in comparison with its
+    changes. Constants of T and V are also subtracted from T + V.
     """
     series = {name: data.rows.series(name)[1] for name in names}
     ends = {name: finite_range(values) for name, values in series.items()}

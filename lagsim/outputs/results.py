@@ -120,7 +120,7 @@ class Results:
         files.drop(self._part(name))
 
     def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
-        """Write files; yield the warnings of files that could not be drawn."""
+        """Write files; yield a warning for each file that could not be drawn."""
         for name, content in made:
             if isinstance(content, bytes):
                 self.write(name, content)
@@ -128,7 +128,7 @@ class Results:
                 yield content
 
     def digests(self) -> dict[str, str]:
-        """Return the sha256 of each file, which shows that files belong together.
+        """Return the sha256 of each file by name, which run.json lists.
 
         Raises
         ------
@@ -191,13 +191,13 @@ class Results:
                     files.drop(path)
 
     def forget(self) -> None:
-        """Remove the saved state of an unfinished run."""
+        """Remove the checkpoint of an unfinished run."""
         for name in (RESTART, RESTART_ROWS):
             with contextlib.suppress(OSError):
                 (self.folder / name).unlink()
 
     def unusable(self, error: OSError) -> InputError:
-        """Return the error that the folder cannot be written."""
+        """Return the error, for users, that the folder cannot be written."""
         return _unusable(self.folder, f"cannot be written: {error.strerror}")
 
     def _begun(self, name: str, content: bytes = b"") -> Path:
@@ -246,6 +246,7 @@ class Results:
         Raises
         ------
         InputError
+            If the file has been changed.
         """
         if (self.folder / name).is_file() and not self._unchanged(name):
             text = f"{self.folder / name} is not as `lagsim fit` has written it"
@@ -310,13 +311,14 @@ def open_results(
 
 @contextlib.contextmanager
 def _held(results: Results, until: float) -> Iterator[None]:
-    """Context manager: lock a folder, waiting until time `until` for its release.
+    """Context manager: lock a folder, waiting for another process until time `until`.
 
     Raises
     ------
     InputError
-        If another process has the lock for longer.
+        If another process holds the lock for longer.
     OSError
+        If the lock file cannot be opened.
     """
     if fcntl is None:  # Windows: renaming over an open file fails by itself
         yield
@@ -368,7 +370,7 @@ def _locked(path: Path, results: Results) -> int | None:
 
 
 def _opened(path: Path) -> int:
-    """Open the lock file; an entry of its name that is no usable file is replaced."""
+    """Open the lock file; replace an entry of that name that is no regular file."""
     try:
         return files.begin(path)
     except FileExistsError:  # of a run that was killed, or goes on
@@ -387,7 +389,7 @@ def _unusable(folder: Path, why: str) -> InputError:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file over its old content, so that reserved space is used."""
+    """Write a file over its old content, so that disk space reserved for it is used."""
     handle = files.held(path, os.O_RDWR)
     try:
         files.write(handle, content)
@@ -396,7 +398,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _sync(path: Path, flags: int = os.O_RDWR) -> None:
-    """Flush a file, or a folder's list of files, to the disk."""
+    """Flush a file, or the list of entries of a folder, to the disk."""
     handle = os.open(path, flags)
     try:
         os.fsync(handle)
@@ -459,7 +461,7 @@ MANY = 1_000_000
 def refuse_without_room(
     folder: Path, form: TableFormat, settings: Settings, columns: int, *, ends: bool
 ) -> str:
-    """Refuse a table that exceeds the free disk space; return a warning if it may.
+    """Refuse a table that exceeds the free disk space; warn if it may exceed it.
 
     Parameters
     ----------

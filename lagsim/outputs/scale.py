@@ -98,7 +98,10 @@ class Scale(NamedTuple):
         (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
 
     def _beyond(self, most: int) -> Locator:
-        """Return ticks at 0, powers of ten, and the ends of a long linear part."""
+        """Return ticks at 0, at powers of ten, and at the ends of a long linear part.
+
+        most : the largest number of ticks of one sign.
+        """
         ends = self.low, self.high
         apart = math.log10(max(map(abs, ends)) / self.linear) / most
         powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
@@ -117,9 +120,9 @@ def size_of(axes: Axes) -> tuple[float, float]:
 
 
 def per_inch(axes: Axes, ends: Ends) -> float:
-    """Return data units per inch of the scale with which both axes fit into the panel.
+    """Return data units per inch of an equal scale with which both axes fit.
 
-    ends : the range of each axis.
+    ends : the ranges of both axes, which fit into the panel.
     """
     sides = zip(ends, size_of(axes), strict=True)
     return max((high - low) / side for (low, high), side in sides)
@@ -170,9 +173,9 @@ class Label:
 
 
 class Counting(ScalarFormatter):
-    """Formatter that writes offset and power of ten of the ticks into the label.
+    """Formatter that writes offset and power of ten of the ticks into the axis label.
 
-    matplotlib writes ten digits of the offset, which are too few.
+    (matplotlib writes only ten digits of the offset, which are too few.)
     """
 
     def __init__(self, label: Label) -> None:
@@ -192,7 +195,7 @@ class Counting(ScalarFormatter):
 
 
 class Powers(LogFormatterSciNotation):
-    """Formatter of powers of ten; of plain numbers on a scale of few decades."""
+    """Formatter of powers of ten, or of plain numbers on a scale of few decades."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """Return the text at a tick; "" if the tick is not finite."""
@@ -268,7 +271,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
 
 
 def is_level(*series: Array) -> bool:
-    """Whether values are constant up to rounding errors."""
+    """Whether all values of the arrays are constant up to rounding errors."""
     low, high = finite_range(*series)
     return high - low <= COMPUTED_ZERO * max(abs(low), abs(high))
 
@@ -294,9 +297,9 @@ def noise_scale(values: Array, size: float) -> Scale:
 
 
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
-    """Return a logarithmic scale with free room at both ends.
+    """Return a logarithmic scale with a free margin at both ends.
 
-    The room is `margin` times the decades of the values, plus `least` decades.
+    The margin is `margin` times the decades of the values, plus `least` decades.
     """
     low, high = finite_range(*(s[s > 0.0] for s in series), empty=(1.0, 10.0))
     low = max(low, FAINT)
@@ -307,7 +310,7 @@ def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale
 
 
 def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
-    """Return a scale for curves (times, values) against time, as `value_scale` does.
+    """Return a scale for curves (times, values) against time, see `value_scale`.
 
     A spike, or unbounded growth, would hide all other values on a linear scale: the
     scale is then logarithmic beyond some size, or, for growth of one sign, everywhere.
@@ -332,7 +335,10 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Whether the largest value of a curve lies near its end, as in growth."""
+    """Whether the largest |value| of a curve is near the curve's end, as in growth.
+
+    drawn : curves (times, values).
+    """
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
         largest = t[int(sizes.argmax())]
@@ -342,7 +348,12 @@ def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
 
 
 def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Scale:
-    """Return a scale that is logarithmic beyond `linear`, in at most half of it."""
+    """Return a scale that is linear up to `linear`, and logarithmic beyond it.
+
+    plain : the linear scale of the values. most : the largest |value|. share : length
+    of the linear part in decades; by default a little shorter than the logarithmic
+    part.
+    """
     decades = max(math.log10(most / linear), 1.0)
     # The margin of a linear scale may be larger than all that is on the other side.
     low = plain.low if -plain.low > 0.1 * plain.high else -linear

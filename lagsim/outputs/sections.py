@@ -80,7 +80,7 @@ def pictures(
 
 
 def least_variations(ranges: Floats) -> Floats:
-    """Return the least variation of each column that is not rounding noise (columns,).
+    """Return the least variation of each column that exceeds rounding, (columns,).
 
     Parameters
     ----------
@@ -102,6 +102,7 @@ def without_noise(
     Parameters
     ----------
     name : str
+        The column.
     names : sequence of str
         Columns of `rows`.
     rows : ndarray, shape (k, columns)

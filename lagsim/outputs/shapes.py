@@ -54,8 +54,9 @@ class Body(NamedTuple):
     edges, seams : list
         Edges of faces; seams are edges between flat parts of a round surface.
     moves : bool
+        Whether the position, the axes or the corners change.
     radius : float
-        Of a sphere, else 0.
+        Radius of a sphere, else 0.
     """
 
     shape: Shape
@@ -103,7 +104,7 @@ def values_per_row(model: Model) -> int:
 
 
 def string_lengths(model: Model) -> list[float | None]:
-    """Return the length of each link that is a string with a stated one, else None."""
+    """Return the stated length of each link; None for links that are no such string."""
     values, g = model.parameter_values, model.graph
     return [
         None if x is None else evaluate(g, [x.node], values)[0]
@@ -112,14 +113,15 @@ def string_lengths(model: Model) -> list[float | None]:
 
 
 def mesh_parts(shape: Shape, d: int) -> list[Floats]:
-    """Return the corners (n, d) of a body for each of its sizes at 1, others at 0.
+    """Return the corners of a body as linear functions of its sizes.
 
-    The corners in the axes of the body are linear in its sizes.
+    The result has, for each size, the corners (n, d) in the axes of the body with this
+    size 1 and all others 0.
 
     Parameters
     ----------
     shape : Shape
-        Without corners of its own.
+        A shape without corners of its own.
     d : int
         Number of components.
     """
@@ -191,7 +193,10 @@ def _along(
     rows: int,
     ends: list[float],
 ) -> Floats:
-    """Return the corners of a curve (rows, n, components)."""
+    """Return points of a curve (rows, n, components) as corners.
+
+    values : variables by name. ends : ends of the curve's parameter.
+    """
     s = np.linspace(ends[0], ends[1], ALONG if rows == 1 else CHANGING)
     for name, x in values.items():
         if isinstance(x, np.ndarray):
@@ -218,7 +223,10 @@ def _flat(corners: Floats, *, closed: bool) -> Mesh:
 
 
 def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
-    """Return a body in its own axes; `turns` adds a line that shows its rotation."""
+    """Return a body in its own axes; `turns` adds a line that shows the rotation.
+
+    kind : the kind of shape. sizes : its lengths. d : 2 or 3.
+    """
     if kind == "ground":  # a plane: the height of one place in it
         return np.array([[0.0, 0.0, sizes[0]]]), [], [], []
     if kind == "sphere":
@@ -254,16 +262,16 @@ def _great_circles(radius: float, count: int) -> Mesh:
 def _prism(
     outline: Floats, low: float, high: float, *, line: bool = False, tip: bool = False
 ) -> Mesh:
-    """Return the prism of an outline (n, 2) from `low` to `high`, or a cone if `tip`.
+    """Return the prism of an outline from height `low` to `high`, or a cone if `tip`.
 
     Parameters
     ----------
     outline : ndarray, shape (n, 2)
-        Counterclockwise; with more than four corners it is round.
+        Counterclockwise; an outline of more than four corners counts as round.
     low, high : float
         Heights of bottom and top.
     line : bool
-        Whether to add a line from the middle of the top and down the side.
+        Whether a line from the middle of the top down the side is added.
     tip : bool
         Whether the bottom is a point.
     """
@@ -362,7 +370,7 @@ def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
 
 
 def _area(corners: Floats) -> Floats:
-    """Return the area vector (n, d) of polygons; in the plane its single component."""
+    """Return the area vector (n, d) of n polygons; in the plane its only component."""
     beside = np.roll(corners, -1, axis=0)
     if corners.shape[1] == 2:
         (x, y), (u, v) = corners.T, beside.T
@@ -377,9 +385,9 @@ def reached(places: Sequence[Floats], bodies: Sequence[Body]) -> Floats:
     Parameters
     ----------
     places : sequence of ndarray, shape (rows, d)
-        Of points.
+        Positions of each point.
     bodies : sequence of Body
-        Evaluated in at most `ROWS` rows.
+        Bodies, of which at most `ROWS` rows are evaluated.
     """
     found, heights = list(places), []
     for body in bodies:

@@ -55,7 +55,7 @@ FREE = 1.15
 
 
 class Still(NamedTuple):
-    """Panel of a picture: its title, and states (rows, ...) with a pen for each."""
+    """Panel of a picture: a title, states (rows, ...), and a pen for each state."""
 
     title: str
     film: Film | None
@@ -117,7 +117,8 @@ def displaced(
 ) -> dict[str, float | Floats]:
     """Return the values of all variables in a mode at some phases.
 
-    The largest displacement of a point is a part of the extent of the scene.
+    The amplitude is chosen such that the largest displacement of a point is a fixed
+    part of the extent of the scene.
 
     Parameters
     ----------
@@ -155,9 +156,9 @@ ROUND = ("disk", "ring", "sphere")
 
 
 def _places(film: Film, *, turns: bool = True) -> Floats:
-    """Return the places of points and corners, shape (rows, places, components).
+    """Return the places of points and of corners, shape (rows, places, components).
 
-    Of round shapes only the middles, unless `turns`.
+    Round shapes contribute their middles only, unless `turns`.
     """
     rows = np.arange(len(film.t))
     found = [track.place[:, None] for track in film.tracks.values()]
@@ -188,7 +189,7 @@ def stills(
     title, subject : str
         Written as `title: subject`.
     panels : sequence of Still
-        Of which the first `MOST` are drawn.
+        The panels, of which the first `MOST` are drawn.
     legend : sequence of (str, Pen)
     """
     shown = panels[:MOST]

@@ -68,7 +68,7 @@ class Writer:
         Parameters
         ----------
         rows : ndarray, shape (k, m)
-            With at least the columns of the table, to which they are cut.
+            Rows with at least the columns of the table; further columns are left out.
 
         Raises
         ------
@@ -120,15 +120,18 @@ class Writer:
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:
-        """Return the number of whole rows in `text`, and the number of their bytes."""
+        """Return the number of whole rows in `text`, and the number of their bytes.
+
+        text : bytes from the beginning of a row on.
+        """
         rows = len(text) // (8 * self._width)
         return rows, 8 * self._width * rows
 
 
 def numberless(unit: str) -> str:
-    """Return a unit for the line of units; "" if it reads as a number.
+    """Return a unit for the line of units; "" if it could be read as a number.
 
-    A number would turn the line of units into a row.
+    A number would make the line of units a row of the table.
     """
     try:
         float(unit)
@@ -224,7 +227,7 @@ class TableWriter(Writer):
         ----------
         content : iterable of bytes
         rows : int
-            Number of rows in it.
+            Number of rows in `content`.
         last : float or None
             First column of the last row.
         """

@@ -183,9 +183,10 @@ def _of_differences(
 def _consistent(
     equations: Equations, given: Mapping[int, str]
 ) -> tuple[Dimensions, Unit]:
-    """Return the units of nodes, and the unit of all energies; PURE if they disagree.
+    """Return the units of nodes, and the unit of all energies; PURE if these disagree.
 
-    Parameters without units are pure numbers, unless an energy or a force contradicts.
+    given : node -> unit in the file. Parameters without units are pure numbers, unless
+    an energy or a force contradicts.
     """
     model, graph = equations.model, equations.graph
     bare = [
@@ -266,9 +267,10 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
 def _following(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit, Sequence[str]]]:
-    """Yield name and unit of columns whose unit follows from energy and their owner.
+    """Yield name, unit and preferred unit names of columns whose unit follows.
 
-    With the preferred names of the unit.
+    It follows from the unit of energies and the unit of the column's owner, see
+    `ColumnKind`.
     """
     for kind, name, node, level in _owners(equations):
         along = PURE if node is None else dimensions.unit(node)
@@ -284,10 +286,11 @@ def _following(
 def _owners(
     equations: Equations,
 ) -> Iterator[tuple[ColumnKind, str, int | None, Level]]:
-    """Yield kind, name, node of the owner, and level of its rows, of columns.
+    """Yield kind and name of columns, with the node of the owner and its level.
 
-    Of the kinds that coordinates or the run own, then of reactions, multipliers,
-    impulses and friction.
+    The columns are those that the run (node None) or coordinates own, then reactions,
+    multipliers, impulses and friction. The level says whether the owner's node is a
+    relation of positions or of velocities.
     """
     for kind in KINDS:
         if kind.owner is Owner.RUN:

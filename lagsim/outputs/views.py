@@ -86,7 +86,7 @@ class Views:
     Attributes
     ----------
     height : float
-        Of all views, in inches; 0 without points or rows.
+        Height of all views, in inches; 0 without points or rows.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Views:
         self.height = LINE * lines + sum(self._heights) + gaps + BELOW_PANELS
 
     def _take(self, scene: Scene) -> None:
-        """Store positions (directions, rows) of all points, their extent and unit."""
+        """Store the positions (directions, rows) of points, their extent and unit."""
         data = self._data
         dimension = scene.dimension
         self._positions: dict[str, Array] = {}
@@ -144,7 +144,7 @@ class Views:
     def _usable(self, scale: float) -> float:
         """Return a scale, in data units per inch, with a margin around the scene.
 
-        It is positive also for a scene at rest.
+        The scale is positive also for a scene at rest.
         """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
@@ -238,7 +238,7 @@ class Views:
         return [finite_range(*c) for c in zip(*shown, strict=True)]
 
     def _fill(self, panels: Sequence[tuple[Axes, View]]) -> None:
-        """Draw shapes, paths and links; in the oblique view also the axes."""
+        """Draw shapes, paths and links; in the oblique view the axes, too."""
         for axes, view in panels:
             along = list(view)
             turned = np.eye(len(self._extents))[along] if view else OBLIQUE
@@ -307,9 +307,10 @@ class Views:
         return np.array(found).reshape(len(found), len(places)).T
 
     def _slack(self, a: str, b: str, row: int, length: float | None) -> float:
-        """Return sqrt(length^2 - distance^2) of a string in one row, 0 if it is taut.
+        """Return sqrt(length^2 - distance^2) of a string in one row; 0 if it is taut.
 
-        A string without a stated length is as long as the largest distance of its ends.
+        a, b : the points at its ends. length : None for a string without a stated
+        length, which is as long as the largest distance of its ends.
         """
         apart = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
         longest = float(np.nanmax(apart)) if length is None else length
@@ -317,7 +318,10 @@ class Views:
         return left**0.5 if left > (TAUT * longest) ** 2 else 0.0
 
     def _colours(self) -> list[str]:
-        """Return the colour of each shape: of its point, or, if it moves, its own."""
+        """Return the colour of each shape.
+
+        It is the colour of the shape's point or, if the shape moves, one of its own.
+        """
         found, own = [], len(self._pens)
         for body in self._bodies:
             pen = self._pens.get(body.shape.point)
@@ -387,7 +391,10 @@ def inch_of(axes: Axes) -> float:
 
 
 def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
-    """Draw the visible and the hidden edges (n, 2) of a body, see `projected`."""
+    """Draw the visible and the hidden edges (n, 2) of a body.
+
+    lines, hidden : see `projected`. look : the pen.
+    """
     inch, kind = inch_of(axes), body.shape.kind
     if kind == "ground":
         lines = _hatched(lines, inch)
@@ -407,7 +414,10 @@ def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 
 def _hatched(lines: Array, inch: float) -> Array:
-    """Return a path (n, 2) with hatches at the right of its direction."""
+    """Return a path (n, 2) with hatches at the right-hand side of its direction.
+
+    inch : data units per inch; so in the functions below.
+    """
     gap, found = np.full(2, np.nan), [lines]
     for a, b in pairwise(lines):
         length, u, left = _along(a, b)
@@ -453,7 +463,7 @@ def _damper(a: Array, b: Array, inch: float) -> Array:
 
 
 def _string(a: Array, b: Array, slack: Array) -> Array:
-    """Return a parabola (n, 2) from a to b: a string that sags by its slack (2,)."""
+    """Return a parabola (n, 2) from a to b: a string that sags by `slack` (2,)."""
     s = np.linspace(0.0, 1.0, STRING if slack.any() else 2)[:, np.newaxis]
     return np.asarray(a + s * (b - a) + 4.0 * SAG * s * (1.0 - s) * slack)
 

@@ -112,7 +112,7 @@ class Film(NamedTuple):
     Attributes
     ----------
     name, description : str
-        Of the model.
+        Name and description of the model.
     t : ndarray, shape (frames,)
     broken : ndarray of bool, shape (frames,)
         Whether positions are interpolated linearly up to the next frame.
@@ -129,12 +129,13 @@ class Film(NamedTuple):
     energies : dict of str to ndarray, shape (frames,)
     events : sequence of Event
     struck : dict of str to names
-        The points at which each constraint acts, if known.
+        Constraint -> the points on which its force acts, if known.
     horizon : float
         Time past which the motion is no forecast.
     units : dict of str to str
-        Of `length`, `energy` and `force`, if known.
+        Units of `length`, `energy` and `force`, if known.
     notes : sequence of str
+        Texts below the controls of the page.
     """
 
     name: str
@@ -166,7 +167,7 @@ class Film(NamedTuple):
 def stage(model: Model) -> Scene:
     """Return the scene of a model; without one, the point (x, y) or (x, y, z).
 
-    Its dimension is 0 if the model has no such variables either.
+    The scene has the dimension 0 if the model has no such variables either.
     """
     if model.scene.points or model.scene.shapes:
         return model.scene
@@ -178,7 +179,7 @@ def stage(model: Model) -> Scene:
 
 
 def nothing_to_draw(model: Model) -> list[Caution]:
-    """Return the warning, in a list, that a model has no animation; else []."""
+    """Return the warning that a model has no animation, in a list; [] if it has one."""
     if stage(model).dimension:
         return []
     text = (
@@ -195,7 +196,7 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     ----------
     equations : Equations
     columns : sequence of str
-        Columns of the rows that it will receive.
+        Columns of the rows that the observer will receive.
     """
     scene = stage(equations.model)
     names = ["t", *equations.state, *equations.accelerations]
@@ -233,8 +234,9 @@ def film(
     horizon : float
         Time past which the motion is no forecast.
     units : dict of str to str
-        Of columns.
+        Units of columns.
     notes : sequence of str
+        Texts below the controls of the page.
     """
     model, scene = equations.model, stage(equations.model)
     table = frames.table
@@ -289,9 +291,10 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
 def _tracks(
     e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
 ) -> dict[str, Track]:
-    """Return position and velocity of each point of a scene, in `count` frames.
+    """Return position and velocity of each point of a scene in `count` frames, by name.
 
-    Components that a point lacks are 0.
+    Components that a point lacks are 0. values : variables by name, numbers or arrays
+    (count,).
     """
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
@@ -312,7 +315,10 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Mark frames (frames,) after which interpolation by rates would overshoot."""
+    """Return marks of the frames (frames,) after which interpolation would overshoot.
+
+    The interpolation uses the positions and the rates of both frames. t : (frames,).
+    """
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = longest_side(tracks)
     found = np.zeros(len(t), dtype=bool)
@@ -348,7 +354,7 @@ class Carriers:
     Attributes
     ----------
     struck : dict of str to names
-        The points at which each constraint acts, if known.
+        Constraint -> the points on which its force acts, if known.
     pushes : list of Push
         The forces that are not always 0, friction included.
     carried : list of Carried
@@ -386,7 +392,10 @@ class Carriers:
         self.pushes = [Push(*key, force) for key, force in found.items()]
 
     def _moving(self) -> dict[str, list[dict[int, int]]]:
-        """Return dr/dq of the points that depend on q, a mapping for each component."""
+        """Return dr/dq of the points that depend on q and on no velocity, by point.
+
+        A mapping for each component of r: index of a coordinate -> node.
+        """
         e, g = self._e, self._e.graph
         index = {g.variable(name): j for j, name in enumerate(e.q)}
         rates = frozenset(e.velocities)
@@ -403,10 +412,10 @@ class Carriers:
         return found
 
     def _carrier(self, A: Mapping[int, int]) -> tuple[tuple[str, ...], bool]:
-        """Return points, as few as possible, at which forces can replace a row.
+        """Return the smallest set of points on which forces can replace a row.
 
-        A : the row's elements, index of a coordinate -> node. The second value: whether
-        the forces are unique.
+        A : the constraint row, index of a coordinate -> node. The second value: whether
+        these forces are unique. () if no points are found.
         """
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
@@ -434,12 +443,21 @@ class Carriers:
     def _forces(
         self, row: Mapping[int, int], points: Sequence[str], frames: slice
     ) -> tuple[Floats, Flags, Flags]:
-        """Solve A^T = J^T f for the forces of a row on points, in some frames.
+        """Solve A^T = J^T f for the forces f of a row on points, in some frames.
+
+        Parameters
+        ----------
+        row : mapping of int to int
+            Index of a coordinate -> node of the row A.
+        points : sequence of str
+            The points, with the derivatives J by the coordinates.
+        frames : slice
+            The k frames.
 
         Returns
         -------
         f : ndarray, shape (k, components)
-            Without components that never vary.
+            Components that never vary are left out.
         holds, unique : ndarray of bool, shape (k,)
             Whether f solves the equation, and whether it is unique.
         """
@@ -470,10 +488,10 @@ class Carriers:
     def _shares(
         self, A: Mapping[int, int], name: str, points: Sequence[str]
     ) -> Iterator[tuple[str, Floats]]:
-        """Yield each of `points` with its force (count, components) by a multiplier.
+        """Yield each of `points` with the force (count, components) on it by a row.
 
-        name : the multiplier's column. nan in frames in which the forces are not
-        unique.
+        A : the constraint row. name : the multiplier's column. The force is nan in
+        frames in which the forces are not unique.
         """
         multiplier = self._values.get(name)
         if not isinstance(multiplier, np.ndarray) or not multiplier.any():
@@ -494,7 +512,10 @@ class Carriers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Yield reactions of the output that act on a component of a point, as forces."""
+    """Yield the reactions in the output that belong to components of points, as forces.
+
+    columns : the columns of the table by name.
+    """
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
@@ -518,8 +539,8 @@ def film_of_columns(
 ) -> Film | None:
     """Return the motion of the point (x, y) or (x, y, z); None without these columns.
 
-    The rate is that of the columns x_dot, y_dot, ... if all exist; else it is a finite
-    difference of rows, separately on each side of an impact.
+    The velocity is read from the columns x_dot, y_dot, ... if all exist; else it is a
+    finite difference of rows, separately on each side of an impact.
 
     Parameters
     ----------
@@ -552,7 +573,10 @@ def film_of_columns(
 
 
 def _slopes(t: Floats, place: Floats) -> Floats:
-    """Return the rates of rows, by parabolas; nan if a row is isolated."""
+    """Return the derivatives of `place` (rows, d) by t (rows,), from parabolas.
+
+    Rows between two impacts are one piece; a piece of a single row has nan.
+    """
     rate = np.full_like(place, np.nan)
     ends = [*(np.flatnonzero(np.diff(t) == 0.0) + 1), len(t)]
     first = 0
@@ -671,9 +695,10 @@ def _packed(values: Floats, kind: str = "<f4") -> str:
 
 
 def _usual(force: Floats) -> float:
-    """Return a high percentile of the sizes of a force (frames, components).
+    """Return a high percentile of |force| over frames, which scales the arrows.
 
-    The scale of arrows, insensitive to spikes.
+    Unlike the maximum it is insensitive to spikes. force : (frames, components). 0
+    without a finite force.
     """
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
@@ -683,7 +708,10 @@ def _usual(force: Floats) -> float:
 def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float | None:
     """Return the height of a floor below all points; None if it is out of sight.
 
-    In space, it is the height of the first ground of the scene, if there is one.
+    In space it is the height of the first ground of the scene, if there is one.
+
+    every : positions of all points (k, d). box : least and greatest value of each
+    component.
     """
     if levels := [b.height for b in film.shapes if b.height is not None]:
         return levels[0]
@@ -695,7 +723,10 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 
 
 def _box(every: Floats) -> list[list[float]]:
-    """Return the least and greatest value of each component for the view."""
+    """Return the least and greatest value of each component, for the view.
+
+    Few places far from all others are left out. every : positions of all points (k, d).
+    """
     if not len(every):
         return [[0.0, 0.0] for _ in range(every.shape[1])]
     low, high = every.min(axis=0), every.max(axis=0)
@@ -706,9 +737,9 @@ def _box(every: Floats) -> list[list[float]]:
 
 
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
-    """Return a shape as JSON data.
+    """Return a shape as JSON data; the script of the page computes the last axis.
 
-    names : of the points. The script of the page computes the last axis.
+    names : of the points of the film.
     """
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
@@ -723,7 +754,10 @@ def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _coded(place: Floats) -> dict[str, str]:
-    """Return an array under `place`, or its constant value under `fixed`."""
+    """Return an array (frames, ...) under `place`; its rows under `fixed` if equal.
+
+    `fixed` has one row.
+    """
     same = np.array_equal(place, np.broadcast_to(place[:1], place.shape))
     return {"fixed" if same else "place": _packed(place[0] if same else place)}
 
@@ -771,7 +805,10 @@ def page_part(name: str) -> str:
 
 
 def wrapped(scripts: Sequence[str]) -> str:
-    """Return a script of several files, whose names are its own."""
+    """Return scripts as one script in a function, whose names are invisible outside.
+
+    scripts : names of the files.
+    """
     return "\n".join(['"use strict";', "(() => {", *map(page_part, scripts), "})();"])
 
 
@@ -791,14 +828,14 @@ def filled(
     ----------
     title : str
     kind : str
-        The class of its body.
+        The class of the element `body`.
     script : str
     styles : sequence of str
-        Names of files.
+        Names of the files of styles.
     policy : str
         The Content-Security-Policy within the page.
     more, data : str
-        Elements before the controls, and before the script.
+        HTML elements before the controls, and before the script.
     """
     parts = {
         "TITLE": html.escape(title),

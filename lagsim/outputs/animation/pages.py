@@ -56,7 +56,7 @@ def holding(
     Parameters
     ----------
     about : dict
-        The model as the page shows it: name, description, sliders.
+        Name, description and sliders of the model, as the page shows these.
     content, module, mathml : bytes
         Data of the page's worker, the WebAssembly module of the run, and the equations.
     tapes : sequence of (int, int)
@@ -90,18 +90,18 @@ def holding(
 
 
 def _digest(page: bytes) -> str:
-    """Return the source expression of the script of a page."""
+    """Return the hash of a page's script, as a Content-Security-Policy writes it."""
     [script] = _SCRIPT.findall(page)
     return digest_of(script)
 
 
 def digest_of(script: bytes) -> str:
-    """Return the source expression of a script."""
+    """Return the hash of a script, as a Content-Security-Policy writes it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"
 
 
 def policy(page: bytes) -> str:
-    """Return the Content-Security-Policy of a page: its own script and server alone."""
+    """Return the Content-Security-Policy of a page: only its script and its server."""
     return (
         f"default-src 'none'; script-src {_digest(page)}; "
         "style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
