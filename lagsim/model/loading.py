@@ -200,10 +200,7 @@ class _Builder:
         self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
-        """Add the node that a YAML event begins.
-
-        Return False if a size limit is exceeded.
-        """
+        """Add the node that a YAML event begins; return False past a size limit."""
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]
@@ -284,7 +281,10 @@ class _Builder:
         return tuple(found.values())
 
     def _unspaced(self, key: Node, value: Node) -> tuple[Node, Node]:
-        """Split a key such as `theta:1`, whose colon lacks the space of YAML."""
+        """Split a key such as `theta:1`, which lacks the space of YAML after the colon.
+
+        Return key and value; unchanged if there is no such colon.
+        """
         alone = isinstance(value, Scalar) and value.empty
         if not (alone and isinstance(key, Scalar)) or key.style:
             return key, value
@@ -300,9 +300,10 @@ class _Builder:
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
-        """Return keys and values, or items, with calls joined that YAML split.
+        """Return keys and values in turn, or items, with calls joined that YAML split.
 
-        `[min(0,4*N, 1)]` is a list of two items for YAML.
+        `[min(0,4*N, 1)]` is a list of two items for YAML. mapping : whether parts are
+        keys and values.
         """
         whole: list[Node] = []
         step, i = 1 + mapping, 0
@@ -324,9 +325,10 @@ class _Builder:
 
 
 def _keys(parts: list[Node], i: int) -> list[Any]:
-    """Return key i and the following ones up to its closing parenthesis.
+    """Return the parts of key i that YAML split at commas, up to its parenthesis.
 
-    YAML splits the key `c(i = 1..2, j = 1..3)` at its comma.
+    YAML splits the key `c(i = 1..2, j = 1..3)` at its comma. parts : keys and values in
+    turn.
     """
     keys, depth = [parts[i]], _left_open(parts[i])
     while depth > 0 and i + 2 < len(parts):
@@ -359,7 +361,7 @@ def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
 
 
 def _is_decimal(before: Node, piece: Scalar) -> bool:
-    """Whether the comma between two parts is a decimal comma: digits on both sides."""
+    """Whether the comma between two parts is a decimal comma: between digits."""
     if not isinstance(before, Scalar) or piece.start != before.end + len(","):
         return False
     return before.text[-1:].isdecimal() and piece.text[:1].isdecimal()
@@ -399,7 +401,7 @@ At = tuple[int, int]
 
 
 class Diagnosis(NamedTuple):
-    """Fault that stopped the YAML parser; `line` counts from 0.
+    """Fault that stopped the YAML parser, with its place; `line` counts from 0.
 
     `repaired` is the text in which a placeholder at `spoilt` (line, column) replaces
     the faulty value; empty where no repair is possible.
@@ -492,7 +494,10 @@ class _Case:
         return Diagnosis(Problem(code, text, place, hint), line)
 
     def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
-        """Return a diagnosis; its repaired text has a placeholder for the value."""
+        """Return a diagnosis whose repaired text has a placeholder for the value.
+
+        Arguments as for `fault`.
+        """
         found, entry = self.fault(text, hint, at), self.entry
         if entry is None:
             return found
@@ -525,7 +530,7 @@ def _tab(case: _Case) -> Diagnosis | None:
 
 
 def _joined_dash(case: _Case) -> Diagnosis | None:
-    """Diagnose a list item whose dash has no space after it."""
+    """Diagnose a list item without a space after the dash; else None."""
     found = re.match(r"(\s*)-([^\s\d.-].*:.*)", case.line)
     if found is None:
         return None
@@ -626,7 +631,7 @@ def _indentation(case: _Case) -> Diagnosis | None:
 
 
 def _beginning(case: _Case) -> Diagnosis | None:
-    """Diagnose a value that begins with a sign reserved by YAML."""
+    """Diagnose a value that begins with a sign reserved by YAML; else None."""
     entry, at = case.entry, case.at[1]
     if entry is not None and entry["value"][0] in "|>*&!":
         at = entry.start("value")
@@ -657,7 +662,7 @@ def _is_expression(text: str) -> bool:
 
 
 def _ending(case: _Case) -> Diagnosis | None:
-    """Diagnose text after the end of a value, or of a collection in brackets."""
+    """Diagnose text after the end of a value or collection; else None."""
     if case.entry is not None and case.entry["value"][0] in "'\"":
         text = "something follows the closing quote"
         return case.set_aside(text, "quote the whole value")

@@ -236,7 +236,7 @@ class Constraint(NamedTuple):
     def ends(self) -> str:
         """Endings of the names of two relations with a shared limit.
 
-        They are those of a list (`.1`, `.2`) or of a vector's components.
+        They are the endings of a list (`.1`, `.2`), or of the components of a vector.
         """
         return "12" if self.name[-1] in "12" else "xy"
 
@@ -270,17 +270,18 @@ class Shape(NamedTuple):
     kind : str
         One of `SHAPES`.
     sizes : tuple of int
-        Nodes of lengths, of parameters alone: of a body; the height of a ground in
-        space; the ends of the parameter `CURVE` of a curve; the scale of an arrow.
+        Nodes that depend on parameters alone: the lengths of a body; the height of a
+        ground in space; the ends of the parameter `CURVE` of a curve; the scale of an
+        arrow.
     corners : tuple of tuple of int
         Nodes, in the shape's own axes, of the corners of a polygon or a ground, of
         the point on a curve, or of the vector of an arrow.
     at : tuple of int
-        Nodes of its origin; empty for the origin of the scene.
+        Nodes of the position of the shape's origin; empty for the origin of the scene.
     axes : tuple of int
-        Entries of its rotation matrix, 2 x 2 or 3 x 3, row by row; or empty.
+        Entries of the shape's rotation matrix, 2 x 2 or 3 x 3, row by row; or empty.
     point : str
-        Name of the scene's point at its origin, or at a corner; or empty.
+        Name of the scene's point at the shape's origin, or at a corner; or empty.
     places : tuple of Place
         Places of `sizes` in the file.
     """
@@ -311,7 +312,10 @@ class Shape(NamedTuple):
 
 
 class ShapeKind(NamedTuple):
-    """Kind of shape: counts of its sizes, its keys, and whether it needs space."""
+    """Kind of shape: permitted numbers of sizes, keys, and whether it needs space.
+
+    `space` : the kind exists in three dimensions only.
+    """
 
     sizes: tuple[int, ...]
     keys: tuple[str, ...] = ("at", "frame")
@@ -394,7 +398,7 @@ class Plot(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Section of the phase space: the states recorded for its picture.
+    """Section of the phase space, at which states are recorded for a picture.
 
     States are recorded where `at` crosses 0 in a direction, or at times `every` apart.
     """
@@ -452,7 +456,10 @@ class NumberPlaces(NamedTuple):
 
 
 class Stated(Protocol):
-    """Expressions of a model file, re-evaluated for other values: see `reader.File`."""
+    """Expressions of a model file, which can be evaluated for other values.
+
+    See `reader.File`.
+    """
 
     def bound(
         self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
@@ -477,16 +484,16 @@ class Stated(Protocol):
         """Return the settings of the file's run; see `Model.settings`."""
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Whether any other number of the file can depend on some names.
+        """Whether a further number of the file can depend on some names.
 
-        Such a number is a parameter, a start value or a setting whose expression uses
-        one of these parameters or start values.
+        Such a number is a parameter, a start value or a setting whose expression
+        contains one of the parameters or start values `names`.
         """
 
     def rewritten(self, values: Mapping[str, float]) -> str:
-        """Return the text of the file with other values of some names.
+        """Return the text of the file with other values of parameters and start values.
 
-        Names are those of parameters and start values; comments are kept.
+        Comments are kept.
 
         Raises
         ------
@@ -500,7 +507,7 @@ class Stated(Protocol):
     def formulas(self) -> Mapping[str, Parsed]:
         """Return the expressions of parameters, start values and settings, by name.
 
-        Those of settings have names such as `simulation.duration`.
+        A setting has a name such as `simulation.duration`.
         """
 
     def structural(self) -> Collection[str]:
@@ -521,7 +528,10 @@ class Stated(Protocol):
         """
 
     def texts(self) -> dict[str, Scalar]:
-        """Return the expressions of energies, forces and constraints, by `forces.x`."""
+        """Return the texts of the model's expressions, by keys such as `forces.x`.
+
+        The sections are definitions, states, energies, forces, constraints and events.
+        """
 
     def numbers(self) -> list[str]:
         """Return the texts of the expressions of parameters and start values."""

@@ -33,7 +33,7 @@ class SourceText:
     text
         The text.
     shown
-        Source whose lines are shown in messages, where it is not `text` itself.
+        Source whose lines messages show, where these are not the lines of `text`.
 
     Attributes
     ----------
@@ -65,8 +65,8 @@ class SourceText:
 class Reading(Protocol):
     """Interpretation of an expanded scalar's text for one member of a family.
 
-    component, size : the number of a component of a vector, or None, and the vector's
-    size
+    component, size : the number of the component that is read (None for a number), and
+    the number of components.
     """
 
     component: int | None
@@ -85,9 +85,9 @@ class Reading(Protocol):
 class Scalar(NamedTuple):
     """Text of a YAML scalar; YAML's own types are not used.
 
-    `start` and `end` are its offsets in its source; `style` is the sign of YAML at its
-    beginning, `=` for a command line option, or empty. `reading` is present in a file
-    with families or vectors.
+    `start` and `end` are the offsets of the scalar in `source`; `style` is the sign of
+    YAML before the text, `=` for a command line option, or empty. `reading` is present
+    in a file with families or vectors.
     """
 
     text: str
@@ -106,7 +106,8 @@ class Scalar(NamedTuple):
     def place_of_name(self, name: str, offset: int) -> Place:
         """Return the place in the file of a name in this expression.
 
-        name : as in the model, with dots for members. offset : of its word in the text.
+        name : the name in the model, with dots for members. offset : offset of the word
+        for it in the text.
         """
         if self.text.startswith(name, offset):
             return self.place_of(offset, len(name))
@@ -126,8 +127,8 @@ class Scalar(NamedTuple):
 def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
     """Return the position in the file of each character of a scalar's text.
 
-    Pairs of begin and end offsets; the last pair is the end of the text. Quotes,
-    escapes and folded lines make a text differ from the file.
+    The positions are pairs of begin and end offsets; one more pair is the end of the
+    text. Quotes, escapes and folded lines make a text differ from the file.
     """
     source, begin = scalar.source, scalar.start
     if scalar.style in ("'", '"'):
@@ -147,7 +148,10 @@ def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
 
 
 def _next(scalar: Scalar, index: int) -> tuple[int, int]:
-    """Return begin and end offsets of the next character that is not blank."""
+    """Return begin and end, in the file, of the next character that is not blank.
+
+    index : the offset from which on it is searched.
+    """
     raw, style = scalar.source.text, scalar.style
     last = max(scalar.start, scalar.end - 1)
     while index < last:
@@ -228,7 +232,7 @@ def texts_of(nodes: Iterable[Node]) -> list[str]:
 
 
 def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
-    """Return the scalars at and below a node, each with its path: `forces.x`.
+    """Yield the scalars at and below a node, each with its path: `forces.x`.
 
     name : the path of the node.
     """
@@ -258,7 +262,7 @@ def words_below(*roots: Node) -> set[str]:
 
 
 def value_of(node: Node, keys: tuple[str, ...]) -> Node:
-    """Return the value of the first of `keys` in a mapping; the node if it has none."""
+    """Return the value of the first of `keys` that a mapping has; else the node."""
     below = {key.text: value for key, value in entries_of(node)}
     return next((below[key] for key in keys if key in below), node)
 

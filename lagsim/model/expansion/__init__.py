@@ -95,7 +95,11 @@ class Report(Protocol):
 
 
 class _Given(NamedTuple):
-    """Entry of a section with its members."""
+    """Entry of a section that declares or names members, with these members.
+
+    Fields: key and value of the entry, the family, the parsed key, and the members as
+    pairs of index values and subscripts.
+    """
 
     key: Scalar
     node: Node
@@ -112,7 +116,7 @@ class Expansion:
     root
         Root node of the file.
     instead
-        Expressions for parameters, used instead of the file's, by names with dots.
+        Expressions that replace those of parameters in the file, by names with dots.
     report
         Function that records a fault: code, text, place and hint.
     is_unit
@@ -177,9 +181,9 @@ class Expansion:
             self.node = root._replace(entries=tuple(entries))
 
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
-        """Add a hidden definition, see `trees`; return a reference to it.
+        """Add a hidden definition with a value, see `trees`; return a reference to it.
 
-        `at` is the scalar to whose text the offsets of the value's names refer.
+        at : the scalar to whose text the offsets of names in the value refer.
         """
         single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value
@@ -276,9 +280,9 @@ class Expansion:
         return found
 
     def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
-        """Return the parsed name, and the members, of a key in `frames` or `bodies`.
+        """Return the parsed name and the members of a key in `frames` or `bodies`.
 
-        what : `a frame` or `a body`, for messages. None where a fault was reported.
+        None where a fault was reported. what : `a frame` or `a body`, for messages.
         """
         try:
             parsed = parsed_key(key.text)
@@ -303,10 +307,11 @@ class Expansion:
     def bound(
         self, node: Node, reading: MemberReading | None = None, rules: Rules = None
     ) -> Node:
-        """Return a node whose scalars are read for a member, or outside of families.
+        """Return a node whose scalars are read for one member.
 
-        `rules` has functions that expand the values of some keys, of the node or of the
-        items of a list.
+        reading : the member; None outside of families. rules : a function that expands
+        the node, or functions by key that expand values of the node, or of the items of
+        a list.
         """
         reading = reading or self.plain
         if callable(rules):
@@ -329,7 +334,7 @@ class Expansion:
     # Keys, and their members
 
     def fault(self, fault: ExpressionError, scalar: Scalar) -> None:
-        """Report a fault in a scalar."""
+        """Report a fault of an expression, at its place in a scalar."""
         if fault.code != SILENT:
             place = scalar.place_of(fault.offset, fault.length)
             self.report(fault.code, fault.text, place, fault.hint)
@@ -340,10 +345,11 @@ class Expansion:
         outer: Indices | None = None,
         space: dict[str, Family] | None = None,
     ) -> tuple[Key, Members] | None:
-        """Return a parsed key with its members; None where it is faulty or no name.
+        """Return a parsed key with its members.
 
-        outer : values of the indices of an enclosing range. space : the families among
-        which the name is looked up; by default those of variables.
+        None where the key is faulty, or no name. outer : values of the indices of an
+        enclosing range. space : the families among which the name is looked up; by
+        default those of variables.
         """
         try:
             parsed = parsed_key(key.text) or self._column(key, space)
@@ -355,9 +361,9 @@ class Expansion:
         return None
 
     def _column(self, key: Scalar, space: dict[str, Family] | None) -> Key | None:
-        """Return the key of a member that is written as its column, and report it.
+        """Report a key of the form `q.3`, a column; return the key `q(3)` in its place.
 
-        `q.3` is the column of `q(3)`.
+        None for other keys.
         """
         name = key.text.partition(".")[0]
         family = (self.scope.reference if space is None else space.get)(name)
@@ -406,7 +412,10 @@ class Expansion:
         return found
 
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
-        """Return the entry of `section` that declares the name `key`, or None."""
+        """Return the entry of `section` that declares the name `key`, or None.
+
+        None after a fault.
+        """
         found, name = self._key(key), key.text.partition("(")[0]
         broken = False
         if found is None or found[0].letter:
@@ -428,9 +437,9 @@ class Expansion:
         return self._join(_Given(key, node, family, parsed, members))
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
-        """Whether a family's name is free.
+        """Whether a name is free for a family of a section; else a fault is reported.
 
-        If it is declared already, that is reported.
+        family : the family of that name as declared before.
         """
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
@@ -451,7 +460,10 @@ class Expansion:
         return False
 
     def _join(self, one: _Given) -> _Given | None:
-        """Add members to their family; members already in the family are reported."""
+        """Add the members of an entry to their family; return the entry.
+
+        None after a fault, as where the family already has a member.
+        """
         family, members = one.family, one.members
         if not one.parsed.subscripts:
             family.members.add(())
@@ -506,7 +518,7 @@ class Expansion:
     def _resolve(self, given: list[_Given]) -> None:
         """Determine the number of components of each definition.
 
-        A definition is evaluated after the definitions that it uses.
+        A definition is evaluated after the definitions that it contains.
         """
         waiting, before = [one for one in given if one.members], -1
         while len(waiting) != before:
@@ -523,9 +535,9 @@ class Expansion:
             one.family.resolved = True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
-        """Return the names of an entry's components, `('x', 'y')`, or () for a number.
+        """Return the names of an entry's components, `('x', 'y')`; () for a number.
 
-        They follow from the value of its first member.
+        The names follow from the value of the entry's first member.
         """
         section, node = one.family.section, one.node
         if section == "coordinates":
@@ -562,7 +574,7 @@ class Expansion:
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
-        """Store the components of a coordinate, given by its key `components`.
+        """Store the components of a coordinate, from its key `components`.
 
         Return whether the declaration is valid.
         """
@@ -581,7 +593,7 @@ class Expansion:
         return empty or (known and isinstance(node, Mapping))
 
     def _with_unit(self, node: Sequence) -> bool:
-        """Whether a list is a number followed by a unit, which is a fault."""
+        """Whether a list is a number followed by a unit, which the file must not have."""
         last = node.items[-1]
         return (
             len(node.items) == len(("number", "unit"))
@@ -591,7 +603,7 @@ class Expansion:
         )
 
     def _written(self, one: _Given) -> Iterator[Entry]:
-        """Return an entry for each member, and component, of an entry of the file."""
+        """Yield an entry for each member and component of an entry of the file."""
         family, section = one.family, one.family.section
         letters = family.letters
         if section != "definitions":
@@ -667,7 +679,19 @@ class Expansion:
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: MemberReading, key: Scalar
     ) -> Node:
-        """Return the value of an entry for one component of a member."""
+        """Return the value of an entry for one component of a member.
+
+        Parameters
+        ----------
+        node
+            The value of the entry.
+        keys
+            The keys below which the expression stands.
+        reading
+            The member and the component.
+        key
+            The key of the entry.
+        """
         inner, outer = value_of(node, keys), reading
         if reading.component is None:
             new = self.bound(inner, reading)
@@ -688,9 +712,9 @@ class Expansion:
     def _referring(
         self, section: str, given: Iterable[Entry], outer: Indices | None = None
     ) -> list[Entry]:
-        """Return the entries `given` of a section, expanded to members and components.
+        """Return the entries `given` of a section, one for each member and component.
 
-        The entry of a single member takes precedence over that of a range. outer :
+        An entry for a single member takes precedence over an entry for a range. outer :
         values of the indices of an enclosing range.
         """
         found: dict[str, tuple[Entry, bool]] = {}
@@ -719,8 +743,8 @@ class Expansion:
     ) -> _Given | Entry | None:
         """Return the entry whose key refers to a name, such as a force on `q(i)`.
 
-        Of a family it is a `_Given`, with the members that the key selects; of any
-        other name the entry as it is; None if the key is faulty, which is reported.
+        For a family the result is a `_Given` with the members that the key selects, for
+        any other name the unchanged entry. None after a fault.
         """
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:
@@ -752,7 +776,7 @@ class Expansion:
     def spread(self, node: Node, reading: MemberReading) -> Node:
         """Return a vector-valued expression as the list of its components.
 
-        Another node is returned with `reading` as its interpretation.
+        Any other node is returned for the member of `reading`.
         """
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
@@ -771,8 +795,8 @@ class Expansion:
     ) -> Iterator[tuple[Scalar, MemberReading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
 
-        Of points and shapes, whose names are not names of variables. space : their
-        families.
+        The names are those of points and shapes, which are no variables. space : the
+        families of these names, to which the entry is added.
         """
         found = self._key(key)
         if found is None and key.text.partition("(")[0] in self.broken:
@@ -813,8 +837,8 @@ class Expansion:
     ) -> list[Node]:
         """Return the names of members and components that an item of a list denotes.
 
-        `q` denotes all members of the family q. Other items are returned unchanged.
-        space, outer : see `_key`.
+        `q` denotes all members of the family q. Items that denote no family are
+        returned unchanged. space, outer : see `_key`.
         """
         if not isinstance(node, Scalar):
             return [node]

@@ -63,9 +63,9 @@ class Solid(NamedTuple):
 
 
 def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
-    """Return the moment of inertia m (a x^2 + b y^2 + ...).
+    """Return the moment of inertia m (a x^2 + b y^2 + ...) as a tree.
 
-    terms : pairs of a factor a and a length x
+    terms : pairs of a factor a and a length x.
     """
     squares = (product(number(c), call("pow", x, number(2.0))) for c, x in terms)
     return product(m, total(squares))
@@ -188,11 +188,10 @@ class Bodies(SectionReader):
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
 
     def word(self, key: str, node: Scalar) -> Tree | None:
-        """Return the expression for the word `bodies` in an energy.
+        """Return the expression that replaces the word `bodies` in an energy.
 
-        None without the word.
-
-        key : `kinetic` or `potential`. node : the energy's expression.
+        None if the energy has no such word. key : `kinetic` or `potential`. node : the
+        energy's expression.
         """
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
             return None
@@ -206,7 +205,7 @@ class Bodies(SectionReader):
         return total(self._energies[key])
 
     def idle(self) -> list[str]:
-        """Return texts on keys without effect, for warnings."""
+        """Return texts, for warnings, on keys of the section that have no effect."""
         found = []
         if self._given and "kinetic" not in self._said:
             found.append("`bodies` do not act: `kinetic` lacks the word `bodies`")
@@ -215,9 +214,10 @@ class Bodies(SectionReader):
         return found
 
     def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
-        """Return a number as it is; another expression as a hidden definition's name.
+        """Return a number unchanged, and a reference for another expression.
 
-        hidden : the definition's name. found : the expression with its scalar.
+        The reference is to a hidden definition, which is added. hidden : its name.
+        found : the expression with its scalar.
         """
         tree, at = found
         return (
@@ -225,7 +225,7 @@ class Bodies(SectionReader):
         )
 
     def _entry(self, key: Scalar, below: dict[str, Node]) -> None:
-        """Add the bodies that an entry of the section `bodies` declares.
+        """Store the bodies that an entry of the section `bodies` declares.
 
         below : the values of the entry by key.
         """
@@ -290,7 +290,10 @@ class Bodies(SectionReader):
         return frames.named(node, one.indices)
 
     def _inertia(self, one: _Body, n: int) -> Value | None:
-        """Return the moments of inertia given by the key `inertia`, or None."""
+        """Return the moments of inertia from the key `inertia`; None without the key.
+
+        n : 2 or 3, the number of axes.
+        """
         node = one.below.get("inertia")
         if node is None:
             return None
@@ -304,9 +307,10 @@ class Bodies(SectionReader):
     def _solid(
         self, one: _Body, m: Tree, n: int, frame: Frame | None, at: Vector
     ) -> Solid | None:
-        """Return the inertia of a body's shape, or None without a shape.
+        """Return the inertia of a body's shape; None without a shape.
 
-        The shape is added to `drawn`.
+        The shape is added to `drawn`. m : the mass. n : the number of axes. frame, at :
+        axes of the body, and the position of its origin.
         """
         node, what = one.below.get("shape"), f"the shape of {one.what}"
         if node is None:
@@ -370,7 +374,7 @@ class Shapes(SectionReader):
                     yield full, self._written(node, reading)
 
     def of_bodies(self, drawn: Iterable[Drawn]) -> Iterator[Entry]:
-        """Return entries of the section `shapes` for the shapes of bodies."""
+        """Yield entries of the section `shapes` for the shapes of bodies."""
         for one in drawn:
             key, value = one.kind
             reading = MemberReading(self.scope, one.indices)
@@ -387,9 +391,9 @@ class Shapes(SectionReader):
         return self.x.bound(node, reading, rules)
 
     def _turned(self, node: Node, reading: MemberReading) -> Node:
-        """Return the rotation matrix of a shape.
+        """Return the rotation matrix of a shape, as a node.
 
-        An expression that names no frame is an angle.
+        node : the name of a frame, or an expression: an angle in the plane.
         """
         frames = self.x.frames
         if isinstance(node, Scalar) and frames is not None:

@@ -116,7 +116,7 @@ class _DeclaredFrame(NamedTuple):
 
 
 def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
-    """Whether a mapping with the keys `below` has others than `keys`."""
+    """Whether a mapping with the keys `below` has a key that is not in `keys`."""
     return any(k not in keys and not k.startswith("x-") for k in below)
 
 
@@ -134,7 +134,7 @@ class SectionReader:
     ) -> NoReturn:
         """Report a fault at a place or node, then raise an ExpressionError.
 
-        The error has no message, since the fault is reported.
+        The error has no message, since the fault is already reported.
         """
         self.report(code, text, at, hint)
         raise silent()
@@ -142,7 +142,7 @@ class SectionReader:
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
         """Return the value of the expression `node` for a member, and its scalar.
 
-        indices : values of the member's indices. what : the expression's name in
+        indices : values of the member's indices. what : name of the expression in
         messages.
         """
         if isinstance(node, Broken):
@@ -167,7 +167,7 @@ class SectionReader:
         return found
 
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Return the value, which must be a number, of an expression, and its scalar.
+        """Return the value of an expression, which must be a number, and its scalar.
 
         Arguments as for `value`.
         """
@@ -180,10 +180,10 @@ class SectionReader:
     def vector(
         self, node: Node, indices: Indices, counts: SequenceType[int], what: str
     ) -> list[tuple[Tree, Scalar]]:
-        """Return the components of a list, or of a vector expression, with scalars.
+        """Return the components of a list, or of a vector expression.
 
-        Each is a pair of its value and the scalar of the file from which it stems.
-        counts : the numbers of components that are allowed.
+        Each component is a pair of its value and the scalar of the file from which it
+        stems. counts : the permitted numbers of components.
         """
         if isinstance(node, Sequence):
             found = [self.number(item, indices, what) for item in node.items]
@@ -246,11 +246,9 @@ class FrameReader(SectionReader):
             self._given[name, member] = _DeclaredFrame(key, below, indices)
 
     def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
-        """Whether the keys of a frame's entry form a rotation.
+        """Whether the keys of a frame's entry describe a rotation; else report a fault.
 
-        If not, a fault is reported.
-
-        below : the values by key.
+        below : the values of the entry by key.
         """
         what, report = f"the frame `{key.text}`", self.report
         if not isinstance(node, Mapping) and "on" in below:
@@ -283,11 +281,14 @@ class FrameReader(SectionReader):
             raise silent() from None
 
     def named_by(self, steps: Steps, indices: Indices) -> Frame:
-        """Return the frame whose name was parsed into `steps`."""
+        """Return the frame whose name was parsed into `steps`, for a member.
+
+        indices : values of the member's indices.
+        """
         return self._frame_of(self._called(steps, indices))
 
     def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Return name and subscripts of a frame, parsed into `steps`."""
+        """Return name and subscripts of a frame from its parsed name, for a member."""
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault(
@@ -312,7 +313,7 @@ class FrameReader(SectionReader):
         raise token.fault(text, hint, EXPRESSION_FRAME)
 
     def _frame_of(self, called: Called) -> Frame:
-        """Return the frame of a name and subscripts, built after its parents."""
+        """Return the frame with a name and subscripts, built after its parents."""
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
@@ -359,10 +360,7 @@ class FrameReader(SectionReader):
             return _SPACE
 
     def _frame(self, called: Called) -> Frame | None:
-        """Return a new frame on its parent, which exists.
-
-        None where a fault was reported.
-        """
+        """Return a new frame on its parent, which exists; None after a fault."""
         given, parent = self._given[called], self._made[self._parent(called)]
         if parent is None:
             return None
@@ -384,7 +382,10 @@ class FrameReader(SectionReader):
         return self._turned(name, parent, own, given.key)
 
     def _turned(self, name: str, parent: Frame, own: Chart, at: Scalar) -> Frame:
-        """Return the frame of a rotation `own` relative to `parent`, and record it."""
+        """Return the frame with the rotation `own` relative to `parent`, and record it.
+
+        name : of the frame. at : its scalar, for messages.
+        """
         made = composed(name, parent, own, partial(self.x.hide, at=at))
         assert not isinstance(made.omega, Tree)
         rows = tuple(map(_all_parsed, made.rows)), tuple(map(_all_parsed, own.rows))
@@ -415,7 +416,10 @@ class FrameReader(SectionReader):
     # Rotations
 
     def _planar(self, given: _DeclaredFrame, parent: Frame, hidden: str) -> Frame:
-        """Return a frame in the plane; its angle is added to that of its parent."""
+        """Return a frame in the plane, whose angle adds to the angle of the parent.
+
+        given : the entry. hidden : name of the hidden definition of the angle.
+        """
         angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
         if parent.angle != ZERO:
@@ -485,9 +489,9 @@ class FrameReader(SectionReader):
         return by_quaternion(p, n, speeds)
 
     def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:
-        """Return the frame by rotations about its own axes, one after the other.
+        """Return the frame turned by angles about its own axes, one after the other.
 
-        The letters of `axes` name the axes, and `angles` has the angles.
+        The letters of the key `axes` name the axes; the key `angles` has the angles.
         """
         given, axes = self._given[called], self._given[called].below["axes"]
         what = f"the frame `{given.key.text}`"

@@ -39,7 +39,7 @@ _WHOLE = 4 * sys.float_info.epsilon
 
 
 class UnlikeError(Exception):
-    """A sum that has to be written out."""
+    """Signal that a sum cannot be written as elements, and has to be written out."""
 
 
 class Lookup(NamedTuple):
@@ -176,7 +176,7 @@ _MOST_INNER = 16
 
 
 def _unrolled(tree: Tree) -> Tree:
-    """Return a tree with its sums over short ranges of numbers written out."""
+    """Return a tree in which sums over short ranges of numbers are written out."""
     if tree.op == OVER:
         first, last, term = tree.args
         if not first.op == last.op == "number":
@@ -207,9 +207,9 @@ def _with(tree: Tree, word: str, value: Tree) -> Tree:
 def _extended(
     columns: Columns, members: int, part: Range, known: Lookup
 ) -> tuple[Columns, int]:
-    """Return the columns of the indices extended by a further range, and their length.
+    """Return the columns of all indices, and their length, for one more inner range.
 
-    columns : values (members,) of each outer index.
+    columns : values (members,) of each outer index. part : the inner range.
     """
     first, last = (_wholes(x, columns, members, known) for x in (part.first, part.last))
     counts = np.maximum(last - first + 1, 0)
@@ -285,7 +285,7 @@ def _condition(tree: Tree) -> Tree | None:
 
 
 def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
-    """Return a tree with branch k in place of each `if` with a condition."""
+    """Return a tree with branch k in place of each `if` that has the condition."""
     if tree.op == "if" and tree.args[0] == condition:
         return _selected(tree.args[1 + k], condition, k)
     args = tuple(_selected(a, condition, k) for a in tree.args)
@@ -379,8 +379,9 @@ class _Writer:
         Returns
         -------
         number : int
+            Number of the column.
         positions : ndarray, shape (members,)
-            Of each member, an index of `values`.
+            For each member, an index of `values`.
         values : list of tuple of int
             The different values of the subscripts.
         """
@@ -402,7 +403,7 @@ class _Writer:
         return self.table[key]
 
     def _example(self, tree: Tree) -> Tree:
-        """Return a tree of the term with the indices of the first member."""
+        """Return the term with the indices of the first member, as a tree."""
         if tree.op == INDEX:
             return trees.number(float(self.group.columns[str(tree.value)][0]))
         if tree.op == REFERENCE:

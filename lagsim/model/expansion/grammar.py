@@ -44,7 +44,7 @@ _RANGE = "such as sum(i = 1..n, m(i))"
 
 
 class Inner(NamedTuple):
-    """Payload of a step with `takes` operands, and its further parts.
+    """Payload of a step that has parts of its own and takes `takes` operands.
 
     `word` is a component, the index of a range, or a name; `steps` are those of a term
     over the range, or of the name of a frame in a function of frames.
@@ -127,7 +127,7 @@ class _Extended(Parser):
             top.frame = self._cut(top.begin)
 
     def _cut(self, begin: int) -> Steps:
-        """Remove the steps from index `begin` on, and return them."""
+        """Remove the steps from index `begin` on from the output, and return them."""
         cut = tuple(self.output[begin:])
         del self.output[begin:]
         return cut

@@ -104,9 +104,10 @@ class Family:
         self.broken = False
 
     def missing(self, name: str, members: Iterable[tuple[object, Member]]) -> str:
-        """Return a text on the first member not in the family, or an empty text.
+        """Return a text on the first of `members` that the family lacks; "" if none.
 
-        name : the name of the family, or of its rate.
+        name : the name of the family, or of its rate. members : pairs, whose second
+        element has the subscripts.
         """
         missing = (m for _, m in members if m not in self.members)
         found = next(missing, None)
@@ -214,8 +215,8 @@ class Scope:
     ) -> tuple[Value, Value | None, str]:
         """Return left side, right side and sign of a relation for a member.
 
-        The right side is None for an expression. indices : values of the member's
-        indices.
+        The right side is None for a text that is an expression. indices : values of the
+        member's indices.
         """
         last = self._last
         if last[:2] != (text, parser) or last[2] is not indices:
@@ -237,7 +238,7 @@ class Scope:
         return self._value
 
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
-        """Return the count of components of an expression for a member.
+        """Return the number of components of an expression for a member.
 
         The result is 0 where the expression has a fault of its own, which is reported
         when the expression is read, and -1 where it depends on a faulty name.
@@ -262,8 +263,8 @@ class Scope:
     def value(self, steps: Steps, indices: Indices) -> Value:
         """Return the value of an expression, parsed into `steps`, for a member.
 
-        It is a tree or, of a vector, a tuple of trees. indices : values of the member's
-        indices.
+        The value is a tree or, for a vector, a tuple of trees. indices : values of the
+        member's indices.
         """
         return self.run(steps, indices).pop()
 
@@ -323,9 +324,9 @@ class Scope:
         return self.frame(named, indices)
 
     def reference(self, name: str) -> Family | None:
-        """Return the family that a name, or a rate or force column of it, refers to.
+        """Return the family to which a name refers, or a column of its rate or force.
 
-        None for a name without a declaration.
+        None for a name that is not declared.
         """
         if family := self.variables.get(name):
             return family
@@ -357,7 +358,7 @@ class Scope:
     def _member(self, token: Token, args: list[Value]) -> Value:
         """Return the value of a name with the subscripts `args`.
 
-        A member or a component.
+        It is a member of a family, or a component of a vector.
         """
         name, family = token.text, self.reference(token.text)
         if family is None:
@@ -399,8 +400,7 @@ class Scope:
         """Return a sum, minimum or maximum of terms over a range.
 
         of : the index and the steps of the terms. args : first and last value of the
-        index.
-        indices : values of the other indices.
+        index. indices : values of the other indices.
         """
         if self._generic:
             return self._symbolic(of, token, args, indices)
@@ -446,7 +446,10 @@ class Scope:
     def _gathered(
         self, of: Inner, token: Token, args: list[Value], indices: Indices
     ) -> Value:
-        """Return a sum as elements, or written out where it has to be."""
+        """Return a sum as elements; written out where it cannot be elements.
+
+        Arguments as for `_over`.
+        """
         before = self._terms, set(self._faulty), self.full
         self._generic, self.gathers = True, False
         try:
@@ -483,9 +486,9 @@ class Scope:
     # Numbers
 
     def whole(self, value: Value, token: Token) -> int:
-        """Return the integer that a subscript or an end of a range is.
+        """Return the integer that a subscript, or an end of a range, is.
 
-        value : its tree, a number or an expression of parameters.
+        value : a tree: a number, or an expression of parameters.
         """
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
@@ -506,13 +509,16 @@ class Scope:
         return nearest
 
     def _once(self, names: set[str], code: ErrorCode) -> ExpressionCode:
-        """Return `code` for the first fault of parameters, else a silent code."""
+        """Return `code` at the first fault of one of the parameters `names`.
+
+        At later faults a silent code is returned.
+        """
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names
         return SILENT if known else code
 
     def ask(self, *values: Tree) -> None:
-        """Store that parameters in `values` determine the form of the equations."""
+        """Record that parameters in `values` determine the form of the equations."""
         parsed = (trees.parsed(value, "") for value in values)
         self._asked |= {name.text for found in parsed for name in found.names}
 
@@ -572,9 +578,9 @@ def _check(family: Family) -> None:
 
 
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
-    """Return a member of a family as a tree, or as a tuple of its components.
+    """Return a member of a family as a tree, or as a tuple of trees of its components.
 
-    name : of the family or of its rate. offset : of the name in the text.
+    name : of the family, or of its rate. offset : of the name in the text.
     """
     if not family.letters:
         return trees.name(dotted(name, member), offset)
@@ -597,7 +603,7 @@ def _referred(family: Family, token: Token, args: list[Value]) -> Value:
 
 
 def _numbered(family: Family, token: Token, member: Member) -> Value:
-    """Return component `member` = (k,), k >= 1, of the vector `family`.
+    """Return component k of the vector `family`; `member` is (k,), k >= 1.
 
     The family has no subscripts: `G(2)` is the second component of the vector G.
     """
@@ -668,7 +674,10 @@ class MemberReading:
         self._last: tuple[str | None, Any, Any] = None, None, None
 
     def parsed(self, text: str, parser: Parser) -> Any:
-        """Return the parser's result for the expression of this member."""
+        """Return the expression that `text` is for this member.
+
+        parser : the function that parses `text`: of an expression, or of a relation.
+        """
         if self._last[:2] != (text, parser):
             left, right, sense = self.scope.values(text, parser, self.indices)
             found: Any = self._part(left, text)
@@ -695,10 +704,7 @@ class MemberReading:
         return trees.parsed(value, text)
 
     def words(self, text: str) -> set[str]:
-        """Return the names in the expression of this member.
-
-        Empty if it has a fault.
-        """
+        """Return the names in the expression of this member; empty after a fault."""
         for parser in (parse, parse_relation, parse_condition):
             try:
                 return {name.text for name in self.parsed(text, parser).names}
@@ -722,5 +728,5 @@ class HiddenReading(MemberReading):
         self._parsed = parsed
 
     def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
-        """Return the hidden definition's expression; neither argument is used."""
+        """Return the hidden definition's expression; both arguments are ignored."""
         return self.scope.noted(self._parsed)

@@ -76,9 +76,9 @@ def call(op: str, *args: Tree) -> Tree:
 
 
 def components(size: int) -> tuple[str, ...]:
-    """Return the names of components, `('x', 'y')`.
+    """Return the names of `size` components, such as `('x', 'y')`.
 
-    For size 6 the components of a symmetric matrix.
+    For size 6, the names of the components of a symmetric matrix.
     """
     return ENTRIES if size == len(ENTRIES) else tuple(LETTERS[:size])
 
@@ -89,7 +89,7 @@ def size(value: Value) -> int:
 
 
 def said(value: Value) -> str:
-    """Return a description of a value for messages: `a number`, `a vector of 2`."""
+    """Return words for a value in messages: `a number`, `a vector of 2`."""
     return f"a vector of {size(value)}" if size(value) > 1 else "a number"
 
 
@@ -117,7 +117,7 @@ def vector(value: Value, what: str) -> Vector:
 
 
 def _pairs(a: Value, b: Value) -> Iterator[tuple[Tree, Tree]]:
-    """Return the pairs of components of two vectors of equal size."""
+    """Yield the pairs of components of two vectors of equal size."""
     assert not isinstance(a, Tree)
     assert not isinstance(b, Tree)
     return zip(a, b, strict=True)
@@ -174,7 +174,7 @@ def dot(a: Value, b: Value) -> Tree:
 
 
 def cross(a: Value, b: Value) -> Value:
-    """Return the vector product; in the plane, the number a_x b_y - a_y b_x."""
+    """Return the vector product; in the plane the number a_x b_y - a_y b_x."""
     _alike("`cross`", a, b)
     u, v = vector(a, "`cross`'s argument"), vector(b, "`cross`'s argument")
 
@@ -224,7 +224,7 @@ ZERO, ONE = number(0.0), number(1.0)
 
 
 class Frame(NamedTuple):
-    """Frame: the rows of R, and the angular velocity in its own components.
+    """Frame: the rows of R, and the angular velocity in components of the frame.
 
     `angle` is the angle of a frame in the plane, `number` the index of a frame in
     space among those of the file; -1 for space itself.
@@ -334,7 +334,7 @@ OF_A_FRAME: dict[str, Callable[..., Value]] = {
 
 
 class Chart(NamedTuple):
-    """Rotation relative to another frame: the rows of E, and an angular velocity."""
+    """Rotation relative to another frame: the rows of E, and the angular velocity e."""
 
     rows: tuple[Vector, ...]
     omega: Vector
@@ -358,7 +358,10 @@ def about(axis: Vector, angle: Tree, speed: Tree) -> Chart:
 
 
 def by_quaternion(p: Vector, n: Tree, speeds: Vector) -> Chart:
-    """Return the rotation by a quaternion p, scalar first; n is p . p."""
+    """Return the rotation by a quaternion p, scalar first.
+
+    n : p . p. speeds : the rates of the components of p.
+    """
     two, q, q_dot = call("div", number(2.0), n), p[1:], speeds[1:]
 
     def entry(i: int, j: int) -> Tree:
@@ -382,9 +385,10 @@ def by_quaternion(p: Vector, n: Tree, speeds: Vector) -> Chart:
 def composed(
     called: str, parent: Frame, own: Chart, hide: Callable[[str, Value], Value]
 ) -> Frame:
-    """Return the frame of a rotation `own` relative to `parent`.
+    """Return the frame with the rotation `own` relative to `parent`.
 
-    Entries with operations become hidden definitions of `hide`.
+    called : name of the frame. hide : function that makes an entry with operations a
+    hidden definition, and returns a reference.
     """
 
     def kept(what: str, x: Tree) -> Tree:

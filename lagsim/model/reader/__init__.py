@@ -139,11 +139,11 @@ def read(
     file
         The file's name in messages; its stem is the model's name by default.
     overrides
-        Expressions for parameters and start values, used instead of the file's
+        Expressions that replace those of parameters and start values in the file
         (`--set name=expression`).
     options
-        Expressions for keys of `simulation`, used instead of the file's, such as
-        `{"output_step": "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
+        Expressions that replace those of keys of `simulation`, such as `{"output_step":
+        "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
 
     Raises
     ------
@@ -173,8 +173,8 @@ class File:
     x : Expressions
         Expressions of the file: graph, definitions, and this binding's values.
     instead, starting, options : dict of str to str
-        Expressions, used instead of the file's, for parameters, start values and keys
-        of `simulation`.
+        Expressions that replace those of the file, for parameters, start values and
+        keys of `simulation`.
     """
 
     def __init__(
@@ -484,8 +484,8 @@ class File:
     ) -> File:
         """Return the file read anew on a new graph, with more expressions replaced.
 
-        given : expressions by the names of parameters. gathers : whether sums may be
-        elements, by default as in this file.
+        given : expressions of parameters by name. gathers : whether sums may be
+        elements; by default as in this file.
         """
         gathers = self.gathers if gathers is None else gathers
         graph = Graph(limits.graph_nodes(0), limits.work(0))
@@ -511,7 +511,10 @@ class File:
     # The expressions that the file has
 
     def _numbers(self) -> dict[str, Node]:
-        """Return the nodes of parameters and start values, replaced ones included."""
+        """Return the nodes of parameters and start values by name.
+
+        Expressions that replace those of the file are included.
+        """
         starts = entries_of(self.top.value("initial"))
         own = (*self.parameters, *self.modes, *starts)
         given = {key.text: node for key, node in own}
@@ -524,7 +527,7 @@ class File:
         return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Whether other numbers depend on some names, see `Stated.depends_on`."""
+        """Whether further numbers depend on some names, see `Stated.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
         if not self.structural().isdisjoint(names):
@@ -636,9 +639,9 @@ def _letter(name: str) -> str:
 
 
 def _check_roots(model: Model, found: Model) -> None:
-    """Refuse constraints whose multipliers change in the separated model.
+    """Refuse constraints whose multipliers differ in the separated model.
 
-    found : that model, see `Stated.separated`.
+    model : the model. found : the separated model, see `Stated.separated`.
     """
     g = model.graph
     new = {g.variable(d.name): d.node for d in model.definitions}
@@ -663,7 +666,7 @@ _OWN = {"value", "unit", "description", "guess", "relation"}
 
 
 def _in_place(root: Node, faults: Faults) -> Node:
-    """Return the file with misplaced keys moved to their section, each reported."""
+    """Return the file with misplaced keys moved to their sections; each is reported."""
     if not isinstance(root, Mapping):
         return root
     top = {key.text: (key, value) for key, value in root.entries}
@@ -721,7 +724,7 @@ def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
 
 
 def _unindented(top: dict[str, Entry], faults: Faults) -> dict[str, list[str]]:
-    """Return the keys without indentation below an empty section, by section."""
+    """Return the keys that follow an empty section without indentation, by section."""
     section = ""
     found: dict[str, list[str]] = {}
     for name, (_, value) in top.items():

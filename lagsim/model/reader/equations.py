@@ -121,7 +121,8 @@ def read_energies(
 ) -> Energies:
     """Return the nodes of the energies of the section `energy`; faults are reported.
 
-    gathering : context in which sums may be elements, see `language.elements`.
+    gathering : context manager within which sums may be elements, see
+    `language.elements`.
     """
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
@@ -178,9 +179,9 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
 def _along(
     given: Iterable[Entry], noun: str, of: str, x: Expressions
 ) -> Iterator[Force]:
-    """Yield the forces, or impulses, of entries with their directions as keys.
+    """Yield the forces, or impulses, of entries whose keys are directions.
 
-    noun : `force` or `impulse`, for messages. of : the event of an impulse.
+    noun : `force` or `impulse`, for messages. of : the event of an impulse, or "".
     """
     for key, value in given:
         direction = _direction(key, noun, x)
@@ -193,7 +194,7 @@ def _along(
 
 
 def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | None:
-    """Return the node along which a force acts, and its level; None if faulty.
+    """Return the node along which a force acts, and its level; None after a fault.
 
     key : a coordinate or a definition. noun : `force` or `impulse`, for messages.
     """
@@ -233,7 +234,10 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
 
 
 def _degrees(node: int, x: Expressions) -> Degrees | None:
-    """Return the degrees of a node's terms in the velocities; None if no polynomial."""
+    """Return the degrees of a node's terms in the velocities.
+
+    None if the node is no polynomial in the velocities.
+    """
     return x.graph.degree(node, x.names.velocities())
 
 
@@ -252,10 +256,11 @@ def _is_affine(node: int, x: Expressions) -> bool:
 def read_relation(
     node: Node | None, what: str, x: Expressions, *, modes: bool = False
 ) -> tuple[Relation | None, bool | None]:
-    """Build a relation; None where there is none, or a fault was reported.
+    """Build a relation, and determine whether it is an equality.
 
-    And whether it is an equality; None where not even that is known. `modes` count as
-    coordinates.
+    The relation is None where there is none, or after a fault. Whether it is an
+    equality is None if even that is unknown. what : name for messages. modes : whether
+    modes count as coordinates.
     """
     found = x.text(node, what, parse_relation)
     if found is None:
@@ -287,7 +292,7 @@ _AT_A_TIME = (
 
 
 def _named(node: int, kinds: Collection[NameKind], x: Expressions) -> set[str]:
-    """Return the names of given kinds on which a node depends, itself or by rates."""
+    """Return the names of given kinds on which a node, or a rate in it, depends."""
     known, used = x.names.variables, x.graph.depends([node])
     return {name for name in used if known.get(rated(name)[0]) in kinds}
 
@@ -380,9 +385,9 @@ def _with_limits(
 
 
 def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[int]:
-    """Return the rates of equalities that always hold.
+    """Return the nodes of the rates of equalities that always hold.
 
-    They relate slips to other velocities in the bounds of friction.
+    In the bounds of friction they relate slips to other velocities.
     """
     g = x.graph
     forward = {
@@ -404,7 +409,7 @@ def _bounds_of(c: Constraint, g: Graph, velocities: Collection[str]) -> bool:
 
 
 class _Bound(NamedTuple):
-    """Limit or friction in the file: nodes of the graph, and of the file.
+    """Limit or friction coefficient: its nodes in the graph, and its node in the file.
 
     `resting` is None where one expression holds at rest and while sliding.
     """
@@ -468,9 +473,10 @@ class _ConstraintReader:
         return Constraint(self.key.text, relation, law, about, limit, when, pair)
 
     def _component(self) -> int:
-        """Return 1 or -1 for components of a vector relation with a limit, else 0.
+        """Return the offset of the other component of a vector relation with a limit.
 
-        The number is the offset of the other component in the list of constraints.
+        The offset, in the list of constraints, is 1 for the first component and -1 for
+        the second one; 0 for other relations.
         """
         reading = self.key.reading
         if "limit" not in self.below or reading is None or reading.component is None:
@@ -499,7 +505,10 @@ class _ConstraintReader:
     def _refuse(
         self, code: ErrorCode, keys: Iterable[str], why: str, hint: str
     ) -> None:
-        """Report keys that are invalid for a relation of this kind."""
+        """Report keys that a relation of this kind must not have.
+
+        why, hint : the rest of the message, and the hint.
+        """
         for key in keys:
             if key in self.below:
                 text = f"{self.what} {why} and has no `{key}`"
@@ -528,9 +537,9 @@ class _ConstraintReader:
         return self._bound("limit", LIMIT)
 
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
-        """Return the law of a one-sided relation; None where a fault was reported.
+        """Return the law of a one-sided relation; None after a fault.
 
-        relation : None if it is faulty.
+        relation : the relation; None if it is faulty.
         """
         x = self.x
         if relation is None:
@@ -555,7 +564,7 @@ class _ConstraintReader:
         return self._contact(known=True)
 
     def _contact(self, *, known: bool) -> OneSided | None:
-        """Return the law of a contact: restitution and friction.
+        """Return the law of a contact: restitution and friction; None after a fault.
 
         known : whether the relation is surely that of a contact, so that faults are
         reported.
@@ -585,9 +594,10 @@ class _ConstraintReader:
         return OneSided(e or 0.0, sliding, slips, None, varies, law == "poisson")
 
     def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
-        """Build the bounds of a friction or limit while sliding and at rest.
+        """Build the bound at `key`, of friction or of a multiplier.
 
-        speed : the name of the sliding speed, if the bound may depend on it.
+        It has expressions while sliding and at rest. known : keys of a mapping that has
+        both. speed : name of the sliding speed, if the bound may depend on it.
         """
         node, of = self.below.value(key), f"the {key} of {self.what}"
         if not isinstance(node, Mapping):
@@ -613,10 +623,10 @@ class _ConstraintReader:
     def at_rest(
         self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
     ) -> tuple[int | None, int | None]:
-        """Return the node of a bound while sliding, and at rest if that differs.
+        """Return the nodes of a bound while sliding, and at rest.
 
-        slips : the sliding velocity's components. rates : of equalities that always
-        hold.
+        The second is None where both are equal. slips : components of the sliding
+        velocity. rates : rates of equalities that always hold.
         """
         if not slips:
             return bound.sliding, bound.resting
@@ -636,11 +646,10 @@ class _ConstraintReader:
         slips: tuple[int, ...],
         rates: list[int],
     ) -> tuple[int | None, int | None]:
-        """Return the nodes of a bound that depends on the slip.
+        """Return the nodes of a bound that depends on the slip: sliding, and at rest.
 
-        While sliding, and at rest.
-
-        The second is None where both are equal. Arguments as for `at_rest`.
+        The second is None where both are equal. key, node : key and value in the file;
+        other arguments as for `at_rest`.
         """
         x, g = self.x, self.x.graph
         if bound is None or node is None:
@@ -690,7 +699,9 @@ class _ConstraintReader:
     ) -> tuple[int | None, float | None]:
         """Return the node of a coefficient, and its value if it is constant.
 
-        speed : a name that the coefficient may contain beside the usual ones.
+        Both are None after a fault, or without a coefficient. depends : the highest
+        level on which it may depend. speed : a name that it may contain besides. most :
+        the largest permitted value.
         """
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}
@@ -753,7 +764,10 @@ def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
 def _factors(
     g: Graph, node: int, moves: set[int]
 ) -> tuple[list[int], dict[int, float], bool]:
-    """Return constant factors, powers of moving factors, and whether `abs` occurs."""
+    """Return the factors of a node: constants, powers, and whether `abs` occurs.
+
+    Powers are exponents by the node of a moving factor. moves : nodes that move.
+    """
     still: list[int] = []
     powers: dict[int, float] = {}
     kinked = False

@@ -82,7 +82,7 @@ _FOR_OUTPUT = "such names are allowed only in definitions for output, and in plo
 
 
 class Resolved(NamedTuple):
-    """Node and level of a definition; `node` is None where a fault was reported."""
+    """Node and level of a definition; the node is None after a fault."""
 
     node: int | None
     level: Level
@@ -134,7 +134,11 @@ class Expressions:
         self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
-        """Return a copy with another list of faults, and other parameter values."""
+        """Return a copy with other values of parameters, and without read expressions.
+
+        faults : the list to which the copy adds faults. known : value and error by
+        name.
+        """
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
         other.read = []
@@ -145,9 +149,9 @@ class Expressions:
     def scalar(
         self, node: Node | None, what: str, *, beside: bool = False
     ) -> Scalar | None:
-        """Return the scalar of an expression, or None; other nodes are reported.
+        """Return the scalar of an expression; report other nodes, and return None.
 
-        `beside`: a unit may be given beside the expression.
+        beside : whether a unit may be given beside the expression.
         """
         if node is None or isinstance(node, Broken):
             return None
@@ -214,7 +218,7 @@ class Expressions:
     ) -> Callable[[str], _P]:
         """Return a parser that accepts calls of the file's tables.
 
-        The tables that the text calls are stored as called.
+        The tables that the text calls are recorded in `Names.called`.
         """
         tables = self.names.tables
         if not tables:
@@ -262,10 +266,10 @@ class Expressions:
     def compile(
         self, node: Node | None, what: str, most: Level, *, condition: bool = False
     ) -> int | None:
-        """Return the graph node of an expression, or None.
+        """Return the graph node of an expression; None without one, or after a fault.
 
-        `most` is the highest level on which it may depend; `condition`: it is a
-        condition, as the first argument of `if`.
+        what : name in messages. most : the highest level on which it may depend.
+        condition : whether it is a condition, as the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -281,9 +285,9 @@ class Expressions:
     def number(
         self, node: Node | None, what: str, *bounds: float, positive: bool = False
     ) -> float | None:
-        """Return the finite value of an expression of parameters, or None.
+        """Return the finite value of an expression of parameters; None after a fault.
 
-        `bounds`, `positive`: see `within`.
+        bounds, positive : see `within`.
         """
         found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:
@@ -296,7 +300,10 @@ class Expressions:
         return value
 
     def value(self, found: int, what: str, place: Place) -> float | None:
-        """Return the value of a node of parameters alone, if it is finite."""
+        """Return the value of a node of parameters alone; None if it is not finite.
+
+        what, place : for the message.
+        """
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
         return value if self.is_finite(value, what, place) else None
@@ -313,7 +320,7 @@ class Expressions:
     ) -> bool:
         """Whether a number lies in its range; if not, a fault is reported.
 
-        least, most : the range. positive : 0 is excluded.
+        least, most : the range. positive : whether 0 is excluded.
         """
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
@@ -365,8 +372,8 @@ class Expressions:
     def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
         """Whether an expression may contain a name; if not, a fault is reported.
 
-        what : the expression's name in messages. most : the highest level that it may
-        have.
+        used : the name. what : name of the expression in messages. most : the highest
+        level on which it may depend.
         """
         name, meaning = used.text, self.names.meaning(used.text)
         if name in self.bound:
@@ -412,9 +419,9 @@ class Expressions:
         *,
         output: bool = False,
     ) -> None:
-        """Report an unknown name; once where one hint covers several names.
+        """Report an unknown name; only once where one hint covers several names.
 
-        `among`: see `Names.unknown`; `output`: accelerations are allowed there.
+        among : see `Names.unknown`. output : whether accelerations are permitted here.
         """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)
@@ -462,9 +469,9 @@ class Expressions:
         return node
 
     def take_states(self, rates: dict[str, int]) -> None:
-        """Replace variables such as `s_dot` in definitions by the rates of states.
+        """Replace the variables `s_dot` in definitions by the rates of states.
 
-        rates : state's name -> node of its rate.
+        rates : name of a state -> node of its rate.
         """
         g, known, self._rates = self.graph, self.definitions, []
         self.states = rates
@@ -479,9 +486,9 @@ class Expressions:
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
     def refuse_rates(self, node: Node | None, what: str) -> None:
-        """Report rates of states that depend on the motion, before derivatives.
+        """Report rates of states, in an expression, that depend on the motion.
 
-        Such a rate counts as given in time, with no slope of its own.
+        Derivatives treat such a rate as a given function of time, without slopes.
         """
         if node is None or not self.with_rates:
             return
@@ -520,7 +527,10 @@ class Expressions:
 def _misplaced(
     name: str, kind: NameKind, what: str, most: Level
 ) -> tuple[ErrorCode, str, str]:
-    """Return code, text and hint of a known name that is not allowed in its place."""
+    """Return code, text and hint for a known name that is not permitted here.
+
+    what : name of the expression. most : the highest level on which it may depend.
+    """
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:
         hint = "numbers are made of parameters and `pi`"

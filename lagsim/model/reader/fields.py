@@ -74,11 +74,11 @@ class Faults:
         return len(self._problems)
 
     def is_known(self, code: ErrorCode, place: Place | None) -> bool:
-        """Whether this fault is already reported for another member."""
+        """Whether this fault was already reported at this place, for another member."""
         return self.once is not None and (code, place) in self.once
 
     def may_guess(self) -> bool:
-        """Whether a further hint may be searched; each call counts."""
+        """Whether a further hint may be searched; each call counts towards a limit."""
         self._guesses += 1
         return self._guesses <= MAX_GUESSES
 
@@ -120,7 +120,7 @@ class Faults:
 
 
 def _once(problems: Iterable[Problem]) -> list[Problem]:
-    """Merge faults on an unknown name into the first, with the count of the others."""
+    """Merge faults on one unknown name into the first, with the number of others."""
     uses: dict[tuple[str, str], list[Problem]] = {}
     for problem in problems:
         key = (problem.code, problem.text)
@@ -165,7 +165,7 @@ def kind_of(node: Node) -> str:
 
 
 def in_one_line(text: str) -> str:
-    r"""Return a text in one short line.
+    r"""Return a text on one line, cut if it is long.
 
     Examples
     --------
@@ -200,7 +200,10 @@ def is_mapping(node: Node) -> bool:
 
 
 def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
-    """Return the entries of a mapping without the `x-` ones; an empty node has none."""
+    """Return the entries of a mapping, except keys `x-...`; [] for an empty node.
+
+    what : name in messages. Other nodes are reported.
+    """
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if _is_given(node):
@@ -210,7 +213,7 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
 
 
 def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
-    """Return the items of a list; an empty node has none."""
+    """Return the items of a list; [] for an empty node; other nodes are reported."""
     if isinstance(node, Sequence):
         return list(node.items)
     if _is_given(node):
@@ -284,7 +287,10 @@ class Fields:
     def choice(
         self, key: str, known: SequenceType[str], code: ErrorCode = UNKNOWN_NAME
     ) -> str:
-        """Return the text of `key`, one of `known`; the first one by default."""
+        """Return the text of `key`, which must be one of `known`; by default the first.
+
+        A fault with the code is reported for other texts.
+        """
         name = self.text(key) or known[0]
         if name in known:
             return name
@@ -334,11 +340,13 @@ class Fields:
 def fields(
     node: Node, what: str, known: Collection[str], faults: Faults, place: Place
 ) -> Fields:
-    """Read a mapping with known keys; unknown ones are reported.
+    """Read a mapping with known keys; unknown keys are reported.
 
     An unknown key similar to a known one is read as the known key, so that the known
-    key is not also reported as missing. Faults of the mapping as a whole, named `what`
-    in messages, are placed at `place`, that of its key.
+    key is not also reported as missing.
+
+    node, known : the mapping, and its keys. what : name of the mapping in messages.
+    place : place of the mapping's key, for faults of the mapping as a whole.
     """
     given = entries(node, what, faults)
     found = {key.text: (key, value) for key, value in given if key.text in known}
@@ -374,7 +382,10 @@ def fields(
 
 
 def _called(key: str, value: Node, known: Collection[str]) -> str:
-    """Return the key of lagsim that `key` of other programs corresponds to; else ""."""
+    """Return the key of lagsim that a key of other programs corresponds to; else "".
+
+    key, value : as in the file. known : the valid keys.
+    """
     several = isinstance(value, Mapping)
     relation = isinstance(value, Scalar) and re.search("[<>=]", value.text)
     unfit = {"forces": not several, "dissipation": several, "until": not relation}
@@ -399,7 +410,7 @@ SECTIONS: dict[str, Form] = _SCHEMA["properties"]
 def _keys(form: Form) -> dict[str, Form]:
     """Return the known keys of a mapping in the schema, each with its form.
 
-    Where the form allows an expression as well, the keys of the mapping.
+    Where the form permits an expression as well, the keys are those of the mapping.
     """
     forms: list[Form] = form.get("anyOf", [form])
     found: dict[str, Form] = forms[-1]["properties"]

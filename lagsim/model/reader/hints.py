@@ -379,12 +379,14 @@ def of_text(
     *,
     beside: bool = False,
 ) -> str:
-    """Return a hint for an expression with faults: a corrected whole, or a part.
+    """Return a hint for an expression with faults: the corrected expression, or a part.
 
-    The correction of each fault is inserted until no fault is left. Where that fails,
-    it is the hint for the first fault. `known` are the variables of the file, `moving`
-    those that have rates; `beside`: the expression is the value of a parameter or a
-    definition, which can have a unit.
+    The correction of each fault is inserted until no fault is left. If that fails, the
+    hint is that for the first fault.
+
+    known : variables of the file. moving : those of them that have rates. beside :
+    whether the expression is the value of a parameter or a definition, which can have a
+    unit.
     """
     first, reason, short = "", "", len(text) <= WINDOW
     given, text = text, _typed(text, known) if short else text
@@ -438,9 +440,9 @@ def _typed(text: str, known: Collection[str]) -> str:
 
 
 def _put(text: str, start: int, end: int, new: str, *, last: bool = False) -> str:
-    """Replace a part of an expression, with the parentheses and `*` needed.
+    """Replace text[start:end] by `new`, with the parentheses and `*` needed.
 
-    `last`: a power after the part is that of its last factor.
+    last : whether a power after the part belongs to its last factor only.
     """
     before, after = text[:start], text[end:]
     left, right = before.rstrip()[-1:], after.lstrip()[:1]
@@ -461,7 +463,10 @@ _LIST = re.compile(r"\[([^\[\]]*)\]")
 def _step(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return the part of an expression to replace, and its hint: begin, end, hint."""
+    """Return begin and end of a part of an expression to replace, and the hint.
+
+    fault : the fault that the replacement mends. known, moving : see `of_text`.
+    """
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
     if "only its right side" in hint:
@@ -507,10 +512,10 @@ def _renaming(
 def matching(
     text: str, offset: int, known: Collection[str] = (), *, parsed: bool = False
 ) -> tuple[int, int, str] | None:
-    """Return begin, end and hint of the first known spelling around an offset.
+    """Return begin, end and hint of the first known misspelling around an offset.
 
-    `known`: names that are variables, and no calls; `parsed`: only spellings that parse
-    as an expression with another meaning.
+    None if there is none. known : names of variables, which are no calls. parsed :
+    whether only spellings count that parse as an expression of another meaning.
     """
     first = max(0, offset - WINDOW)
     near, offset = text[first : offset + WINDOW], offset - first
@@ -529,7 +534,10 @@ def matching(
 def _of_quantity(
     text: str, fault: ExpressionError, known: Collection[str], *, beside: bool
 ) -> str:
-    """Return a hint where a whole text is a number, or `1/2`, with a unit after it."""
+    """Return a hint for a text that is a number, or `1/2`, with a unit after it.
+
+    "" for other texts. fault : the parser's fault. beside : see `of_text`.
+    """
     found = re.fullmatch(_QUANTITY, text)
     number, unit = text[: fault.offset].strip(), text[fault.offset :]
     if found and found[2]:
@@ -565,10 +573,10 @@ def _inertia(values: str) -> str:
 
 
 def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
-    """Return begin, end and hint for some mistaken calls, or None.
+    """Return begin, end and hint for some mistaken calls; None for other calls.
 
-    For a list as argument of `spin`, for a delay `x(t - 1)`, and for a call without
-    arguments that stands for no function.
+    These are a list as argument of `spin`, a delay `x(t - 1)`, and a call without
+    arguments of a name that is no function.
     """
     token, before = text[offset:end], text[:offset].rstrip()
     listed = _LIST.match(text[offset:])
@@ -583,7 +591,7 @@ def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
 
 
 def _moves(name: str, moving: Collection[str]) -> bool:
-    """Whether a name is that of a variable with a rate, or of a rate."""
+    """Whether a name is a variable with a rate, or a rate."""
     return name.removesuffix("_ddot").removesuffix("_dot") in moving
 
 
@@ -607,7 +615,7 @@ def _no_function(name: str) -> str:
 def of_function(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return begin, end and correction of the call of an unknown function."""
+    """Return begin, end and hint for the call of an unknown function."""
     offset, end = fault.offset, fault.offset + fault.length
     name = text[offset:end]
     hint = f"name an expression in `definitions` and write `{name}` alone, or give a "
@@ -646,7 +654,10 @@ _WORDS = {
 
 
 def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
-    """Return a hint for an unknown name, see `of_text`."""
+    """Return a hint for an unknown name; "" if there is none.
+
+    known, moving : see `of_text`.
+    """
     if name.casefold() in _NUMBERS:
         return _NUMBERS[name.casefold()]
     if name in _WORDS:
@@ -677,7 +688,7 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
 
 
 def _called_so(name: str, known: Collection[str]) -> str:
-    """Return the variable of this name in Greek or Latin letters, or an empty text."""
+    """Return the variable that a name in Greek or Latin letters denotes; else ""."""
     if _is_known(name, known):
         return name
     plain = spelt_out(name).replace("_", "")
@@ -686,7 +697,7 @@ def _called_so(name: str, known: Collection[str]) -> str:
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
-    """Return the two or more variables whose names form a name, or an empty list."""
+    """Return the two or more variables whose names, joined, are the name; else []."""
     if 1 < len(known) <= MOST_PARTS and len(name) <= WINDOW:
         several = sorted(map(re.escape, known), key=len, reverse=True)
         one = f"(?:{'|'.join(several)})(?:_dot)?"
@@ -697,7 +708,7 @@ def _parts(name: str, known: Collection[str]) -> list[str]:
 
 
 def rate_spelling(name: str, moving: Collection[str]) -> str:
-    """Return the rate in another spelling, such as `x_dot` for `xdot`, or no text."""
+    """Return the rate that another spelling denotes, as `x_dot` for `xdot`; else ""."""
     if len(name) > WINDOW:
         return ""
     name = _typed(name, moving)
@@ -737,8 +748,8 @@ def spelt_out(name: str) -> str:
 def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str]) -> str:
     """Return a hint for an unknown key whose meaning can be guessed; else "".
 
-    Such as a count of rows in place of `output_step`, a missing colon, or a unit. given
-    : the entries of the mapping. known : its valid keys.
+    Examples are a count of rows in place of `output_step`, a missing colon, or a unit.
+    given : the entries of the mapping. known : the valid keys.
     """
     name, keys = key.text.casefold(), [k.text for k, _ in given]
     if "output_step" in known and name in SPANS:
@@ -793,9 +804,9 @@ _INSTEAD = (
 
 
 def of_lines(node: Node, what: str) -> str:
-    """Return a hint for a node that should be a mapping, with a line per entry.
+    """Return a hint for a node that should be a mapping with one line per entry.
 
-    what : its name in messages.
+    what : name of the mapping in messages.
     """
     parts = (part for item in items_of(node) for part in items_of(item))
     text = ", ".join(texts_of(parts))
@@ -813,7 +824,7 @@ def of_lines(node: Node, what: str) -> str:
 def as_list(node: Node, what: str = "") -> str:
     """Return a hint that spells a node as a list.
 
-    what : the node's name in messages.
+    what : the name of the node in messages.
     """
     if isinstance(node, Mapping):
         pairs = [(key.text, node_text(value)) for key, value in node.entries]
@@ -832,10 +843,7 @@ def as_list(node: Node, what: str = "") -> str:
 
 
 def node_text(node: Node) -> str:
-    """Return the text of a scalar, a comma-separated text of a list.
-
-    `...` for others.
-    """
+    """Return the text of a scalar, or the items of a list with commas; else `...`."""
     if isinstance(node, Sequence):
         return ", ".join(map(node_text, node.items))
     return node.text if isinstance(node, Scalar) else "..."

@@ -173,7 +173,7 @@ class Names:
         return False
 
     def of(self, kind: NameKind) -> list[str]:
-        """Return the names of one kind, in the order of the file."""
+        """Return the names of a kind, in the order of the file."""
         if not self._known:
             kinds: dict[object, list[str]] = {k: [] for k in NameKind}
             for name, k in self.variables.items():
@@ -235,7 +235,7 @@ class Names:
     ) -> tuple[str, str]:
         """Return the text of a fault on an unknown name, and a hint.
 
-        `among`: the names that are allowed in this place, where not all are.
+        among : the names that are permitted here, if not all.
         """
         base = name.removeprefix(REACTION.prefix)
         if base != name:
@@ -287,9 +287,9 @@ class Names:
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
-    """Yield the names from which a name could be derived, with the kinds of derivation.
+    """Yield each name from which a name can be derived, with the kinds of derivation.
 
-    For `x_dot`: `x` and velocity.
+    For `x_dot` these are `x` and the kind velocity.
     """
     head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:
@@ -326,7 +326,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
 
 
 def _spelling(name: str) -> tuple[str, str] | None:
-    """Return the reason why a text cannot be a name, and a hint; None if it can."""
+    """Return the reason why a text cannot be a name, and a hint; None if it can be."""
     plain = unicodedata.normalize("NFKC", name)
     if plain != name:
         return "it is not in its plain (NFKC) form", f"write `{in_one_line(plain)}`"
@@ -351,9 +351,9 @@ def _spelling(name: str) -> tuple[str, str] | None:
 
 
 def _undecorated(name: str, decoration: str, *, called: bool) -> str:
-    """Return a hint for a name that has a unit or an argument attached to it.
+    """Return a hint for a name with a unit or an argument attached.
 
-    decoration : the attached text. called : whether it is in parentheses.
+    decoration : the attached text. called : whether that text is in parentheses.
     """
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
@@ -369,11 +369,11 @@ _SHOWN = (NameKind.COORDINATE, NameKind.STATE, NameKind.MODE, NameKind.DEFINITIO
 
 
 def _owner(name: str, names: Names) -> tuple[str, Place | None]:
-    """Return the meaning of the column that has this name, and its owner's place.
+    """Return the meaning of the column with this name, and the place of its owner.
 
-    The meaning is "" where there is no such column. A column that is made only where a
-    file has contacts, impulses, sensitivities or uncertainties counts in any file: one
-    that adds these later keeps its names.
+    The meaning is "" where no such column exists. Columns that exist only in files with
+    contacts, impulses, sensitivities or uncertainties count in every file, so that a
+    file to which these are added later can keep its names.
     """
     found = columns.parsed(name)
     if found is None:
@@ -392,7 +392,7 @@ def _owner(name: str, names: Names) -> tuple[str, Place | None]:
 
 
 def _place_of(of: str, owner: Owner, names: Names) -> Place | None:
-    """Return the place of an owner of columns; None where there is no such name."""
+    """Return the place of the owner `of` of columns; None if there is no such name."""
     if owner is Owner.CONSTRAINT:
         whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips
         return names.constraints.get(of, names.constraints.get(whole))

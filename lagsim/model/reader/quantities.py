@@ -84,7 +84,7 @@ def unit_spelling(text: str) -> str:
 
 
 def _scaled(number: str, of: str) -> tuple[str, str]:
-    """Return a number in SI units, and the unit; unchanged for an unclear unit."""
+    """Return a number in SI units, and the SI unit; unchanged for an unclear unit."""
     found = re.findall(_FACTOR, of)
     if "".join(a + b + (c and f"^{c}") for a, b, c in found) != of:
         return number, of
@@ -180,7 +180,7 @@ _SPAN = (
 
 
 def span(node: Node) -> str:
-    """Return a hint for a time span in another notation, such as `0:10`, or ""."""
+    """Return a hint for a time span in another notation, such as `0:10`; else ""."""
     text = ", ".join(texts_of(items_of(node)))
     if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
@@ -188,13 +188,16 @@ def span(node: Node) -> str:
 
 
 def time(node: Node) -> str:
-    """Return a hint for one time where a span or a rate was given, or ""."""
+    """Return a hint for a single time in place of a span or a rate; else ""."""
     found = re.fullmatch(rf"({NUMBER})\s*(?:Hz|1/s|fps)", " ".join(texts_of([node])))
     return f"write 1/{found[1]}" if found else span(node)
 
 
 def of_collection(node: Node, *, beside: bool) -> str:
-    """Return a hint for a mapping or a list in the place of an expression."""
+    """Return a hint for a mapping or a list in place of an expression; else "".
+
+    beside : see `quantity`.
+    """
     if isinstance(node, Mapping):
         given = {k.text: v.text for k, v in node.entries if isinstance(v, Scalar)}
         if given.get("value"):

@@ -76,7 +76,10 @@ def places(root: Node) -> NumberPlaces:
 
 
 def _added(root: Node, values: MappingType[str, float]) -> Iterator[tuple[Span, str]]:
-    """Yield the place of the first start value, with the text of others before it."""
+    """Yield the place before the first start value, and the text of new start values.
+
+    values : the start values to be written there.
+    """
     place = places(root).added
     if place is not None:
         at, between = place
@@ -95,7 +98,8 @@ def _number(node: Node) -> Scalar | None:
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
     """Return the members of `every` from the first to the last of `names`, and more.
 
-    before, after : numbers of members added before the first and after the last.
+    before, after : numbers of members that are added before the first and after the
+    last.
     """
     if len(names) == 1 and "." not in names[0]:
         return names
@@ -109,7 +113,7 @@ def _extended(names: list[str], every: list[str], before: int, after: int) -> li
 
 
 def _order(name: str) -> list[tuple[int, int, str]]:
-    """Return the key by which members are ordered: by numbers, then by letters."""
+    """Return the key by which names of members are sorted: numbers, then letters."""
     return [
         (0, int(x), "") if x.lstrip("-").isdigit() else (1, 0, x)
         for x in name.split(".")

@@ -181,7 +181,10 @@ class _Simulation:
         *,
         positive: bool = False,
     ) -> float | None:
-        """Return a number in [`least`, `most`] and `positive`, or None."""
+        """Return the number at a key; None without the key, or after a fault.
+
+        least, most : the permitted range. positive : whether 0 is excluded.
+        """
         node, x, what = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
             text = f"{what} must be one time, found {kind_of(node)}"
@@ -303,7 +306,10 @@ def _sections(
 
 
 def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterator[str]:
-    """Yield the two columns on the axes of a section's picture."""
+    """Yield the names of the two columns on the axes of a section's picture.
+
+    below : the entry of the section. columns : columns of definitions.
+    """
     given = items(below.value("plot"), "`plot`", x.faults)
     if given and len(given) != len(("right", "up")):
         text = f"`plot` of a section names two columns, found {len(given)}"
@@ -328,7 +334,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
 def asked_reactions(section: Node | None) -> list[str]:
     """Return the names in the list `reactions` of `output`, valid or not.
 
-    They are needed before definitions are read.
+    The names are needed before definitions are read.
     """
     lists = (v for k, v in entries_of(section) if k.text == "reactions")
     return [name for node in lists for name in texts_of(items_of(node))]
@@ -337,7 +343,7 @@ def asked_reactions(section: Node | None) -> list[str]:
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
     """Return the valid names in the list `reactions`.
 
-    They are definitions of positions and time.
+    They are names of definitions of positions and time.
     """
     given = items(node, "`reactions`", x.faults)
     hint = "the force of constraints on a coordinate is Qc_<name>"
@@ -366,7 +372,10 @@ _TWICE: dict[str, ErrorCode] = {
 def _definitions(
     given: Iterable[Node], what: str, hint: str, x: Expressions
 ) -> dict[str, Place]:
-    """Return the definitions in a list, with places; `hint` is for coordinates."""
+    """Return the definitions that a list names, with their places.
+
+    what : for messages. hint : the hint for a name that is a coordinate.
+    """
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
     for item in scalar_items(given, f"a {what} is the name of a definition", x.faults):
@@ -420,7 +429,7 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
 def _curves(
     node: Node | None, axis: str, x: Expressions
 ) -> tuple[DrawnExpression, ...]:
-    """Return the expressions of a plot's axis; of the horizontal axis, one only.
+    """Return the expressions of an axis of a plot; a horizontal axis has only one.
 
     axis : `x`, `y` or `y2`.
     """
@@ -441,7 +450,7 @@ def _curves(
 
 
 def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
-    """Yield the axes that the key `log` of a plot names; others are reported."""
+    """Yield the axes that the key `log` of a plot names; other names are reported."""
     for part in items_of(plot.value("log")):
         hint = "write y, or [x, y] for several"
         if isinstance(part, Broken):
@@ -541,10 +550,7 @@ class _SceneReader:
         return found if len(found) == 2 and set(found) <= set(self.named) else []
 
     def _looking(self, node: Node) -> list[_Link]:
-        """Return the links of an entry.
-
-        The two points, the kind, and the length or None.
-        """
+        """Return the links of an entry: the two points, the kind, a length or None."""
         if not isinstance(node, Mapping):
             return [(pair, "", None) for pair in self._link(node)]
         found = fields(node, "a link", LINK, self.faults, node.place)
@@ -672,9 +678,10 @@ class _SceneReader:
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
-        """Return the nodes of a shape's sizes.
+        """Return the nodes of the file for the sizes of a shape.
 
-        counts : the allowed numbers of sizes. A single size may stand without a list.
+        counts : the permitted numbers of sizes. A single size may be written without a
+        list.
         """
         if counts == (1,):
             return [node]
@@ -735,9 +742,9 @@ class _SceneReader:
 
 
 def check_sizes(scene: Scene, x: Expressions) -> None:
-    """Report sizes that are negative or not finite, at these parameters.
+    """Report sizes of shapes, and lengths of strings, that are negative or not finite.
 
-    The sizes are those of shapes, and the lengths of strings.
+    They are evaluated at the present values of parameters.
     """
     numbers = {name: value for name, (value, _) in x.known.items()}
 

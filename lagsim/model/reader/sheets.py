@@ -59,7 +59,7 @@ class Sheet(NamedTuple):
         return value if math.isfinite(value) else math.nan
 
     def excess(self, row: SheetLine) -> str:
-        """Return the fault of a row longer than the header, or an empty text."""
+        """Return the fault of a row that is longer than the header; "" if it is not."""
         many = len(row.cells)
         if many <= len(self.header) or not any(row.cells[len(self.header) :]):
             return ""

@@ -68,8 +68,8 @@ def read_tables(
     file
         Path of the model file.
     shifts
-        By table, the number of a point and the change of its value, as a fraction
-        of the range of all values.
+        By name of a table: the number of a point, and the change of the value there as
+        a fraction of the range of all values.
     """
     for key, node in given:
         table = _TableReader(key, node, x, file).table(shifts.get(key.text))
@@ -130,7 +130,7 @@ class _TableReader:
     # The points
 
     def _points(self) -> _Points | None:
-        """Return the points in the order of the file, or None."""
+        """Return the points in the order of the file; None after a fault."""
         below, own = self.below, "points" in self.below
         if not own and "file" not in below and below.unknown:
             return None
@@ -225,7 +225,10 @@ class _TableReader:
         return self._read(sheet, columns, path) if self._is_sound() else None
 
     def _content(self, path: str) -> str | None:
-        """Return the text of a file in the model's folder or below, or None."""
+        """Return the text of a file in the model's folder or below.
+
+        None after a fault.
+        """
         place = self.below.at("file")
         parts = PurePath(path)
         fault, hint = "", "the file is in the model's folder, or in one below it"

@@ -70,7 +70,7 @@ _ANY = (
 
 
 def reduced(text: str) -> Unit | None:
-    """Return a unit in SI base units with its scale; None for an unknown unit."""
+    """Return a unit as powers of SI base units with a scale; None if it is unknown."""
     unit = parsed(quantities.unit_spelling(text))
     found: Unit | None = PURE if unit is not None else None
     for symbol, power in (unit or {}).items():
@@ -95,7 +95,7 @@ def mismatches(
 
 
 class _UnitCheck:
-    """Evaluation of the units of all expressions; `read` has these by their names."""
+    """Check of the units of all expressions; `read` has these by their names."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class _UnitCheck:
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
     def value(self, what: str) -> Quantity:
-        """Return the quantity of an expression; an unknown one for a relation."""
+        """Return the quantity of the expression `what`; unknown for a relation."""
         if what not in self.values:
             self.values[what] = _UNKNOWN
             if what in self.read:
@@ -149,10 +149,10 @@ class _UnitCheck:
         return found
 
     def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
-        """Return the quantity that an expression should have; unknown if there is none.
+        """Return the quantity that an expression should have; unknown if any is right.
 
-        kind : such as `the force on`. name : its coordinate. energy : the unit of
-        energies.
+        kind : such as `the force on`. name : of the coordinate. energy : the quantity
+        of energies.
         """
         per_second = {"s": -1.0}
         if kind in ("the definition", "the parameter", "the mode"):
@@ -268,7 +268,11 @@ class _UnitCheck:
         b: Quantity,
         text: str,
     ) -> bool:
-        """Report two quantities that do not fit, at a span; return whether they do."""
+        """Report two quantities that do not fit; return whether these fit.
+
+        span : the place in the scalar; None for the whole. text : the message, with {}
+        for both units.
+        """
         if a.free or b.free or a.unit is None or b.unit is None:
             return True
         apart = times(a.unit, b.unit, -1.0)

@@ -91,7 +91,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
 
 
 class _Entry(NamedTuple):
-    """Entry `name: expression`, or a mapping with the expression as its `value`."""
+    """Entry `name: expression`, or a mapping that has the expression as its `value`."""
 
     value: Node
     unit: str = ""
@@ -146,7 +146,7 @@ class Definitions:
             x.definitions[name] = Resolved(None, max((levels[name], *below)))
 
     def _in_order(self) -> list[str]:
-        """Return the definitions, each after the ones it uses, without cycles."""
+        """Return the definitions, each after those that it contains, without cycles."""
         # Definitions that are ready are in the order of the file.
         sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():
@@ -235,8 +235,8 @@ class Unfolded(Graph):
     ) -> Value:
         """Return value and rounding error of an expression of numbers.
 
-        A single number is exact, as written in the file. `known`: value and error of
-        each name in the expression but `pi`.
+        A single number is exact, as written in the file. known : value and error of
+        each name in the expression, except `pi`. tables : the tables by name.
         """
         (kind, number, _), *more = parsed.postfix
         if not more and kind == "number":
@@ -251,7 +251,7 @@ class Unfolded(Graph):
 class _Numbers:
     """Reader of numbers whose expressions may use the numbers read before.
 
-    `instead`: expressions used instead of the file's, by name; `known` has value and
+    instead : expressions that replace those of the file, by name. `known` has value and
     rounding error of each sound number, `formulas` the expression of each.
     """
 
@@ -273,7 +273,12 @@ class _Numbers:
         beside: bool = False,
         wanted: bool = True,
     ) -> tuple[Scalar, Parsed, Value] | None:
-        """Return an expression that `rule` allows, and its finite value, or None."""
+        """Return an expression, parsed, and its finite value with error.
+
+        None after a fault. rule : see `Expressions.check_by`. beside : whether a unit
+        may be given beside it. wanted : whether the value is needed; without this,
+        None.
+        """
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
             return None
@@ -289,7 +294,11 @@ class ParameterReader(_Numbers):
     """Reader of parameters and modes."""
 
     def read(self, given: list[Entry], modes: list[Entry]) -> tuple[Parameter, ...]:
-        """Return parameters and modes with replaced values; faults are reported."""
+        """Return parameters and modes; faults are reported.
+
+        given, modes : the entries of the file. Expressions of `--set` replace their
+        values.
+        """
         self._check_names()
         below = {key.text for key, _ in given}  # the parameter being read, and later
         found = []
@@ -502,7 +511,7 @@ class Initial(_Numbers):
         return broken if guess is None else (guess, True)
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
-        """Return the texts of position and velocity where an entry has both."""
+        """Return the texts of position and velocity of an entry with both; else []."""
         own = ("guess", "unit", "description")
         values = [value for k, value in entries_of(node) if k.text not in own]
         given = node.items if isinstance(node, Sequence) else values
@@ -519,7 +528,10 @@ class Initial(_Numbers):
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
-        """Return whether `key` may have a start value, and a definition's node."""
+        """Return whether `key` may have a start value, and the node of a definition.
+
+        The node is None if the key is no definition.
+        """
         name, names, faults = key.text, self.x.names, self.x.faults
         meaning = names.meaning(name)
         if meaning is None:
@@ -577,7 +589,10 @@ class Initial(_Numbers):
         faults.add(UNKNOWN_NAME, text, key, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
-        """Whether a start value may use a name; a rule for `check_by`."""
+        """Whether the expression of a start value may contain a name.
+
+        A rule for `check_by`.
+        """
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":
             return True
