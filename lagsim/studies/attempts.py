@@ -96,7 +96,7 @@ NOISE = 4.0
 def _scales(
     found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the scales of errors, and the ranges below which there is no horizon.
+    """Return the scales of errors, and the ranges of coordinates that count as at rest.
 
     Parameters
     ----------
@@ -109,6 +109,8 @@ def _scales(
     Returns
     -------
     scales, still : ndarray, shape (n,)
+        The scale of errors of each coordinate, and the range below which the coordinate
+        counts as at rest, so that its error determines no horizon.
     """
     scales = np.fmax(found, COMPUTED_ZERO * moving)
     for size in (largest, linked):
@@ -125,9 +127,10 @@ def compared(
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
-    """Return the error bar of a run: the differences of its checkpoints to a repeat's.
+    """Return the error bar of a run, from the differences of its rows to a repeat's.
 
-    Rows with equal numbers are compared, and the last rows if both runs end alike.
+    Output rows with equal numbers are compared, and the last rows if both runs end
+    alike.
 
     Parameters
     ----------
@@ -207,7 +210,10 @@ def compared(
 
 
 def _largest(values: Floats) -> Floats:
-    """Return the running maxima of absolute values over rows, shape (k, n)."""
+    """Return, for each row, the largest |value| up to that row, shape (k, n).
+
+    values : (k, n).
+    """
     return np.asarray(np.maximum.accumulate(np.abs(values), axis=0))
 
 
@@ -279,7 +285,7 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
 
 
 class Repeat(NamedTuple):
-    """Alternative integration of a run: its session, and evaluations per step."""
+    """Alternative integration of a run: its session, and the evaluations in a step."""
 
     session: Session
     per_step: float = PER_STEP
@@ -295,7 +301,10 @@ class Repeat(NamedTuple):
         return self.per_step * self.evaluation
 
     def limited(self, most: int) -> Session:
-        """Return the session with a limit on steps; an arc counts as several steps."""
+        """Return the session with a limit on steps.
+
+        most : the limit, to which an arc counts as several steps.
+        """
         arc = ARC / self.step if most < MOST_STEPS else 0.0
         return self.session._replace(most_steps=most, arc_steps=arc)
 
@@ -308,7 +317,10 @@ class Allowance:
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
     def steps(self, other: Repeat, operations: float = math.inf) -> int:
-        """Return the number of steps within `operations` and within the allowance."""
+        """Return the number of steps by the means `other` that the allowance permits.
+
+        operations : a further limit of the cost, in operations.
+        """
         return int(min(operations, self.left) / other.step)
 
     def steps_beside(
@@ -321,7 +333,7 @@ class Allowance:
         return self.steps(other, operations)
 
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
-        """Subtract the cost of a run by the means `other`."""
+        """Subtract the cost of a run made by the means `other` from the allowance."""
         made = trajectory.statistics
         price = made.evaluations * other.evaluation + ARC * made.arcs
         self.left = max(0.0, self.left - price)
@@ -374,7 +386,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
 
 
 def tightened(plan: Plan, times: float) -> Plan:
-    """Return the plan with a tolerance that is tighter by the factor `times`.
+    """Return the plan with a tolerance that is smaller by the factor `times`.
 
     The tolerance stays between the tightest and the loosest of repeats, and differs
     from that of the run by the factor LOOSER or more.
@@ -391,7 +403,7 @@ def tightened(plan: Plan, times: float) -> Plan:
 
 
 def steps_of(trajectory: Trajectory) -> tuple[float | None, ...]:
-    """Return the counts of steps and the shortest step, which identify the steps.
+    """Return the counts of steps and the shortest step of a run.
 
     Runs with equal values are taken to have equal steps.
     """
@@ -427,13 +439,13 @@ class Attempt(Evidence):
         Rows that are compared with a repeat.
     thin, corners, frames
         Rows for pictures, rows at events, and rows of the page that plays the motion;
-        None if not requested.
+        each is None if not requested.
     found : Sections or None
         The sections; None if the model has no section.
     extremes : Extremes or None
         The ranges of columns, for pictures of sections.
     fault : OSError or None
-        The error that kept rows from being stored.
+        The error that prevented rows from being stored; None if there was none.
     appended : Appended or None
         Columns of sensitivities; None if not requested.
     """
@@ -510,12 +522,12 @@ class Attempts:
     cornered : bool
         Whether rows at events are kept, for pictures of other rows.
     progress : callable
-        Returns, for a label, a context manager with a function of the fraction done, or
-        with None.
+        Maps a label to a context manager, whose value is a function to be called with
+        the fraction done, or None.
     joined : callable or None
         Called with the run of the first attempt before the run begins.
     followers : sequence of Store
-        Receive the rows that the store has received.
+        Further stores, which receive the rows that `store` has received.
     allowance : Allowance or None
         The remaining budget of repeats and second attempts.
     tried : list of str
@@ -541,7 +553,10 @@ class Attempts:
     tried: list[str] = field(default_factory=list, init=False)
 
     def best(self, session: Session) -> Attempt:
-        """Return the attempt that passes the audit, or one with the failed outcome."""
+        """Return the attempt that passes the audit; else one that has no answer.
+
+        Its outcome is then `no-answer` from the time of the finding on.
+        """
         first = self._made(session)
         finding = None if self.interrupt.asked else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
@@ -557,10 +572,12 @@ class Attempts:
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
-        """Return an attempt with the outcome that follows from the final finding.
+        """Return an attempt with the outcome that follows from the last finding.
 
         If a constraint is violated, the run is repeated up to the last row before the
         time of the finding.
+
+        finding : None if there is none.
         """
         if finding is None or not finding.refutes:
             return attempt
@@ -580,7 +597,7 @@ class Attempts:
         return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
-        """Run a session as an attempt, after emptying the store and its followers.
+        """Empty the store and its followers; run a session as an attempt.
 
         Parameters
         ----------
@@ -680,11 +697,14 @@ class Attempts:
         return found
 
     def _by_ownsteps_of(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
-        """Return the error bar of fixed steps from shorter steps, if far smaller.
+        """Return the error bar by shorter steps of the run's method, if far smaller.
 
-        A repeat with error control can be less accurate than the run. If both agree
-        within the tolerance of the repeat, no feature has been passed over, and the
-        difference to shorter steps of the method of the run is the better estimate.
+        Else `bar` is returned, whose repeat has error control and can be less accurate
+        than the run. If both agree within the tolerance of the repeat, no feature has
+        been passed over, and the difference to shorter steps of the run's method is the
+        better estimate.
+
+        always : whether the repeat may exceed the allowance.
         """
         plan = run.session.plan
         fixed = plan.rtol is None and plan.method != bar.method
@@ -704,11 +724,11 @@ class Attempts:
         return other if other.relative < LESS * bar.relative else bar
 
     def _is_outlier(self, run: Attempt) -> bool:
-        """Return whether a third run, a tighter repeat, confirms the repeat.
+        """Whether a third run, a tighter repeat, shows that the run is wrong.
 
         If the run has passed over a feature, both repeats agree far better with each
         other than with the run. If motions diverge exponentially, the differences are
-        in proportion to the tolerances.
+        in proportion to the tolerances, and the run is not wrong.
         """
         bar, session = run.bar, run.session
         assert not isinstance(bar, str)
@@ -737,7 +757,7 @@ class Attempts:
         *,
         always: bool = False,
     ) -> tuple[Evidence, Checkpoints]:
-        """Repeat a run by other means, and charge the cost to the allowance.
+        """Repeat a run by other means; subtract the cost from the allowance.
 
         Returns
         -------
@@ -765,7 +785,10 @@ class Attempts:
         return evidence.end(found, "a repeat has none"), again
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
-        """Return a session of other means for a second attempt, or None."""
+        """Return a session of other means for a second attempt; None if there are none.
+
+        first : the attempt that failed the audit, with this finding.
+        """
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)
         if other is None:

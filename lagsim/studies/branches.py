@@ -72,7 +72,7 @@ class BranchPoint(NamedTuple):
     y : ndarray, shape (k + 1,)
         Scaled unknowns, and last the parameter.
     tangent : ndarray, shape (k + 1,)
-        Of length 1.
+        Tangent of the branch, of length 1.
     sign : float
         Sign of the determinant of F' with the tangent.
     steady : Steady
@@ -109,13 +109,13 @@ class RestCurve:
     name : str
         The parameter, or start value.
     ends : (float, float)
-        Its range.
+        The range of the parameter.
     search : Search
-        At the rest's value of the parameter.
+        The search at the value of the parameter where the rest is.
     steady : Steady
         The rest.
     value : float
-        The value of the parameter there.
+        The value of the parameter at the rest.
     """
 
     def __init__(
@@ -172,7 +172,10 @@ class RestCurve:
         return np.append(y[:count], y[-1])
 
     def scaled(self, other: RestCurve, y: Floats) -> Floats:
-        """Return unknowns of another curve with the same rows, scaled as own ones."""
+        """Return the unknowns y of another curve in the scales of this curve.
+
+        Both curves have equal rows.
+        """
         return np.asarray(y * other._sizes / self._sizes)
 
     def value(self, y: Floats) -> float:
@@ -180,7 +183,7 @@ class RestCurve:
         return float(y[-1] * self._sizes[-1])
 
     def _model_at(self, value: float) -> Any:
-        """Return the equations and the rest's residuals at a value of the parameter."""
+        """Return equations, and residuals of a rest, at a value of the parameter."""
         if value not in self._bound:
             if len(self._bound) > 8:
                 self._bound.clear()
@@ -209,10 +212,10 @@ class RestCurve:
         return r[self._rows] * self._weights, J[self._rows] * self._weights[:, None]
 
     def returned(self, y: Floats, normal: Floats) -> tuple[Floats, int] | None:
-        """Return the curve's point in a plane through y (k + 1,), by Newton's method.
+        """Return the point of the curve in the plane through y with a normal.
 
-        normal : (k + 1,), of the plane. The result has the number of iterations, too;
-        None without convergence.
+        Newton's method yields the point and the number of iterations; None without
+        convergence. y, normal : (k + 1,).
         """
         begun = y
         for k in range(ITERATIONS):
@@ -230,10 +233,9 @@ class RestCurve:
         return None
 
     def place(self, y: Floats, along: Floats) -> BranchPoint:
-        """Return the point of the curve at y (k + 1,), tangent along a direction.
+        """Return the point of the curve at y (k + 1,), with its tangent.
 
-        along : (k + 1,); the tangent's sign is that for which their product is
-        positive.
+        along : (k + 1,), a direction, whose product with the tangent is positive.
         """
         _, J = self._scaled(y)
         _, _, V = np.linalg.svd(J)
@@ -243,7 +245,7 @@ class RestCurve:
         return BranchPoint(y, tangent, float(sign), steady, stability_of(steady)[0])
 
     def aside(self, place: BranchPoint) -> Floats:
-        """Return the direction (k + 1,) of the other branch at a branch point."""
+        """Return the direction (k + 1,) of the second branch at a branch point."""
         _, J = self._scaled(place.y)
         _, _, V = np.linalg.svd(J)
         plane = V[-2:]
@@ -253,9 +255,9 @@ class RestCurve:
         return np.asarray(other / np.linalg.norm(other))
 
     def beyond(self, edge: Special) -> RestCurve | None:
-        """Return the curve on the other side of a point where a contact changes.
+        """Return the curve on the other side of a point at which a contact changes.
 
-        None where friction of the contact then holds a range of positions.
+        None where friction of that contact then holds a range of positions.
         """
         assert edge.law is not None
         own = self._e.laws.index(edge.law)
@@ -270,7 +272,10 @@ class RestCurve:
         return RestCurve(self.model, self.name, self.ends, self._search, steady, value)
 
     def _steady(self, y: Floats, held: Sequence[Row] | None = None) -> Steady:
-        """Return the rest at scaled unknowns; held : other active rows, if given."""
+        """Return the rest at scaled unknowns y.
+
+        held : rows in force in place of those of the curve, if given.
+        """
         e, rest = self._model_at(self.value(y))
         state = rest.at((y * self._sizes)[:-1]).state
         rows = self._held if held is None else held
@@ -294,9 +299,9 @@ class RestCurve:
         )
 
     def _margins(self, place: BranchPoint) -> list[float]:
-        """Return the multipliers of contacts in force, and the gaps of others.
+        """Return, for each contact, its multiplier if it is in force, or else its gap.
 
-        One for each law; inf for friction and limits.
+        The result has an entry for each law; inf for laws that are no contacts.
         """
         values, names = place.steady.values, {row.name for row in self._held}
         found = []
@@ -317,7 +322,8 @@ class RestCurve:
     def _edge(self, here: BranchPoint, there: BranchPoint) -> Special | None:
         """Return the point between two points at which a contact opens or closes.
 
-        None where the curve leaves the range of the parameter before.
+        None where no contact does so, or where the curve leaves the range of the
+        parameter before.
         """
         # At the first point a contact may open or close by its rounding.
         begins = not self.holds(here)
@@ -365,9 +371,9 @@ class RestCurve:
                 step = min(GREATEST, 1.5 * step)
 
     def _end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
-        """Return the point between two points at which the curve ends, if there is one.
+        """Return the point between two points at which the curve ends, or None.
 
-        It ends where a contact opens or closes, and at the ends of the range.
+        A curve ends where a contact opens or closes, and at the ends of the range.
         """
         edge = None if self.holds(there) else self._edge(here, there)
         if edge is None:
@@ -382,7 +388,10 @@ class RestCurve:
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
 
     def _next(self, here: BranchPoint, step: float) -> tuple[BranchPoint | None, int]:
-        """Return the point after a step, None where it fails, and the iterations."""
+        """Return the point after a step (None on failure), and the iterations.
+
+        The failure is that of Newton's method. step : length along the tangent.
+        """
         found = self.returned(here.y + step * here.tangent, here.tangent)
         if found is None:
             return None, ITERATIONS
@@ -390,7 +399,7 @@ class RestCurve:
         return (there if there.tangent @ here.tangent > TURNED else None), found[1]
 
     def _at_end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
-        """Return the point at the end of the range, if it lies between two points."""
+        """Return the point at the end of the range; None unless between two points."""
         low, high = self.ends
         value = self.value(there.y)
         if low <= value <= high:
@@ -416,7 +425,10 @@ class RestCurve:
     def _located(
         self, here: BranchPoint, there: BranchPoint, test: Callable[[BranchPoint], bool]
     ) -> BranchPoint:
-        """Locate the point between two points at which a test changes, by bisection."""
+        """Locate the point between two points at which a test changes, by bisection.
+
+        test : point -> whether it is past the change.
+        """
         low, high, before = 0.0, float((there.y - here.y) @ here.tangent), test(here)
         best = there
         for _ in range(BISECTIONS):
@@ -445,8 +457,9 @@ class Branches:
     name : str
     ends : (float, float)
     branches : list of list of BranchPoint
-        With the curve of each in `curves`.
+        Points of each branch; `curves` has its RestCurve.
     points : list of (RestCurve, Special)
+        The special points.
     skipped : int
         The number of rests in continuous families, which are not followed.
     """
@@ -541,7 +554,7 @@ class Branches:
                 self._both_ways(other, other.start, interrupt)
 
     def _is_new_contact(self, curve: RestCurve, edge: Special) -> bool:
-        """Whether no other branch ends where a contact opens or closes."""
+        """Whether no other branch ends at the point `edge` where a contact changes."""
         at, value = edge.place.steady.state, curve.value(edge.place.y)
         room = SAME_PLACE * (self.ends[1] - self.ends[0])
         for own, other in self.points:
@@ -614,7 +627,10 @@ class Branches:
 
 
 def _alone(found: Sequence[Special]) -> list[Special]:
-    """Return the special points, except folds at which branches meet."""
+    """Return the special points without the folds at which branches meet.
+
+    At such a fold the branch point is listed.
+    """
     meets = [x.place.y for x in found if x.kind == BRANCH]
     return [
         x

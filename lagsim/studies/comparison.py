@@ -57,7 +57,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Mark times (rows,) that lie within one of the intervals `pairs` (k, 2).
+    """Return marks of the times (rows,) that lie in an interval of `pairs` (k, 2).
 
     Examples
     --------
@@ -89,6 +89,8 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
 
 def partners(mine: Floats, theirs: Floats) -> Floats:
     """Return the pairs of mutually nearest times of two runs, shape (k, 2).
+
+    mine, theirs : the times of each run, ascending.
 
     Examples
     --------
@@ -137,7 +139,7 @@ def kind(column: str, columns: Collection[str]) -> str:
 def range_or_size(
     ranges: Floats, sizes: Floats | float, least: float = COMPUTED_ZERO
 ) -> Floats:
-    """Return ranges, with `sizes` in place of ranges below `least` times the size."""
+    """Return ranges; where these are below `least` times the size, the sizes."""
     return np.where(ranges > least * sizes, ranges, sizes)
 
 
@@ -195,7 +197,10 @@ def scales(
 
 
 def _extremes(data: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest finite value of each column; 0 if none is."""
+    """Return the least and the greatest finite value of each column.
+
+    Both are 0 for a column without a finite value. data : (columns, rows).
+    """
     low, high = np.zeros(len(data)), np.zeros(len(data))
     for k, values in enumerate(data):
         finite = values if np.isfinite(values).all() else values[np.isfinite(values)]
@@ -216,6 +221,7 @@ class Matched(NamedTuple):
     Attributes
     ----------
     golden, new : ndarray of int, shape (k,)
+        Indices of the matched rows in both tables.
     missing, extra : ndarray
         Times that only the golden table has, and that only the new one has.
     """
@@ -264,7 +270,10 @@ def _spacing(t: Floats) -> float:
 
 
 def _turns(t: Floats, near: float) -> Ints:
-    """Return for each row the number of earlier rows at its time, shape (k,)."""
+    """Return for each row the number of earlier rows with its time, shape (k,).
+
+    t : (k,), ascending. near : the largest difference of equal times.
+    """
     turns = np.zeros(len(t), dtype=np.intp)
     for k in np.flatnonzero(np.diff(t) <= near) + 1:  # few: only impacts
         turns[k] = turns[k - 1] + 1
@@ -309,7 +318,7 @@ class Deviation(NamedTuple):
 
 
 class ComparedColumn(NamedTuple):
-    """Values of a column in two runs, and the tolerance of each, shape (rows,)."""
+    """Values of a column in two runs, and the tolerance in each row, shape (rows,)."""
 
     t: Floats
     golden: Floats

@@ -41,11 +41,11 @@ class Continuum:
     Parameters
     ----------
     equations : Equations
-        With the laws of the model.
+        The equations, with the laws of the model.
     state : Instant
         A rest of the region.
     multipliers : mapping of str to float
-        The multiplier of each row that holds there, by the name of the row.
+        The multiplier of each row that holds at that rest, by the name of the row.
     goal, sizes : ndarray, shape (n,)
         The coordinates of the start, and the sizes to which changes are relative.
     unknowns : tuple of sequence of int
@@ -91,14 +91,14 @@ class Continuum:
         return np.asarray(self._rest.looked_at(z * self._sizes)[1] * self._sizes)
 
     def _equations(self, z: Floats) -> Floats:
-        """Return the scaled residuals of the equations of rest."""
+        """Return the scaled residuals (m,) of the equations of rest at z (k,)."""
         r = self._rest.looked_at(z * self._sizes)[0]
         return np.asarray(r[self._rows] * self._weights)
 
     def _scales(self, at: Point, lam: Floats) -> Floats:
-        """Return the scale of each multiplier: it or its limit, else the largest.
+        """Return the scale of each multiplier: its |value| or its limit.
 
-        lam : (m,), of all rows.
+        Where both are 0 the scale is the largest of all. lam : (m,), of all rows.
         """
         known = dict(
             zip([row.name for row in self.held], lam[self._first :], strict=True)
@@ -112,10 +112,10 @@ class Continuum:
     def _pushes(
         self, point: Point, known: Mapping[str, float]
     ) -> Iterator[tuple[float, float]]:
-        """Generate the limit of each multiplier of a law, and its absolute value.
+        """Generate pairs: the limit and the absolute value of each multiplier of a law.
 
-        known : multipliers by name. Of a pair the value is that of both together. A
-        multiplier without a limit has the limit 0.
+        The value for a law of a pair is the norm of both multipliers. The limit is 0
+        for a multiplier without a limit. known : multipliers by name.
         """
         bounds = point.array([law.static or law.bound for law in self._laws])
         for law, bound in zip(self._laws, bounds.tolist(), strict=True):
@@ -131,7 +131,10 @@ class Continuum:
             yield limit, push
 
     def _limits(self, z: Floats) -> Floats:
-        """Return what is left to the limit of each multiplier, not negative inside."""
+        """Return the margin of each multiplier up to its limit; not negative inside.
+
+        z : scaled unknowns (k,).
+        """
         x = z * self._sizes
         own, scales = x[len(x) - len(self.held) :], self._forces[self._first :]
         known = dict(zip([row.name for row in self.held], own.tolist(), strict=True))
@@ -191,7 +194,10 @@ class Continuum:
         return np.asarray(self._slopes(z)[self._rows] * self._weights[:, None])
 
     def _projected(self, z: Floats) -> Floats | None:
-        """Return the nearest unknowns that meet equations and active limits exactly."""
+        """Return the nearest unknowns that meet equations and active limits.
+
+        These hold to rounding; None if they cannot be solved. z : scaled unknowns (k,).
+        """
         active = np.flatnonzero(np.abs(self._limits(z)) <= ACTIVE)
         for _ in range(PROJECTIONS):
             r = np.concatenate([self._equations(z), self._limits(z)[active]])

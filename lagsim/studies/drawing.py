@@ -174,7 +174,9 @@ def _ready() -> None:
 
 
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
-    """Yield name and content of each picture, as bytes, in the second process.
+    """Yield name and content of each picture, as bytes; runs in the second process.
+
+    content : the pickled data of the pictures.
 
     Raises
     ------

@@ -593,7 +593,7 @@ class Expansion:
         return empty or (known and isinstance(node, Mapping))
 
     def _with_unit(self, node: Sequence) -> bool:
-        """Whether a list is a number followed by a unit, which the file must not have."""
+        """Whether a list is a number followed by a unit, which is a fault in a file."""
         last = node.items[-1]
         return (
             len(node.items) == len(("number", "unit"))

@@ -104,10 +104,11 @@ BOTH = 4.0
 
 
 def _drift(run: Evidence) -> str:
-    """Return the text on an energy drift beyond the tolerance, or "".
+    """Return a text on an energy drift beyond the tolerance; "" if there is none.
 
-    Only methods with step control are considered. A drift of more than `UNEXPLAINED` is
-    left to `about_energy`.
+    The bound is the larger of `ENERGY_DRIFT` and MANY times rtol, relative to the
+    energy in play. Only methods with step control are considered. A drift of more than
+    `UNEXPLAINED` is reported by `about_energy`.
     """
     equations, plan = run.equations, run.plan
     if plan.rtol is None:

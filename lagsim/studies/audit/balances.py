@@ -152,7 +152,10 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
 
 
 def _since(times: Floats, sizes: Floats, bound: float) -> float | None:
-    """Return the first of `times` (k,) where `sizes` (k,) exceed a bound, or None."""
+    """Return the first of `times` (k,) at which `sizes` (k,) exceed a bound.
+
+    None if there is none.
+    """
     off = np.flatnonzero(sizes > bound)
     return float(times[off[0]]) if len(off) else None
 
@@ -162,11 +165,13 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Return extremes between rows of velocities, where rows do not show these.
+    """Return the extremes of velocities that lie between rows, not in rows.
 
-    velocities : names. rows : columns of the table by name. extremes : least and
-    greatest value by name, at the ends of steps. Returns two entries, the least and the
-    greatest values by name, or none.
+    The result has two entries, the least and the greatest values by name; [] if rows
+    show the extremes of all velocities.
+
+    velocities : names. rows : columns of the table by name. extents : least and
+    greatest value by name, at the ends of steps.
     """
     missed = {
         v: extents[v]
@@ -243,7 +248,7 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
 
 
 class Energy:
-    """An energy as a function of the state, with its switches."""
+    """An energy as a function of the state, and the switches that it contains."""
 
     def __init__(self, equations: Equations, energy: int) -> None:
         g = equations.graph
@@ -262,7 +267,10 @@ class Energy:
         self.cut = [op in CUT for op in ops]
 
     def sides(self, state: Floats) -> list[float]:
-        """Return a number for each switch that identifies the side of a state."""
+        """Return a number for each switch, which differs between sides of the switch.
+
+        state : (1 + 2 n,).
+        """
         values = zip(self._values(self.switches, state), self.cut, strict=True)
         return [math.copysign(1.0, x) if cut else float(x) for x, cut in values]
 

@@ -53,7 +53,7 @@ class Evidence:
     monitor : EnergyMonitor
         Energies and states of the rows.
     trajectory : Trajectory
-        Set by `end`.
+        The result of the run; set by `end`.
     bar : ErrorBar or str
         The error bar, or the reason why there is none; set by `end`.
     """
@@ -76,10 +76,10 @@ class Evidence:
         self.monitor.add(rows)
 
     def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
-        """Store the end of the run and its error bar; return this object.
+        """Store the result of the run and its error bar; return this object.
 
-        The extremes of the state and the energy between rows, which the steps recorded,
-        are passed to the monitor.
+        The extremes of the state and the energy between rows, which the run recorded at
+        its steps, are passed to the monitor.
         """
         self.monitor.between_rows = trajectory.largest_energy
         self.monitor.extents = trajectory.extents
@@ -141,11 +141,12 @@ def _residuals_off(
 ) -> Iterator[tuple[str, float, float]]:
     """Yield constraints whose residual exceeds the part SATISFIED of their scale.
 
-    Each item has the name, the residual relative to the scale, and the residual
-    relative to the motion: the size of the motion of the coordinates, multiplied by the
-    slopes of the constraint. The latter decides where all terms of a constraint are
-    close to zero, so that their sizes are no scale. Residuals that one step explains
-    are left out; `coarse` is that of `worst_residual`.
+    Each item has the name, the residual relative to the scale of the constraint, and
+    the residual relative to the motion, which is the size of the motion of the
+    coordinates multiplied by the slopes of the constraint. The second one decides where
+    all terms of a constraint are close to zero, so that their sizes are no scale.
+
+    Residuals that one step explains are left out. coarse : see `worst_residual`.
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
@@ -220,8 +221,8 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     """Return the motion that rounding causes in coordinates at rest, and its energy.
 
     Where forces balance, the rounding error of their sum moves a coordinate, and in a
-    system at rest there is no larger motion to compare that motion with. Coordinates
-    that move farther have the value 0.
+    system at rest there is no larger motion to compare that motion with. A coordinate
+    that moves farther than by rounding has the value 0.
 
     Parameters
     ----------
@@ -231,8 +232,9 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     Returns
     -------
     moved : ndarray, shape (n,)
-        In the units of the coordinates.
+        The motion in the units of the coordinates.
     energy : float
+        The energy of this motion.
     """
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])
@@ -246,9 +248,9 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> float:
     """Return the rounding error of an energy at the worst row of a balance.
 
-    The larger of two values: `times` the rounding error by the state, by the work of
-    constraint forces and by the positions that constraints give, and the energy of the
-    motion that rounding causes at rest.
+    It is the larger of two values: `times` the rounding error by the state, by the work
+    of constraint forces, and by positions that constraints determine; and the energy of
+    the motion that rounding causes at rest.
     """
     row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
     if row is None:
@@ -261,10 +263,10 @@ def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> floa
 
 
 def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> float:
-    """Return the energy that rounding errors of position constraints change.
+    """Return the change of energy by rounding errors of position constraints.
 
     A constraint holds to the rounding error of its residual, and a residual r changes
-    the energy by lambda r. The largest forces of constraints bound the multiplier.
+    the energy by lambda r. The largest constraint forces bound the multiplier.
 
     state : rounding errors (size,) of the state variables.
     """

@@ -51,7 +51,8 @@ class Finding(NamedTuple):
     text : str
     time : float
     refutes : bool
-        Whether the rows cannot be a motion of the model; else a further run decides.
+        Whether the rows are certainly no motion of the model; else a further run
+        decides.
     parts : bool
         Whether a constraint is not satisfied.
     """
@@ -72,7 +73,7 @@ def up_to(session: Session, time: float) -> Session:
 
 
 def audit(run: Evidence) -> Finding | None:
-    """Return the finding against a complete run, or None."""
+    """Return the finding against a complete run; None if there is none."""
     plan = run.plan
     if (
         plan.rtol is None
@@ -105,7 +106,7 @@ def _unsatisfied(run: Evidence) -> Finding | None:
 def _off(run: Evidence, balance: Balance) -> Finding | None:
     """Compare an energy drift with the energy error that errors of the state explain.
 
-    Return the finding if the drift is larger, else None.
+    Return the finding if the drift is larger, else None. balance : with the drift.
     """
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
     if not ENERGY_DRIFT * in_play < drift < math.inf or row is None:
@@ -126,7 +127,7 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
 def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
     """Return the error of energy - work that the error bar of the state implies.
 
-    inf if unknown.
+    row : time, coordinates, velocities and more. inf if the error bar is unknown.
     """
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
@@ -142,7 +143,7 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
 
 
 def _another_motion(run: Evidence) -> Finding | None:
-    """Return the finding that a repeat followed another motion, or None."""
+    """Return the finding that the repeat followed another motion; None if not."""
     bar = run.bar
     if isinstance(bar, str):
         return None

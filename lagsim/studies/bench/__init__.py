@@ -60,9 +60,9 @@ def asking(
     formulation: str = "auto",
     rtol: float | None = None,
 ) -> Case:
-    """Return the case set to a method, a formulation and rtol.
+    """Return the case with a method, a formulation and rtol.
 
-    atol and step by default.
+    atol and the step are set to their defaults.
     """
     return case.asking(
         method=method, formulation=formulation, rtol=rtol, atol=None, step=None
@@ -141,7 +141,7 @@ def formulation_solvers(case: Case, method: str) -> tuple[list[Own], dict[str, s
 
 
 def least(solve: Callable[[], Trial]) -> Trial:
-    """Repeat a solve, and return the result with the least time."""
+    """Repeat a solve several times, and return the result with the least time."""
     best = solve()
     spent = best.seconds
     for _ in range(1, MOST_REPEATS):
@@ -184,7 +184,7 @@ def index_one(case: Case) -> Own:
 
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Return the largest absolute value of each component of y in rows.
+    """Return the largest absolute value of each component of y in rows, shape (y,).
 
     A component that is always 0 has the largest value of all components, or 1.
     """
@@ -317,7 +317,7 @@ def today() -> str:
 def stamp(document: Mapping[str, Any]) -> str:
     """Return the date, machine and versions of a document as text.
 
-    Date and machine are left out if no number depends on these.
+    Date and machine are left out if no number in the document depends on them.
     """
     known = document["versions"]
     packages = [f"{name} {known[name]}" for name in PACKAGES if name in known]

@@ -110,9 +110,10 @@ def curves_below(rows: Sequence[Row], worst: float) -> ChartedCurves:
 
 
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Return the mean ratio (geometric) of a curve's costs to the front's costs.
+    """Return the geometric mean of a curve's costs relative to the costs of the front.
 
-    entries : rows of the curve. rows : of all curves.
+    The cost of the front is that of the cheapest answer with no larger error. inf if no
+    point can be compared. entries : rows of the curve. rows : of all curves.
     """
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []
@@ -289,7 +290,10 @@ def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
 
 
 def _name(key: Key, keys: Iterable[Key]) -> str:
-    """Return the name of a method, with its formulation if there are several."""
+    """Return the name of a method; with its formulation if there are several.
+
+    keys : all methods with formulations in the chart.
+    """
     method, formulation = key
     alone = sum(name == method for name, _ in keys) == 1
     return method if alone else f"{method} {formulation}"
@@ -402,7 +406,7 @@ def stability_figure(document: Document, form: str = "png") -> bytes:
 
 
 def _round(planes: Sequence[Axes]) -> None:
-    """Set the horizontal limits of complex planes so that circles are round."""
+    """Set the horizontal limits of complex planes so that circles look round."""
     for axes in planes:
         low, high = axes.get_ylim()
         width, height = size_of(axes)
@@ -468,7 +472,7 @@ def _strips(part: SubFigure, document: Document) -> None:
 
 
 def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) -> None:
-    """Fill the cells between borders in x and y with the colours of verdicts."""
+    """Fill the cells between the borders x and y with the colours of verdicts."""
     cells = [cell for cell in document["cells"] if cell["method"] == method]
     # Cells are ordered by the value of the parameter; after an interrupt the last
     # values are missing.
@@ -537,7 +541,8 @@ class Region(NamedTuple):
     size : float
         The factor by which the shown part of the plane is enlarged.
     at_start, along : ndarray of complex
-        Values of z at the start; and along the motion, without values near the former.
+        Values of z at the start; and along the motion, without values near those at the
+        start.
     """
 
     name: str

@@ -266,9 +266,10 @@ class Subject:
 
 
 def _rate(t: Floats, balance: Floats) -> float | None:
-    """Return the exponential rate of the unexplained energy; None if unknown.
+    """Return the exponential rate of the energy that no force explains.
 
-    For an energy that has decayed completely the rate is a bound.
+    It is a bound if the energy has decayed completely; None if it is unknown. t : (k,).
+    balance : energy less work (k,), relative to the energy of the motion.
     """
     last = max(1, int(len(t) * LAST))
     middle = float(np.mean(t[-last:])) - float(t[0])
@@ -358,11 +359,12 @@ class MapOptions(NamedTuple):
     name : str or None
         The parameter that varies.
     between : tuple of float or None
-        Its smallest and its largest value.
+        The smallest and the largest value of that parameter.
     strip : int
         The number of cells without a varied parameter.
     map : tuple of int
-        The numbers of cells with one: steps, and values of the parameter.
+        The numbers of cells with a varied parameter: steps, and values of the
+        parameter.
     """
 
     methods: tuple[str, ...] | None = None
@@ -383,6 +385,8 @@ def methods_for(
     case: Case, wish: MapOptions
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
     """Return methods with fixed steps, methods with step control, and refused ones.
+
+    The refused ones are documents with method and reason.
 
     Raises
     ------
@@ -439,7 +443,7 @@ def measure(
     Parameters
     ----------
     case : Case
-        The case of the file; of other values of the parameter it is bound.
+        The case of the file; the model is bound to other values of the parameter.
 
     Returns
     -------
@@ -574,7 +578,18 @@ class _Map:
     ) -> Document:
         """Return the entry of the stability border of a method.
 
-        By runs at the steps of `strip` and further ones by `trial`, and by eigenvalues.
+        The border is located by runs, and predicted by eigenvalues.
+
+        Parameters
+        ----------
+        subject : Subject or str
+            The model; a text if it cannot be run at a value of the parameter.
+        name : str
+            The method.
+        strip : mapping
+            Step -> verdict.
+        trial : callable
+            Step -> verdict of a further run.
         """
         start = along = found = None
         if isinstance(subject, str):
@@ -665,8 +680,17 @@ def _found(
 ) -> tuple[float | None, str]:
     """Locate the stability border by bisection before the first unstable step.
 
-    Steps around the expected borders are added first, since an unstable range can be
+    Steps around the expected borders are tried first, since an unstable range can be
     narrower than the cells of the map.
+
+    Parameters
+    ----------
+    strip : mapping
+        Step -> verdict.
+    trial : callable
+        Step -> verdict of a further run.
+    expected : sequence
+        Predicted borders; None where there is none.
 
     Returns
     -------
@@ -721,7 +745,7 @@ def _equilibrium(subject: Subject) -> Document:
 
 
 def _positions(rest: Steady) -> dict[str, float]:
-    """Return the positions and first-order states of a rest, 0 where rounding."""
+    """Return the positions and first-order states of a rest; 0 within rounding."""
     names = [*rest.equations.q, *(x.name for x in rest.equations.states)]
     values = np.concatenate([rest.state.q, rest.state.s])
     size = np.max(np.abs(rest.state.q), initial=0.0)

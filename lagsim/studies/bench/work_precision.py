@@ -236,17 +236,17 @@ class Reference:
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """Sort key: larger for a better reference."""
+        """Sort key: larger for a reference that is known longer and more accurately."""
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
         whole = self.horizon is None and level in WHOLE
         return whole, int(self.known / level), -self.floor
 
     def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
-        """Return errors of the first rows relative to the ranges, (count, columns).
+        """Return errors of the first rows relative to ranges, (count, columns).
 
-        Velocities jump at impacts, and multipliers at all events. In rows between the
-        two times at which both runs have such an event, the error of these columns is
-        set to 0.
+        Velocities jump at impacts, and multipliers at all events. Between the two times
+        at which this and the other run have such an event, the error of these columns
+        is set to 0.
         """
         apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]
@@ -359,7 +359,7 @@ def make_reference(
 def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Reference:
     """Return a solution as a reference that no second solution has confirmed.
 
-    between : rows beside the solution's, for the ranges of columns.
+    between : further rows, from which the ranges of columns are determined too.
     """
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
@@ -370,7 +370,10 @@ def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Refer
 
 
 def _known(apart: Floats) -> int:
-    """Return the number of rows before the horizon; all if no horizon can be found."""
+    """Return the number of rows before the horizon; all if no horizon can be found.
+
+    apart : (rows,), the largest difference of both solutions up to each row.
+    """
     count = len(apart)
     known = [int(np.argmax([*~(apart <= level), True])) for level in LEVELS]
     if count in known[: len(WHOLE)]:
@@ -617,7 +620,7 @@ class PrecisionCurve:
                 yield done / len(self.values), self._row(value, patience)
 
     def _is_over(self, patience: Patience) -> bool:
-        """Whether to skip tighter settings: rounding, or too long a time."""
+        """Whether to skip tighter settings: errors stall, or solves take too long."""
         enough = 1 if self.errors or patience.over else GIVE_UPS
         if self.given_up >= enough:
             return True
@@ -627,7 +630,7 @@ class PrecisionCurve:
         return before < STALLED and 2 * min(self.errors[-2:]) > before
 
     def _row(self, value: float, patience: Patience) -> Row:
-        """Solve at one setting; return the row of the document."""
+        """Solve at one setting; return the row of work_precision.json."""
         solver, row = self.solver, dict[str, Any].fromkeys(COLUMNS)
         row |= {"method": solver.method, "formulation": solver.formulation}
         row |= {"setting": solver.setting, "value": value, "reason": ""}

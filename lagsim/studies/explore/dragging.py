@@ -61,8 +61,9 @@ class _Place(NamedTuple):
     Attributes
     ----------
     nodes : sequence of int, length d
+        The components.
     slopes : sequence of dict of int to int, length d
-        Index of a coordinate -> node.
+        For each component: index of a coordinate -> node of the derivative.
     """
 
     nodes: Sequence[int]
@@ -133,7 +134,7 @@ class ConstrainedStart:
         return self._named(x, self._with_rates(x))
 
     def put(self, name: str, value: float) -> dict[str, float]:
-        """Return coordinates and velocities with one set to a value, or near it.
+        """Return coordinates and velocities with one of these at a value, or near it.
 
         Parameters
         ----------
@@ -160,7 +161,7 @@ class ConstrainedStart:
         }
 
     def _with_rates(self, x: Point) -> Floats:
-        """Return the velocities (n,) that satisfy constraints, by least change."""
+        """Return velocities (n,) that satisfy the constraints, by the least change."""
         held = list(self._rates)
         for _ in range(1 + len(self._ways)):
             v = x.v + _correction(held, x) if held else x.v
@@ -208,17 +209,21 @@ class ConstrainedStart:
         target: Floats,
         share: float,
     ) -> tuple[Point, float, float]:
-        """Return the state nearest to a target along a step, or x, and its distance.
+        """Return the state nearest to a target along a step, distance and fraction.
 
-        Where the target is out of reach, a whole step is too long: parts of it are
-        tried, from one near the length of the last step on.
+        Where the target is out of reach, a whole step is too long: fractions of the
+        step are tried, from one near the length of the last step on. If none is nearer,
+        x is returned.
 
         Parameters
         ----------
         step : tuple of ndarray
             Changes of the coordinates, and of the place to first order.
+        met : frozenset of int
+            Gaps that stay closed.
         share : float
-            The first part. The third result is that of the next step.
+            The first fraction to be tried. The third result is the one for the next
+            step.
         """
         best, nearest, part = x, self._far(place, x, target), share
         far, at = nearest, place.at(x)[0]
@@ -262,11 +267,11 @@ class ConstrainedStart:
     def _beside(
         self, place: _Place, x: Point, target: Floats, met: frozenset[int]
     ) -> Point | None:
-        """Return a state beside a dead point that is nearer to a target, or None.
+        """Return a state beside a dead point that is nearer to a target; else None.
 
         At a dead point no step to first order moves the place, as where a coordinate is
-        largest on a circle. Of two directions that lead to it equally, forces pull in
-        the one that is returned.
+        largest on a circle. Of two directions that lead equally near to the target, the
+        one in which the forces pull is used.
         """
         far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
@@ -322,7 +327,7 @@ class ConstrainedStart:
         ----------
         x : Point
         met : set of int
-            Gaps that are closed there.
+            Indices of gaps that are closed at that state.
         """
         nodes = [gap.node for gap in self._gaps]
         for _ in range(1 + len(nodes)):
@@ -337,13 +342,16 @@ class ConstrainedStart:
 
 
 def _beyond(expected: Floats, moved: Floats) -> bool:
-    """Whether a displacement is off its linear prediction by more than half of it."""
+    """Whether a displacement differs from its prediction by more than half of it.
+
+    expected : the linear prediction. moved : the displacement.
+    """
     off = np.linalg.norm(moved - expected)
     return bool(off > np.linalg.norm(expected) / 2.0)
 
 
 def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats:
-    """Return the change of coordinates (n,) of least size in the metric of M.
+    """Return the change of coordinates (n,), least in the metric of M, for a place.
 
     Parameters
     ----------
@@ -377,14 +385,14 @@ def _solved(held: Sequence[Condition], x: Point) -> Point:
 def _correction(
     asked: Sequence[Condition], x: Point, metric: Floats | None = None
 ) -> Floats:
-    """Return the least change (n,) in the metric of M that solves conditions.
+    """Return the least change (n,) in the metric of M that satisfies conditions.
 
-    One Newton step, which is exact for velocities.
+    It is one Newton step, which is exact for velocities.
 
     Parameters
     ----------
     metric : ndarray, shape (n, n), optional
-        By default the mass matrix at x.
+        The metric; by default the mass matrix at x.
     """
     targets = np.array([c.target for c in asked])
     residual: Floats = x.array([c.node for c in asked]) - targets
@@ -403,7 +411,7 @@ def _jacobian(asked: Sequence[Condition], x: Point) -> Floats:
 
 
 def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:
-    """Return the values (m, n) of nodes in m rows: index of a coordinate -> node."""
+    """Return the values (m, n) at x of m rows: index of a coordinate -> node."""
     found = np.zeros((len(rows), x.n))
     places = [(i, j) for i, row in enumerate(rows) for j in row]
     values = x.array([node for row in rows for node in row.values()])

@@ -76,11 +76,11 @@ class Slider(NamedTuple):
     low, high : float
         The ends of the slider; nan for a start value until a motion is known.
     start : bool
-        Whether it is a start value, and not a parameter.
+        Whether the value is a start value, and not a parameter.
     whole : bool
-        Whether it counts members of families.
+        Whether the value is a number of members of families.
     fixed : str
-        Why the file allows no other value, or "".
+        The reason why the file permits no other value, or "".
     """
 
     name: str
@@ -95,7 +95,7 @@ class Slider(NamedTuple):
 
 
 class SupersededError(Exception):
-    """A motion was interrupted, because a later one is wanted."""
+    """Signal that a motion was interrupted, because a later one is requested."""
 
 
 class Explorer:
@@ -113,7 +113,7 @@ class Explorer:
         The names on the page with the ends of their sliders, if stated; all plain
         parameters and all start values if the mapping is empty.
     shown : callable
-        Text of an error, as a command prints it.
+        Maps an error to its text, as a command prints it.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Explorer:
     # --- The file
 
     def _use(self, model: Model) -> None:
-        """Take a model as the one that moves."""
+        """Make `model` the model whose motions are computed."""
         sliders, content = _sliders(model, self._vary), pickle.dumps(model)
         self.model, self._content = model, content
         # The model is read again for other numbers of members, while the browser opens.
@@ -180,7 +180,7 @@ class Explorer:
         return found.hexdigest()
 
     def changed(self) -> bool:
-        """Read the file again if it, or a table of it, has been saved since.
+        """Read the file again if the file, or a table of it, has been saved since.
 
         Returns
         -------
@@ -262,14 +262,15 @@ class Explorer:
         values : mapping of str to float or str
             Numbers and expressions that replace those of the file.
         page : str
-            Identifies the page. A later call for the same page ends this one.
+            Text that identifies the page. A later call for that page ends this call.
         follow : bool
-            Whether start values move to the nearest admissible ones, where the values
-            make the start inadmissible. These are in the header as `moved`.
+            Whether the start moves to the nearest admissible one, if the values make it
+            inadmissible. The header has the values that moved under `moved`.
 
         Raises
         ------
         SupersededError
+            If a later call has ended this call.
         LagsimError
             If a value cannot be used, or the start is not admissible.
         """
@@ -311,10 +312,10 @@ class Explorer:
         values
             See `motion`.
         t : float
-            Replaced by the nearest time of the run.
+            The time; outside of the run the nearest time of the run is used.
         page : str
-            Identifies the page. A later state or motion for the same page ends this
-            call, which itself ends no motion.
+            Text that identifies the page. A later state or motion for that page ends
+            this call, which itself ends no motion.
 
         Raises
         ------
@@ -378,7 +379,8 @@ class Explorer:
     def start(self, values: Values, name: str, value: float) -> dict[str, float]:
         """Return start values with one of them at a value, or near it.
 
-        The others change least so that constraints hold; values that stay are left out.
+        Other start values change least such that constraints hold; unchanged values are
+        left out.
 
         Parameters
         ----------
@@ -403,7 +405,7 @@ class Explorer:
             return {x: y for x, y in found.items() if y != before[x] or x == name}
 
     def _texts(self, values: Values) -> dict[str, str]:
-        """Return the expressions of values; refuse what is no number or text."""
+        """Return the expressions of values; refuse values of other types."""
         found = {}
         for name, value in values.items():
             text = value if isinstance(value, str) else _digits(value)
@@ -437,7 +439,11 @@ class Explorer:
     def _followed(
         self, values: Values, *, follow: bool
     ) -> tuple[Session, dict[str, float]]:
-        """Return the session of some values, and the start values that change."""
+        """Return the session of some values, and the start values that were moved.
+
+        If the start is inadmissible and `follow` is set, the nearest admissible start
+        is used.
+        """
         try:
             return self._session(values), {}
         except StartError as error:
@@ -544,7 +550,7 @@ def _limited(model: Model, x: Slider) -> Slider:
 
 
 class _Alone:
-    """Context of one computation of a page, with the request that it ends early.
+    """Context manager of one computation of a page; its value requests an early end.
 
     A motion ends the earlier motion and the earlier state of its page, a state the
     earlier state alone.
@@ -552,9 +558,9 @@ class _Alone:
     Parameters
     ----------
     lock : Lock
-        Held within the context.
+        The lock that is held within the context.
     asked : dict of (str, bool) to Interrupt
-        The latest computations, by page and whether they are motions.
+        The latest computation of each page, by the page and by whether it is a motion.
     page : str
     moves : bool
         Whether the computation is a motion, and not a state.
@@ -701,7 +707,7 @@ def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
     values : ndarray, shape (rows,)
         The values in a motion from this start.
     angle : bool
-        Whether the motion is the same a whole turn later.
+        Whether the value is an angle, after a whole turn of which the motion is equal.
     """
     middle, reach = x.value, math.pi
     if angle:
@@ -716,5 +722,5 @@ def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
 
 
 def _digits(value: float) -> str:
-    """Return a number in all its digits; a whole one without a point."""
+    """Return a number as text that reads back exactly; a whole one without a point."""
     return repr(float(value)).removesuffix(".0")

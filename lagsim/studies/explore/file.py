@@ -110,7 +110,7 @@ LIVE = "`lagsim explore` without -o integrates it"
 
 
 class Node(int):
-    """Node of the model's graph in the data, before nodes are numbered anew."""
+    """Node of the model's graph in the data, before it gets its final number."""
 
 
 def page_in_a_file(explorer: Explorer) -> bytes:
@@ -161,7 +161,7 @@ def page_in_a_file(explorer: Explorer) -> bytes:
 
 
 def _sliders(explorer: Explorer) -> list[Any]:
-    """Return the sliders; a page cannot vary the number of members of a family."""
+    """Return the sliders of the page; the number of members of a family has none."""
     found = []
     for x in explorer.document["sliders"]:
         if not x["whole"]:
@@ -390,7 +390,10 @@ def _settings(session: Session, arc: Arc) -> Document:
 
 
 def _fallback(session: Session) -> str:
-    """Return words on the method that a run of lagsim goes on with after a failure."""
+    """Return words on the method with which lagsim continues after a failure.
+
+    "" if no other method takes over.
+    """
     name, asked = session.plan.method, session.case.settings.method
     if name == ANY or (asked != "auto" and name != SERIES):
         return ""
@@ -506,7 +509,21 @@ def _push(
     names: Sequence[str],
     dimension: int,
 ) -> Document:
-    """Return the equation of the forces of a constraint on points."""
+    """Return the equation A^T = J^T f for the forces of a constraint on points.
+
+    Parameters
+    ----------
+    x : ConstraintPoints
+        The row A of the constraint, and its points.
+    carriers : Carriers
+        Derivatives of points by the coordinates.
+    zero : int
+        The node of 0.
+    names : sequence of str
+        All points.
+    dimension : int
+        Number of components of points.
+    """
     jacobians = [carriers.jacobians[point] for point in x.points]
     rows = [part for parts in jacobians for part in parts if part]
     columns = sorted({j for part in rows for j in part})
@@ -555,7 +572,7 @@ def _shape(model: Model, body: Body, names: Sequence[str]) -> Document:
 
 
 def _numbered(document: Document, session: Session) -> Document:
-    """Return the data with its nodes numbered from 0, and these nodes."""
+    """Return the data with its nodes numbered from 0, and the nodes in that order."""
     g = session.equations.graph
     groups = list(_groups(session, g.cone(sorted(set(_nodes_in(document))))))
     place = {n: k for k, n in enumerate(chain.from_iterable(groups))}
@@ -594,9 +611,9 @@ def _nodes_in(x: Any) -> Iterator[int]:
 
 
 def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
-    """Yield the nodes by groups of one operation, operands before their users.
+    """Yield lists of nodes of one operation, operands before the nodes that use these.
 
-    A group has nodes of one level, one above the highest level of the operands.
+    A list has nodes of one level, one above the highest level of the operands.
     """
     g = session.equations.graph
     level = dict[int, int]()
@@ -615,7 +632,7 @@ def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _leaves(session: Session, nodes: Sequence[int]) -> Iterator[Any]:
-    """Yield the group of variables or of constants; nothing for operations."""
+    """Yield the group of variables and that of constants among `nodes`."""
     g = session.equations.graph
     op = g.ops[nodes[0]]
     if op == VARIABLE:

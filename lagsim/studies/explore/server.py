@@ -155,20 +155,23 @@ class Server(ThreadingHTTPServer):
             self._told.notify_all()
 
     def opened(self) -> None:
-        """Count a page that listens."""
+        """Count a page that has begun to listen for news."""
         with self._told:
             self._pages += 1
             self._closed = math.inf
 
     def closed(self) -> None:
-        """Count a page that has been closed."""
+        """Count a page that has stopped listening for news."""
         with self._told:
             self._pages -= 1
             if not self._pages:
                 self._closed = time.monotonic()
 
     def wait(self, known: int) -> int:
-        """Return the number of news after `known`, or `known` after SIGN seconds."""
+        """Wait for news after number `known`; return the number of the last news.
+
+        It ends after SIGN seconds at most; the number is then `known`.
+        """
         with self._told:
             if self._news == known:
                 self._told.wait(SIGN)
@@ -284,7 +287,7 @@ class Handler(BaseHTTPRequestHandler):
         Raises
         ------
         RefusedError
-            If there is none, or it is too large.
+            If the request has no JSON object, or too large a one.
         """
         # Two lengths, or a length and pieces, could hide a second request in a body.
         lengths = self.headers.get_all("Content-Length", [])
@@ -308,7 +311,7 @@ class Handler(BaseHTTPRequestHandler):
         return found
 
     def _asked(self) -> tuple[dict[str, Any], dict[str, float | str]]:
-        """Return the object of a request, and its `values`: numbers and texts."""
+        """Return the JSON object of a request, and its numbers and texts `values`."""
         found = self._body()
         values = found.get("values", {})
         if not (isinstance(values, dict) and all(map(_is_value, values.values()))):
@@ -429,7 +432,7 @@ class Handler(BaseHTTPRequestHandler):
         self._send(b"", "text/plain", HTTPStatus(code))
 
     def log_message(self, *_: object) -> None:
-        """Print nothing: the command's terminal shows the address alone."""
+        """Discard messages of the server: the terminal shows the address alone."""
 
 
 def _page_of(found: Mapping[str, Any]) -> str:

@@ -130,7 +130,7 @@ def _scaled(axes: Axes, values: Sequence[Floats], *, zero: bool = False) -> None
 
 
 def _named(match: Match, letters: Letters) -> str:
-    """Return the label of a column: its name, or its expression beside it."""
+    """Return the label of a column: its name, with the expression if that differs."""
     if match.text == match.column:
         return letters.name(match.column)
     return f"{match.column} = {letters.text(match.text)}"

@@ -45,8 +45,7 @@ class Record(NamedTuple):
     columns : dict of str to ndarray, shape (k,)
         Every column by its name in the header; nan in cells without a number.
     place : callable
-        Returns the line and column in the file of a cell, by its row's index and its
-        column's name;
+        (index of a row, name of a column) -> line and column in the file of that cell;
         row -1 is the header. None where there is no file.
     texts : dict of str to list of int
         Rows of the cells of a column that contain a text.
@@ -91,7 +90,7 @@ def read_record(path: Path) -> Record:
     Raises
     ------
     InputError
-        If it cannot be read, or has no usable times.
+        If the file cannot be read, or has no usable times.
     """
     name = str(path)
     try:
@@ -193,7 +192,7 @@ def matched(
     model : Model
     records : sequence of Record
     given : mapping of str to str
-        Expressions by columns, `EXPRESSION` or `EXPRESSION:SD`.
+        Column of the data -> `EXPRESSION` or `EXPRESSION:SD`.
 
     Raises
     ------
@@ -242,7 +241,7 @@ def columns_of(model: Model) -> list[str]:
 
 
 def _measurable(model: Model) -> dict[str, str]:
-    """Return the names that a column of the same name measures, with their units."""
+    """Return the names that a column of equal name measures, with their units."""
     every: list[Coordinate | FirstOrderState | Definition] = [*model.coordinates]
     every += [*model.states, *model.definitions]
     moving = [d.name for d in model.definitions if d.level is Level.POSITION]
@@ -267,7 +266,7 @@ def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
 
 
 def _check_cells(column: str, records: Iterable[Record], faults: Problems) -> None:
-    """Add a fault for each text in a matched column, and for one without numbers."""
+    """Add a fault for each text in a matched column, and if it has no numbers."""
     for record in records:
         if column not in record.columns:
             continue
@@ -288,7 +287,7 @@ def check_span(
     Parameters
     ----------
     clocks : sequence of float
-        Difference of the clock of each record to that of the run.
+        For each record, the time on its clock less the time of the run.
     """
     faults = []
     for record, clock in zip(records, clocks, strict=True):

@@ -32,10 +32,11 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     covariance : ndarray, shape (p, p)
-        nan for names that are not determined, or stand at a bound.
+        Covariance of the names; nan for names that are not determined, or are at a
+        bound.
     combinations : list of dict of str to float
-        Directions that the data do not determine: name -> its relative change, in
-        changes that leave all residuals as they are.
+        Combinations that the data do not determine: name -> relative change. Such a
+        change alters no residual.
     leverages : ndarray, shape (n,)
         Leverage of each residual: the part of its variance that the fit removes.
     """
@@ -103,9 +104,9 @@ def _decomposed(
 
 
 def determined(J: Floats) -> Floats:
-    """Return a Jacobian without the combinations that are rounding.
+    """Return a Jacobian without the combinations of columns that are rounding errors.
 
-    A step along these would have any size.
+    A step along such a combination would have an arbitrary size.
     """
     norms, (U, sizes, Vt), kept = _decomposed(J)
     if kept.all():
@@ -154,10 +155,11 @@ def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]
 
 
 def unspent(J: Floats, r: Floats, loss: str) -> float:
-    """Return the length of the step that a fit still has before it, in residuals.
+    """Return the length, in residuals, of the next step by Gauss and Newton's method.
 
-    It is the norm of J dx, with the step dx of the method of Gauss and Newton: 1 for a
-    step by a standard error where residuals are in standard deviations.
+    It is the norm of J dx for the step dx: 1 for a step by a standard error, if
+    residuals are in standard deviations. It is a measure of how far a fit is from its
+    minimum.
 
     Parameters
     ----------
@@ -182,7 +184,7 @@ def unspent(J: Floats, r: Floats, loss: str) -> float:
 def robust_factor(r: Floats, loss: str, free: float) -> float:
     """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6).
 
-    r (n,) : residuals in standard deviations. loss : `soft_l1` or `huber`. free :
+    r : (n,), residuals in standard deviations. loss : `soft_l1` or `huber`. free :
     degrees of freedom.
     """
     z = r * r

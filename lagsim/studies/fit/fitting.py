@@ -108,7 +108,7 @@ class StoppedError(Exception):
 
 
 def _least(results: Sequence[tuple[Floats, float, bool]]) -> tuple[Floats, float, bool]:
-    """Return the values, cost and convergence of least cost."""
+    """Return the result (values, cost, convergence) with the least cost."""
     return min(results, key=lambda one: one[1])
 
 
@@ -118,7 +118,7 @@ class Jacobian(NamedTuple):
     Attributes
     ----------
     J : ndarray, shape (n, p)
-        0 in rows that are not differentiable by one of the names.
+        The derivatives; 0 in rows that are not differentiable by one of the names.
     lost : dict of str to int
         The number of such rows by name.
     error : float
@@ -143,7 +143,7 @@ class Found:
     noise : ndarray, shape (m,)
         Standard deviation of each column, given or estimated.
     estimate : Estimate or None
-        None after an interrupt.
+        The uncertainties; None after an interrupt.
     """
 
     x: Floats
@@ -315,10 +315,10 @@ class Fit:
     def _following(
         self, free: Sensitivities, names: Sequence[Varied], others: Collection[str]
     ) -> tuple[str, ...]:
-        """Return the start values that are solved for from constraints when names vary.
+        """Return the start values that must follow, by the constraints, a varied name.
 
-        If the start is inadmissible beside the value of a varied name, these are
-        `others`, all start values that are not varied; else none.
+        These are `others`, all start values that are not varied, if a small change of a
+        name makes the start inadmissible; else ().
         """
         for one in names:
             if self.is_clock(one):
@@ -340,7 +340,7 @@ class Fit:
     def at(self, x: Floats) -> list[Recording]:
         """Return the runs of all records with the varied names at x (p,).
 
-        The runs at the last x are kept. Raises a LagsimError if a run cannot begin.
+        The runs at the last x are stored. Raises a LagsimError if a run cannot begin.
         """
         key = x.tobytes()
         if key != self._known[0]:
@@ -397,7 +397,7 @@ class Fit:
         return self._jacobians[key]
 
     def _arranged(self, tasks: Sequence[Task], found: Sequence[Derivative]) -> Jacobian:
-        """Return the Jacobian that has the derivatives of tasks as its blocks."""
+        """Return the Jacobian whose blocks are the derivatives found by tasks."""
         lost: dict[str, int] = {}
         sizes = [int(np.count_nonzero(seen)) for seen in self.seen]
         ends = np.cumsum(sizes).tolist()
@@ -443,11 +443,11 @@ class Fit:
     ) -> tuple[Floats, float, bool]:
         """Minimise the cost from x (p,); return values, cost, and whether it converged.
 
-        Combinations of names that the data do not determine keep the values that the
-        start has: further residuals are their changes, until these are combinations
-        that are undetermined at the solution.
+        Combinations of names that the data do not determine keep the values of the
+        start: their changes are added to the residuals. This is repeated until the
+        combinations are those that are undetermined at the solution.
 
-        weights (m,) : the inverse standard deviation of each column. loss : one of
+        weights : (m,), the inverse standard deviation of each column. loss : one of
         LOSSES.
         """
         held = self._undetermined(x, weights)
@@ -460,9 +460,9 @@ class Fit:
         return x, cost, ended
 
     def _undetermined(self, x: Floats, weights: Floats) -> Floats:
-        """Return the combinations that are undetermined at x, shape (d, p).
+        """Return the combinations of names that are undetermined at x, (d, p).
 
-        They are orthonormal, in multiples of the scales of the names.
+        They are orthonormal, in multiples of the scales of the names. weights : (m,).
         """
         J, _, error = self.jacobian(x, self.how)
         return undetermined(J * self._per_row(weights)[:, None], error)
@@ -470,9 +470,10 @@ class Fit:
     def _minimised(
         self, x: Floats, weights: Floats, loss: str, held: Floats
     ) -> tuple[Floats, float, bool]:
-        """Minimise the cost, and the changes of the combinations `held` (d, p).
+        """Minimise the cost and the changes of the combinations `held` (d, p).
 
-        Parameters and results : see `_solve`.
+        These changes are added to the residuals. Other parameters and results : see
+        `_solve`.
         """
         from scipy.optimize import least_squares  # slow to load
 
@@ -565,7 +566,7 @@ class Fit:
     def _polished(
         self, x: Floats, weights: Floats, *, ended: bool
     ) -> tuple[Floats, bool]:
-        """Fit again with accurate derivatives if the rough ones have misled the fit.
+        """Fit again with accurate derivatives if rough derivatives have misled the fit.
 
         Parameters
         ----------
@@ -575,6 +576,12 @@ class Fit:
             The inverse standard deviation of each column.
         ended : bool
             Whether the fit converged.
+
+        Returns
+        -------
+        x : ndarray, shape (p,)
+        ended : bool
+            Whether the last fit converged.
         """
         per_row = self._per_row(weights)
         r = self.raw(x) * per_row
@@ -645,9 +652,9 @@ class Fit:
         x : ndarray, shape (p,)
             The values of least cost.
         reached, tried : int
-            From how many starts these values were found, and of how many.
+            The number of starts that led to these values, and of all starts.
         ended : bool
-            Whether their fit converged.
+            Whether the fit with these values converged.
         """
         loss = self.loss if all(x.deviation for x in self.matches) else LINEAR
         results = [self._solve(x, weights, loss)]
@@ -734,7 +741,7 @@ class Fit:
         return found
 
     def _active(self, x: Floats) -> dict[str, str]:
-        """Return the names that stand at a bound: label -> `lower` or `upper`."""
+        """Return the names that are at a bound: label -> `lower` or `upper`."""
         found = {}
         for one, value in zip(self.names, x.tolist(), strict=True):
             close = 1e-8 * one.scale
@@ -749,7 +756,7 @@ class Fit:
     ) -> Estimate:
         """Return the uncertainties at x (p,).
 
-        noise (m,) : standard deviations of the columns. active : names at a bound. how
+        noise : (m,), standard deviations of the columns. active : names at a bound. how
         : as for `jacobian`.
         """
         J, _, error = self.jacobian(x, how)
@@ -768,7 +775,7 @@ class Fit:
         ended : bool
             Whether the fit converged.
         starts : tuple of int
-            Number of starts, and from how many the values were found.
+            Number of starts, and the number of starts that led to these values.
         """
         raw, active = self.raw(x), self._active(x)
         found = self._estimate(x, noise, active, ACCURATE)

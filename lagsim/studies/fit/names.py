@@ -33,12 +33,12 @@ class Varied(NamedTuple):
     name : str
         The parameter, start value, or `t0`.
     record : int
-        Number of the only record that it concerns, from 0; -1 for all records without
-        a name of their own.
+        Number of the only record to which the name applies, from 0; -1 for all records
+        that have no name or value of their own.
     low, high : float
         Bounds.
     start, scale : float
-        The first value, and its size.
+        The first value of the name, and the size of its values.
     """
 
     label: str
@@ -53,7 +53,7 @@ class Varied(NamedTuple):
 def own_values(
     model: Model, texts: Mapping[str, str], records: int
 ) -> list[dict[str, float]]:
-    """Return, for each record, the values that belong to it alone, by name.
+    """Return, for each record, the values that apply to this record only, by name.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def own_values(
 
 
 def _clock(text: str) -> float:
-    """Return the number of a text, nan if it is none."""
+    """Return the number of a text; nan if the text is no number."""
     try:
         return float(text)
     except ValueError:
@@ -115,7 +115,7 @@ def parse_names(texts: Sequence[str], own: Sequence[Collection[str]]) -> list[Va
     ----------
     texts : sequence of str
     own : sequence of collection of str
-        The names of each record whose values it alone has.
+        For each record, the names with a value for this record only.
 
     Raises
     ------
@@ -166,10 +166,11 @@ def concerned(
 ) -> list[int]:
     """Return the numbers of the records, from 0, to which a varied name applies.
 
-    A name without a number applies to all records without a varied name or a value of
-    their own.
+    A name without a number applies to all records that have neither a varied name nor a
+    value of their own.
 
-    every : all varied names. own : the names of each record with values of its own.
+    every : all varied names. own : for each record, the names with a value for this
+    record only.
     """
     if one.record >= 0:
         return [one.record]
@@ -180,10 +181,10 @@ def concerned(
 
 
 def start_within(low: float, high: float, value: float) -> float:
-    """Return a value inside bounds of which one, at least, is finite.
+    """Return a value inside bounds, of which at least one is finite.
 
-    It is the middle, or beside the finite bound by the size of that bound or of
-    `value`.
+    It is the middle or, with one finite bound, beside that bound by the size of the
+    bound or of `value`.
     """
     if math.isfinite(low) and math.isfinite(high):
         return 0.5 * (low + high)

@@ -56,15 +56,18 @@ class Setup(NamedTuple):
     guesses: Collection[str] = ()
 
     def clock(self, values: Mapping[str, float]) -> float:
-        """Return the difference of the clocks of data and run, of values by name."""
+        """Return the difference of the clocks of data and run.
+
+        values : values of the names, among these `t0` if it is this difference.
+        """
         return values.get(CLOCK, 0.0) if self.clocked else 0.0
 
 
 class Recording(Sensitivities):
     """Runs at the times of a record, whose clock may differ from the runs' by t0.
 
-    A name of the fit `t0` is no parameter of the model but this difference: data at
-    time t are compared with the run at t - t0.
+    If `t0` is a name of the fit, it is this difference, and no parameter of the model:
+    data at time t are compared with the run at t - t0.
 
     Parameters
     ----------
@@ -107,7 +110,7 @@ class Recording(Sensitivities):
     def trial(self, name: str, value: float, held: bool) -> Trial:
         """Return the run with one value replaced.
 
-        It is unusable if t0 moves times of the data outside the run. held : see
+        The run is unusable if t0 moves times of the data outside of the run. held : see
         `Sensitivities.trial`.
         """
         if self.setup.clocked and name == CLOCK:
@@ -123,7 +126,7 @@ class Task(NamedTuple):
     Attributes
     ----------
     values, times, centre
-        As of `Recording`.
+        See `Recording`.
     name : Varied
     how : dict
         Options of `Sensitivities.by`.

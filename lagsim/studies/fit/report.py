@@ -94,8 +94,8 @@ def _uncertainties(fit: Fit, found: Found) -> tuple[Floats, Floats]:
 def _quantile(fit: Fit, found: Found) -> float:
     """Return the half width of a 95 % interval, as a multiple of the standard error.
 
-    It is from the normal distribution if all standard deviations are given; else from
-    Student's, with the degrees of freedom of columns with estimated noise.
+    The distribution is the normal one if all standard deviations are given; else
+    Student's, with the degrees of freedom of the columns with estimated noise.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -157,7 +157,7 @@ def with_values(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
 def files_of(
     fit: Fit, found: Found, given: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return the content of fit.json, and all files but it and the picture.
+    """Return the content of fit.json, and all files except fit.json and the picture.
 
     given : see `with_values`.
     """
@@ -168,7 +168,7 @@ def files_of(
 
 
 def name_of(fit: Fit) -> str:
-    """Return the name of the model with its fitted values: NAME-fitted.yaml."""
+    """Return the file name for the model with its fitted values: NAME-fitted.yaml."""
     return f"{fit.given.name}-fitted.yaml"
 
 

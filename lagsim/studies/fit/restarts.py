@@ -54,12 +54,17 @@ def has_pattern(raw: Floats, data: Floats) -> bool:
 
 
 def patterned(raw: Floats, data: Floats, groups: Iterable[Flags]) -> bool:
-    """Whether the residuals (n,) of one of several groups of rows follow a pattern."""
+    """Whether the residuals of at least one of several groups of rows follow a pattern.
+
+    raw, data : (n,), see `has_pattern`. groups : marks (n,) of the rows of each group.
+    """
     return any(has_pattern(raw[own], data[own]) for own in groups)
 
 
 def parts_of(times: Floats, fewest: int) -> Iterator[Flags]:
-    """Yield the measurements in growing first parts of the time, the whole left out.
+    """Yield marks (n,) of the measurements in growing first parts of the time.
+
+    The whole time is left out.
 
     Parameters
     ----------
