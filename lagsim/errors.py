@@ -34,7 +34,7 @@ def visible(text: str, *, json: bool = False) -> str:
 
 
 def unseen(text: str) -> str:
-    """Return the first invisible letter of a text, or an empty text."""
+    """Return the first invisible character of a text; "" if there is none."""
     found = _UNSEEN.search(text)
     return found[0] if found else ""
 
@@ -121,12 +121,12 @@ class Problem(NamedTuple):
 
     @property
     def expected(self) -> str:
-        """Description of valid input at this place."""
+        """Description of valid input, from the row of the fault's code."""
         return self._row.expected
 
     @property
     def whole(self) -> Problem:
-        """The fault with the hint of its code's row where it has no hint of its own."""
+        """The fault; if it has no hint, with the hint of its code's row."""
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property
@@ -172,7 +172,7 @@ class Problem(NamedTuple):
 
 
 def pointed(place: Place, window: int = WINDOW) -> list[str]:
-    """Return the source line, cut to `window` letters, and a line with the caret."""
+    """Return the source line of a place, cut to `window` letters, and a caret line."""
     column, source = place.column - 1, place.source
     if len(source) > window:
         first = max(0, column - window // 2)

@@ -41,7 +41,7 @@ def opened(path: Path | str) -> BufferedReader:
     Raises
     ------
     OSError
-        If there is none, it cannot be read, or it is something else.
+        If there is no such file, it cannot be read, or it is not a regular file.
     """
     return os.fdopen(_regular(path, os.O_RDONLY), "rb")
 
@@ -54,19 +54,19 @@ def content(path: Path | str, most: int | None = None) -> bytes:
     Raises
     ------
     OSError
-        As `opened` does, or where the file is larger.
+        If the file cannot be opened (see `opened`), or is larger than `most`.
     """
     with opened(path) as file:
         return all_of(file, limits.DOCUMENT_BYTES if most is None else most)
 
 
 def all_of(file: BinaryIO, most: int) -> bytes:
-    """Read a stream to its end, if it has one.
+    """Read a stream to its end, up to `most` bytes.
 
     Raises
     ------
     OSError
-        Where there are more bytes than `most`, or it cannot be read.
+        If the stream has more bytes than `most`, or cannot be read.
     """
     found = file.read(most + 1)
     if len(found) > most:
@@ -81,7 +81,7 @@ def digest(path: Path | str) -> str:
     Raises
     ------
     OSError
-        As `opened` does.
+        If the file cannot be opened, see `opened`.
     """
     import hashlib
 
@@ -95,7 +95,7 @@ def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
     Parameters
     ----------
     flags
-        As for `os.open`.
+        Flags of `os.open`.
     rights
         Permissions of a file that is created; by default the usual ones of a new file.
 
@@ -119,7 +119,7 @@ def begin(path: Path, rights: int = 0o666) -> int:
     Raises
     ------
     OSError
-        As `held` does, or where the file exists.
+        If the file cannot be created (see `held`), or exists.
     """
     passes(path, lambda: path.unlink(missing_ok=True))
     try:
@@ -142,19 +142,22 @@ def place(part: Path, path: Path) -> None:
 
 
 def drop(path: Path) -> None:
-    """Remove a temporary file of this process, or of one that was killed.
+    """Remove a temporary file of `begin`, also one that a killed process has left.
 
     Raises
     ------
     OSError
-        As `os.unlink` does, where the file exists.
+        If the file exists and cannot be removed.
     """
     path.unlink(missing_ok=True)
     stays(path)
 
 
 def passes(key: object, remove: Callable[[], object]) -> None:
-    """Register a removal that is carried out when this process ends."""
+    """Register a removal, which is carried out when this process ends.
+
+    key : identifies the removal for `stays`. remove : function that removes a file.
+    """
     _passing[key] = remove
 
 
@@ -165,7 +168,7 @@ def stays(key: object) -> None:
 
 @atexit.register
 def remove_passing() -> None:
-    """Carry out all registered removals; `os._exit` does not call this function."""
+    """Carry out all registered removals; to be called before `os._exit`."""
     while _passing:
         _, remove = _passing.popitem()
         with contextlib.suppress(OSError):

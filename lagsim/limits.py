@@ -96,7 +96,7 @@ DERIVING_SECONDS = 20.0
 
 
 def without(hint: str) -> str:
-    """Return a hint on a limit of files, with the option that removes the limit."""
+    """Return a hint on a limit, with the option `--no-limits` that removes it."""
     option = "for a file of your own `lagsim run --no-limits` removes this limit"
     return f"{hint}; {option}" if hint else option
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class Choice(NamedTuple):
-    """Choice with its reason."""
+    """Choice made for a run, with the reason for it."""
 
     choice: str
     reason: str
@@ -43,7 +43,7 @@ class Event(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Entry of the event in documents; without `name` where it has none."""
+        """Entry of the event in documents; an event without a name has no `name`."""
         return {k: v for k, v in self._asdict().items() if k != "name" or v is not None}
 
     def __repr__(self) -> str:
@@ -52,10 +52,7 @@ class Event(NamedTuple):
 
 
 class Caution(NamedTuple):
-    """Warning; `code` is stable.
-
-    `place` is the `errors.Place` in the file, or None.
-    """
+    """Warning: a stable code, a text, and the place in the file or None."""
 
     code: WarningCode
     text: str
@@ -70,7 +67,7 @@ class Caution(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Entry of the warning in documents; without a place where it has none."""
+        """Entry of the warning in documents; a warning without place has no `place`."""
         found: dict[str, Any] = {
             "code": self.code, "number": self.number, "text": self.text
         }  # fmt: skip

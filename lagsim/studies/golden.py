@@ -79,8 +79,8 @@ def invariants(equations: Equations, motion: SampledMotion) -> dict[str, Floats]
 
     These are the energy (less the work), the residual of each constraint that always
     holds, and the momentum of each coordinate that occurs neither in the Lagrangian nor
-    in a force nor in a constraint. Of a quantity that must be >= 0 only the negative
-    part is returned.
+    in a force nor in a constraint. Of a quantity that must be >= 0, such as a gap, only
+    the negative part is returned.
     """
     column = dict(zip(motion.columns, motion.rows.T, strict=True))
     energy, work = column["energy"], column.get("work")
@@ -149,7 +149,7 @@ class Golden:
     stride : int
         One of `stride` rows of the run is stored.
     about : mapping
-        Data in the JSON file on the run that the golden was made from.
+        Data on the run from which the golden was made, as the JSON file stores these.
     """
 
     columns: tuple[str, ...]
@@ -170,12 +170,12 @@ class Golden:
 def new_golden(
     case: Case, compiled: Compiled | None = None
 ) -> tuple[Golden, SampledMotion]:
-    """Return the golden of a case, and the motion that the golden was made from.
+    """Return the golden of a case, and the motion from which it was made.
 
     Parameters
     ----------
     compiled : Compiled, optional
-        Compiled functions of the model, which are used if they fit.
+        Compiled functions of the model, which are used if they fit the case.
     """
     spacing, compiled = case.settings.output_step, compiled or Compiled()
     stride = _stride(
@@ -239,9 +239,10 @@ def _measured(
 
 
 class _Bounds(NamedTuple):
-    """Bounds of errors: a part that never decreases, and an addition in single rows.
+    """Bounds of errors in each row, as the sum of two parts.
 
-    Both have the shape (rows, columns).
+    `steady` never decreases with time, and `wide` is added in single rows; both have
+    the shape (rows, columns).
     """
 
     steady: Floats
@@ -276,8 +277,8 @@ def _stride(rows: int, columns: int) -> int:
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     """Return the names of the columns to store.
 
-    At most MOST_COLUMNS are selected, evenly spaced; accelerations, constraint forces
-    and residuals are stored only if there is room beside the other columns.
+    At most MOST_COLUMNS are selected, evenly spaced. Accelerations, constraint forces
+    and residuals are stored only if fewer other columns exist.
     """
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or made(x, FORCE, RESIDUAL)]
@@ -311,7 +312,7 @@ def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
 class _Rest(NamedTuple):
     """Sizes and rounding errors of the columns of coordinates at rest.
 
-    Both have shape (columns,), with 0 for the columns of other coordinates.
+    Both have the shape (columns,), with 0 for the columns of all other coordinates.
     """
 
     sizes: Floats
@@ -319,10 +320,11 @@ class _Rest(NamedTuple):
 
 
 def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
-    """Return the motion of coordinates at rest by each force alone, and its rounding.
+    """Return sizes and rounding errors of the motion of coordinates at rest.
 
-    A coordinate rests if it moves no farther than the rounding of its forces moves it.
-    The range of such a motion is no scale of it.
+    The size is the distance by which each force alone would move the coordinate. A
+    coordinate rests if it moves no farther than the rounding of its forces moves it;
+    the range of such a motion is no scale of errors.
     """
     e, n = case.equations, len(case.equations.q)
     sizes, rounding = np.zeros((2, rows.shape[1]))
@@ -521,9 +523,9 @@ def _inputs(model: Model) -> dict[str, Document]:
 
 
 def _about(case: Case, golden: Golden, base: SampledMotion) -> Document:
-    """Return the entry `about` of a golden's JSON: the run that it was made from.
+    """Return the entry `about` of a golden's JSON: data on the run behind the golden.
 
-    Later versions of lagsim add keys to it and remove none.
+    Later versions of lagsim add keys to the entry and remove none.
     """
     model, plan = case.model, base.plan
     return {
@@ -600,7 +602,7 @@ def load(folder: Path, model_name: str) -> Golden:
     Raises
     ------
     InputError
-        If there is none, or it cannot be read.
+        If there is no golden, or it cannot be read.
     """
     path = folder / f"{model_name}.json"
     try:
@@ -652,7 +654,7 @@ def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Sampled
     Parameters
     ----------
     compiled : Compiled, optional
-        Compiled functions of the model, which are used if they fit.
+        Compiled functions of the model, which are used if they fit the case.
     """
     spacing = float(golden.about["output_step"])
     plan = case.plan()
@@ -682,9 +684,10 @@ def judge(case: Case, motion: SampledMotion, golden: Golden) -> Verdict:
 
 
 def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Place]]:
-    """Return texts on changed inputs (None if unknown), and the places of these inputs.
+    """Return texts on inputs that differ from the golden, and places of these inputs.
 
-    Start values that follow from a changed parameter are left out.
+    The texts are None if the golden does not store its inputs. Start values that follow
+    from a changed parameter are left out.
     """
     found: list[str] | None = None
     places: list[Place] = []
@@ -707,7 +710,7 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
 
 
 def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
-    """Return the places in the file of inputs named like columns that differ."""
+    """Return the places in the file of inputs with the names of columns that differ."""
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}
     found = []
@@ -722,7 +725,7 @@ def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
 def _pairs(
     case: Case, motion: SampledMotion, golden: Golden
 ) -> Iterator[tuple[str, ComparedColumn]]:
-    """Return the pairs to compare, by name.
+    """Yield the columns to compare, by name, with the values of both motions.
 
     Columns of both motions are compared in the rows of the golden, and invariants in
     all rows.
@@ -754,7 +757,10 @@ def _faults(motion: SampledMotion, about: Document) -> Iterator[str]:
 def _notes(
     case: Case, motion: SampledMotion, about: Document, changed: list[str] | None
 ) -> Iterator[str]:
-    """Yield notes on changes of file, method, versions or end, not of the motion."""
+    """Yield notes on changes of file, method, versions or end; not on the motion.
+
+    about : data on the golden's run. changed : texts on changed inputs, or None.
+    """
     if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:

@@ -174,7 +174,7 @@ class Small:
     def input(self, name: str) -> Input:
         """Return the input with a name.
 
-        Parameters that follow a varied one change, too.
+        If it is a parameter, parameters that follow from it change, too.
 
         Raises
         ------
@@ -223,8 +223,8 @@ class Small:
         Parameters
         ----------
         between : (float, float), optional
-            The range of frequencies, by default from a tenth of the lowest to ten times
-            the highest mode.
+            The range of frequencies in Hz; by default from a tenth of the lowest
+            natural frequency to ten times the highest.
 
         Raises
         ------
@@ -248,7 +248,10 @@ class Small:
         return space, FrequencyResponse(frequencies, columns)
 
     def _effects(self, inputs: Sequence[str], space: StateSpace) -> list[Caution]:
-        """Return warnings of parameters that move neither a state nor an output."""
+        """Return warnings on parameters that move neither a state nor an output.
+
+        inputs : among which these parameters are.
+        """
         found, forces = list[Caution](), [x.on for x in self.setting.model.forces]
         for name in inputs:
             own = [k for k, x in enumerate(space.inputs) if x.rstrip("'") == name]
@@ -339,7 +342,7 @@ def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
     Raises
     ------
     InputError
-        If there is none.
+        If there is no entry with that name.
     """
     if name in among:
         return among[name]
@@ -349,9 +352,9 @@ def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
 
 
 def _followers(model: Model, name: str) -> dict[str, float]:
-    """Return the derivatives of parameters with respect to parameter `name`, if not 0.
+    """Return the changes of parameters per unit change of a parameter, by name.
 
-    By name; that of `name` itself is 1.
+    The parameter `name` itself has 1; parameters that do not follow it are left out.
     """
     if not model.stated.depends_on([name]):
         return {name: 1.0}

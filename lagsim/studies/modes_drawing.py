@@ -147,9 +147,9 @@ def _bode(name: str, response: FrequencyResponse, undamped: Sequence[float]) -> 
 def _label_peaks(
     axes: Axes, f: Floats, amplitude: Floats, undamped: Sequence[float]
 ) -> None:
-    """Mark the largest peaks, and the deepest valleys, with their frequencies.
+    """Label the largest peaks, and the deepest valleys, with their frequencies.
 
-    A peak beside an undamped mode, which is infinite, has the mode's frequency.
+    The peak at an undamped mode is infinite; its label has the frequency of the mode.
     """
     logs = np.log(np.maximum(amplitude, 1e-300))
     for values, below in ((logs, False), (-logs, True)):
@@ -168,7 +168,7 @@ def _label_peaks(
 
 
 def _stands_out(values: Floats, k: int) -> float:
-    """Return the height of maximum k above the higher of its neighbouring minima."""
+    """Return the height of the maximum at index k above the higher adjacent minimum."""
     higher = np.flatnonzero(values > values[k])
     left = higher[higher < k].max(initial=0)
     right = higher[higher > k].min(initial=len(values) - 1)
@@ -178,7 +178,7 @@ def _stands_out(values: Floats, k: int) -> float:
 
 
 def page(small: Small) -> bytes:
-    """Return the page that plays all modes, each at one cycle in two seconds."""
+    """Return the page that plays all modes, with one cycle of each in two seconds."""
     model, steady = small.setting.model, small.steady
     t = np.linspace(0.0, CYCLES * SECONDS, CYCLES * FRAMES + 1)
     films = []

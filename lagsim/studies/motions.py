@@ -98,7 +98,9 @@ class SampledMotion:
 
 
 def before_impacts(t: Floats) -> Flags:
-    """Mark rows before an impact: times (k,) that equal the next time and no other.
+    """Return marks (k,) of the rows before an impact, among the times t (k,).
+
+    Such a row has the time of the next row, and of no other row.
 
     Examples
     --------
@@ -110,7 +112,7 @@ def before_impacts(t: Floats) -> Flags:
 
 
 def at_impacts(t: Floats) -> Flags:
-    """Mark both rows of each impact among the times (k,).
+    """Return marks (k,) of both rows of each impact, among the times t (k,).
 
     Examples
     --------
@@ -124,7 +126,8 @@ def at_impacts(t: Floats) -> Flags:
 def perturbed(case: Case, seed: int) -> Case:
     """Return the case with start and parameters changed by a unit in the last place.
 
-    Zeros stay, since the neighbours of 0 are no rounding errors of it.
+    Each value is moved up or down at random, by `seed`. Values 0 are unchanged, since
+    their neighbours are no rounding errors of 0.
     """
     random = np.random.default_rng(seed)
 
@@ -151,7 +154,7 @@ def motion_of(
     Parameters
     ----------
     compiled : Compiled, optional
-        Compiled functions of the model, which are used if they fit.
+        Compiled functions of the model, which are used if they fit the case.
 
     Raises
     ------
@@ -266,8 +269,18 @@ def kept_rows(
     """Select rows of a motion: all at output times, and both rows of some impacts.
 
     The time of an impact differs between runs. An impact is selected if all runs
-    contain it and no other event is near. Near events with a name in `periodic` a row
-    holds the values after the event in each run.
+    contain it and no other event is near.
+
+    Parameters
+    ----------
+    base : SampledMotion
+        The motion whose rows are selected.
+    others : sequence of SampledMotion
+        Its variants, which show how far the times of events move.
+    settings : Settings
+    periodic : collection of str
+        Names of periodic events of the file. They are at equal times in all runs, and
+        their rows have the values after the event.
     """
     t, spacing = base.rows[:, 0], settings.output_step
     events = [e for e in base.trial.events if e.kind != "until"]
@@ -306,7 +319,7 @@ def kept_rows(
 
 
 def _count_within(t: Floats, times: Floats, reach: Floats) -> NDArray[np.intp]:
-    """Return how many events are near each row (k,), see `pairs_within`."""
+    """Return the number of events near each row (k,), see `pairs_within`."""
     first = np.searchsorted(t, times - reach)
     after = np.searchsorted(t, times + reach, side="right")
     size = len(t) + 1

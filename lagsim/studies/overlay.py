@@ -104,7 +104,7 @@ def _record(folder: Path) -> Document:
 
 
 def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
-    """Return a label for each result: the folder, and the parameters that differ."""
+    """Return a label for each result: the folder, with the parameters that differ."""
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
@@ -145,10 +145,10 @@ def title(runs: Sequence[OverlaidRun]) -> str:
 
 
 def _order(runs: Sequence[OverlaidRun]) -> tuple[str, list[float]]:
-    """Return the quantity that distinguishes runs, and its values, for colours.
+    """Return the quantity that distinguishes runs, and its values, for their colours.
 
-    The quantity is the only parameter that differs, or the only start value that
-    differs, or else the index of the run.
+    It is the only parameter that differs, or the only start value that differs, or else
+    the number of the run.
     """
     every = [run.record.get("parameters") or {} for run in runs]
     differ = _differing(every)

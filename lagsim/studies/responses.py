@@ -96,14 +96,15 @@ def responses(
 ) -> Document:
     """Return the responses to all changes, under `parameters`, `initial` and `tables`.
 
-    If there are too many numbers, `untried` has the count of numbers left out for each.
+    If there are too many numbers, `untried` has the count of numbers left out, for each
+    of these three.
 
     Parameters
     ----------
     base : SampledMotion
-        The motion that the golden was made from.
+        The motion from which the golden was made.
     compiled : Compiled, optional
-        Compiled functions of the model, which are used if they fit.
+        Compiled functions of the model, which are used if they fit the case.
     """
     changes = _Changes(case, golden, base, compiled or Compiled())
     model = case.model
@@ -164,8 +165,8 @@ def _starts(case: Case, base: SampledMotion) -> Iterator[tuple[str, float]]:
 def _table(changes: _Changes, table: Table) -> Document:
     """Return the entry of a table in the JSON of a golden.
 
-    It has the number of points, the least ratio of changes that fail the comparison,
-    and the points whose change passes.
+    It has the number of points, the least ratio of the changes that fail the
+    comparison, and the points whose change passes it.
     """
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)
@@ -224,9 +225,7 @@ class _Changes:
         return self._response(changed, OF_TABLE)
 
     def _response(self, changed: Callable[[float], Model], by: float) -> Response:
-        """Return the response to a change.
-
-        To the opposite one if the change is invalid.
+        """Return the response to a change; to the opposite one if it is invalid.
 
         changed : amount -> changed model. by : the amount.
         """
@@ -272,7 +271,7 @@ class _Changes:
         return exact, np.maximum.accumulate(apart, axis=0) + own
 
     def _exact_rows(self, case: Case) -> Floats:
-        """Return rows of a case at the tightest tolerance, at a closer spacing."""
+        """Return rows of a case at the tightest tolerance, more closely spaced."""
         plan, settings = self.base.plan, case.settings
         if plan.rtol is not None:
             atol = None if plan.atol is None else plan.atol * TIGHTEST_RTOL / plan.rtol
@@ -286,7 +285,7 @@ class _Changes:
 
 
 def _apart(rows: Floats, others: Floats) -> Floats:
-    """Return absolute differences of rows (k, columns); 0 past the end of `rows`."""
+    """Return |rows - others| (k, columns); 0 in rows where `rows` has ended (nan)."""
     count = min(len(rows), len(others))
     found = np.zeros_like(others)
     found[:count] = np.abs(rows[:count] - others[:count])

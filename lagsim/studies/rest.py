@@ -90,7 +90,7 @@ class Setting(NamedTuple):
     ----------
     model : Model
     equations : Equations
-        With the equalities in force at the start among the rows.
+        The equations, with the equalities in force at the start among the rows.
     report : StartReport
         The examination of the start.
     off : frozenset of str
@@ -142,7 +142,7 @@ def setting_of(model: Model) -> Setting:
 
 
 def _standing(model: Model, time: float) -> Model:
-    """Return the model with the moving constraints fixed as they are at a time."""
+    """Return the model with moving constraints frozen as they are at a time."""
     g = model.graph
     nodes = [c.relation.node for c in model.constraints]
     if "t" not in g.depends(nodes):
@@ -164,7 +164,8 @@ class Steady(NamedTuple):
     Attributes
     ----------
     equations : Equations
-        With the rows that hold there as equality rows, and without laws.
+        The equations, with the rows that hold at the state as equality rows, and
+        without laws.
     state : Instant
     linearisation : Linearisation
     linear : Linear
@@ -174,10 +175,11 @@ class Steady(NamedTuple):
     free : tuple of str
         Coordinates that no force depends on, and which the constraints do not fix.
     sticks : bool
-        Whether friction, or a limit, holds.
+        Whether friction, or a limited equality, holds the state.
     in_corner : bool
-        Whether the rest is in a corner of forces or equalities; the equations are those
-        of all its sides with their shares, and rows hold the state in the corner.
+        Whether the rest is in a corner of forces or equalities. The equations are then
+        those of all sides of the corner, with their shares, and rows hold the state in
+        the corner.
     on_ridge : bool
         Whether the forces of one side of a surface drive the state away from it.
     """
@@ -216,9 +218,20 @@ def _steady(
     sticks: bool = False,
     corner: RestCorner | None = None,
 ) -> Steady:
-    """Return a state with the motion linearised about it.
+    """Return a state at rest, or in steady motion, with the motion linearised about it.
 
-    held, corner : as in `AtRest`.
+    Parameters
+    ----------
+    setting : Setting
+    state : Instant
+    held : sequence of Row
+        Rows of active laws, see `AtRest`.
+    free : sequence of str
+        Coordinates that no force depends on.
+    sticks : bool
+        Whether friction, or a limited equality, holds the state.
+    corner : RestCorner or None
+        See `AtRest`.
     """
     e, edges = corner or (setting.equations, ())
     e = replace(e, rows=(*e.rows, *held, *edges), laws=())
@@ -300,7 +313,7 @@ def steady_start(setting: Setting) -> Steady:
 
 
 def _unsteady(point: Point) -> list[RelationResiduals]:
-    """Return verdicts on the accelerations and rates of states that are not zero."""
+    """Return verdicts on accelerations, and on rates of states, that are not zero."""
     point = point.at(errors=point.solved_errors())
     verdicts = judge_rest(point, (), velocities=False) + _judged_states(point)
     return [v for v in verdicts if not v.satisfied]
@@ -317,7 +330,7 @@ def _judged_states(point: Point) -> list[RelationResiduals]:
 
 
 def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
-    """Yield pairs of equal matrices of the linearised equations at two states."""
+    """Yield the matrices of the linearised equations at two states, in pairs."""
     yield x.M, y.M
     yield x.A, y.A
     yield x.slopes, y.slopes
@@ -343,8 +356,9 @@ class Equilibrium(NamedTuple):
     from_start : bool
         Whether the search from the start of the file leads there.
     stable : bool or None
+        None where the stability is not decided.
     reason : str
-        What decides on the stability, or why it is not decided.
+        What determines `stable`, or why it is None.
     """
 
     steady: Steady
@@ -401,10 +415,10 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
 
 
 def turning(point: Point, others: Sequence[int] = ()) -> Flags:
-    """Return whether each coordinate is an angle of period 2 pi, shape (n,).
+    """Return marks of the coordinates that are angles of period 2 pi, shape (n,).
 
-    A whole turn later the equations are the same, at the start and beside it, and so
-    are other nodes.
+    A whole turn of an angle changes no equation, and none of the nodes `others`, at the
+    start and beside it.
     """
     e = point.e
     nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row), *others]
@@ -449,7 +463,10 @@ class Search:
         return turning(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
-        """Return the rest that a search from the start of the file leads to."""
+        """Return the rest to which a search from the start of the file leads.
+
+        ways : see `find_rest`; by default all. None if there is none near.
+        """
         return self._found(self._point, ways or (Way.NEAR, Way.CORNER, Way.FAR))
 
     def _found(self, point: Point, ways: Sequence[Way]) -> AtRest | None:
@@ -474,7 +491,7 @@ class Search:
             yield self._found(start, (Way.DOWN, Way.CORNER))
 
     def _without_force(self) -> Flags:
-        """Return whether no force depends on each coordinate, shape (n,)."""
+        """Return marks (n,) of the coordinates on which no force depends."""
         point, random = self._point, np.random.default_rng(SEED)
         rest = Rest(point, (), [law.row for law in point.e.laws], self._every)
         found = np.ones(point.n, bool)
@@ -513,7 +530,10 @@ class Search:
         return np.asarray(q - TURN * turns)
 
     def equilibrium(self, found: AtRest, *, from_start: bool) -> Equilibrium | None:
-        """Return a rest with its stability; None where its slopes are not finite."""
+        """Return a rest with its stability; None where slopes are not finite.
+
+        from_start : whether the search from the start of the file led to it.
+        """
         at = found.point.state
         moved = found.point.at(self.unwound(at.q))
         found = found._replace(point=moved)
@@ -534,7 +554,7 @@ class Search:
     def _nearest_held(self, steady: Steady) -> Steady:
         """Return the rest nearest to the start among all rests that friction holds.
 
-        Without friction that sticks, it is the rest itself.
+        If no friction sticks, `steady` is returned.
         """
         if not steady.sticks or self.distance(steady.state.q) <= SAME_RESULT:
             return steady
@@ -547,7 +567,11 @@ class Search:
     def _held(
         self, state: Instant, forces: Mapping[str, float], free: Sequence[str]
     ) -> Steady | None:
-        """Return the nearest rest with rows in force, from their forces by name."""
+        """Return the nearest rest with rows in force; None if none is found.
+
+        state : a rest with these rows. forces : name of each row -> its multiplier
+        there. free : coordinates that no force depends on.
+        """
         q0 = self._point.q
         sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
         e = self.setting.equations
@@ -634,7 +658,7 @@ class Search:
         return sorted(nearest, key=_rank)
 
     def _nearer(self, one: Equilibrium) -> Equilibrium:
-        """Return the nearest rest of the continuum around a rest, or the rest."""
+        """Return the nearest rest of the continuum around `one`; without one, `one`."""
         steady = self._nearest_held(one.steady)
         if steady is one.steady:
             return one
@@ -646,7 +670,10 @@ class Search:
         yield from self.others(starts)
 
     def _remaining(self, starts: int) -> str:
-        """Return the text that no rest was found, with the searches that were made."""
+        """Return the text that no rest was found, with the forces that remain.
+
+        starts : the number of other starts that were tried.
+        """
         verdicts = judge_rest(self._point, judge_laws(self._point, self.setting.off))
         left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
         text = "no position of rest was found, from the start"
@@ -654,7 +681,7 @@ class Search:
         return f"{text}: {', '.join(left[:8])} remain at the start"
 
     def _add(self, kept: list[Equilibrium], other: Equilibrium) -> None:
-        """Add a rest unless it is, or is of one family with, one of `kept`."""
+        """Add a rest to `kept`, unless it equals, or is of one family with, one of them."""
         for k, one in enumerate(kept):
             if self._is_same(one.steady, other.steady):
                 nearer = min(one, other, key=lambda x: x.distance)
@@ -664,7 +691,7 @@ class Search:
         kept.append(other)
 
     def _is_same(self, one: Steady, other: Steady) -> bool:
-        """Whether two rests are one, or members of one continuous family of rests."""
+        """Whether two rests are equal, or belong to one continuous family of rests."""
         a, b = one.state, other.state
         apart = np.abs(np.concatenate([a.q - b.q, a.s - b.s]))
         sizes = np.maximum(np.abs(np.concatenate([a.q, a.s])), 1.0)
@@ -691,7 +718,7 @@ class Search:
 
 
 def stability_of(x: Steady) -> tuple[bool | None, str]:
-    """Return whether a rest is stable, None where that is not decided, and why.
+    """Return whether a rest is stable (None if undecided), and a text on the reason.
 
     Where eigenvalues lie on the imaginary axis, the second variation of the energy on
     the constraints decides, if no force does work against it.
@@ -728,7 +755,7 @@ def stability_of(x: Steady) -> tuple[bool | None, str]:
 
 
 def _is_rough(e: Equations) -> bool:
-    """Whether some force is not linear in the velocities, as dry friction."""
+    """Whether some force of the file is not linear in the velocities, as dry friction."""
     velocities = e.flow.velocities
     degrees = [e.graph.degree(x.node, velocities) for x in e.model.forces]
     return any(x is None or x.most > 1 for x in degrees)
@@ -776,10 +803,10 @@ def _rank(one: Equilibrium) -> tuple[float, int]:
 def with_start(
     setting: Setting, found: Sequence[Equilibrium], given: Mapping[str, Any]
 ) -> str:
-    """Return the model file with the nearest stable rest as its start.
+    """Return the text of the model file with the nearest stable rest as its start.
 
-    Without a stable one, with the nearest; comments are kept, and parameters in `given`
-    have their values.
+    Without a stable rest it is the nearest rest. Comments are kept. given : values that
+    replace those of parameters in the file.
 
     Raises
     ------

@@ -127,10 +127,9 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
 def with_specials(
     places: Sequence[dict[str, Any]], specials: Sequence[dict[str, Any]], name_of: str
 ) -> list[dict[str, Any]]:
-    """Return the points of a branch with the special points at which stability changes.
+    """Return the points of a branch, with special points where stability changes.
 
-    A special point lies between two points if the way over it is hardly longer.
-
+    A special point is inserted between two points if the way over it is hardly longer.
     name_of : the coordinate that is drawn.
     """
 

@@ -123,7 +123,9 @@ class Restart:
     # Loading of a checkpoint
 
     def rescue(self) -> None:
-        """Load the checkpoint of the folder, if any, and move its rows out of the way.
+        """Load the checkpoint of the folder, if there is one, and save its rows.
+
+        The rows are moved to a place where the new run does not overwrite them.
 
         Raises
         ------
@@ -166,7 +168,7 @@ class Restart:
     def join(
         self, run: Run, session: Session, relay: Relay, writer: TableWriter
     ) -> None:
-        """Restore the checkpoint, if there is one, and store later ones of this run."""
+        """Restore the checkpoint, if there is one; store later ones of this run."""
         self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
         self._relay, self._writer = relay, writer
@@ -228,7 +230,7 @@ def _refused(path: Path, why: str) -> InputError:
 
 
 def _machine() -> dict[str, str]:
-    """Return the versions and machine data that rows depend on besides the request."""
+    """Return the versions and machine data, beside the request, on which rows depend."""
     import numpy as np
 
     return {
@@ -258,7 +260,7 @@ def _key() -> bytes | None:
 
 
 def _own_key(path: Path) -> bytes | None:
-    """Read a key; None if other users can read or write its file."""
+    """Return the key in a file; None if other users can read or write the file."""
     try:
         handle = files.held(path, os.O_RDONLY)
     except OSError:
@@ -303,9 +305,10 @@ def _prefix(path: Path, size: int) -> Any:
 
 
 def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
-    """Move or copy the first rows of a table to `aside`, safe from being overwritten.
+    """Move or copy the first rows of a table to `aside`, where no run overwrites it.
 
-    The table of a complete result (`whole`) is copied, and any other table is renamed.
+    The first `size` bytes of the table of a complete result (`whole`) are copied; any
+    other table is renamed.
     """
     if path == aside:
         return
@@ -323,7 +326,7 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
-    """Return the name of an object that is regenerated, not stored; None for others.
+    """Return the name of an object that is regenerated, not stored; else None.
 
     names : identity of an object -> its name.
     """
@@ -334,7 +337,10 @@ def _name(x: Any, names: Mapping[int, str]) -> Any:
 
 
 def _given(name: Any, things: Mapping[str, Any]) -> Any:
-    """Return the regenerated object with the name `name`."""
+    """Return the regenerated object with a name.
+
+    things : the regenerated objects by name.
+    """
     if isinstance(name, str):
         return things[name]
     system, method = name
@@ -393,7 +399,8 @@ def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> by
     classes
         The declared classes, each as `module:name`.
     name : callable
-        Returns the name (of JSON) of an object that the reader has, or None.
+        Maps an object to the name (a JSON value) under which the reader has it, or to
+        None.
 
     Raises
     ------
@@ -456,7 +463,7 @@ def decoded(content: bytes, classes: Iterable[str], given: Callable[[Any], Any])
     Parameters
     ----------
     given : callable
-        Returns the object with a name.
+        Maps a name to the reader's object.
 
     Raises
     ------

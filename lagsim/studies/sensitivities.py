@@ -104,8 +104,8 @@ class Derivative(NamedTuple):
     name : str
         The parameter or start value.
     values : ndarray, shape (k, columns)
-        In the units of the columns divided by the unit of the name; nan in rows that
-        are not differentiable, or that a run does not reach.
+        The derivatives, in the unit of the column divided by the unit of the name; nan
+        in rows that are not differentiable, or that a run does not reach.
     lost : ndarray of bool, shape (k,)
         Rows that are not differentiable.
     step : float
@@ -126,7 +126,7 @@ class Derivative(NamedTuple):
 
 
 class _Difference(NamedTuple):
-    """Differences at one step: of the highest order, with its error by column."""
+    """Differences of highest order at one step, with the error of each column."""
 
     values: Floats
     lost: Flags
@@ -141,7 +141,7 @@ class _Difference(NamedTuple):
 
     @property
     def score(self) -> tuple[int, float]:
-        """The number of rows lost, then the error: less is better."""
+        """The number of rows not differentiable, then the error; less is better."""
         return int(np.count_nonzero(self.lost)), self.error
 
 
@@ -161,7 +161,8 @@ class _Runs:
     order : int
         The order of central differences.
     known : dict
-        Runs by their offset: a multiple, and the power of FACTOR of its step.
+        Runs by their offset: the number of steps, and the power of FACTOR by which the
+        first step is multiplied.
     """
 
     study: Sensitivities
@@ -189,7 +190,10 @@ class _Runs:
         return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
 
     def usable(self, side: int) -> bool:
-        """Whether runs can begin at the farthest and the nearest offset of a side."""
+        """Whether runs can begin at the nearest and the farthest offset on a side.
+
+        side : 1 above the value, or -1 below.
+        """
         found = [self.trial(side * j, 0) for j in (self.order // 2, 1)]
         return all(x.outcome not in (INADMISSIBLE, UNUSABLE) for x in found)
 
@@ -197,7 +201,7 @@ class _Runs:
 def _judged(
     estimates: Sequence[Floats], rows: Sequence[Floats], step: float, apart_at: float
 ) -> _Difference:
-    """Return the difference of the highest order with its errors.
+    """Return the difference of the highest order, with errors by comparison of orders.
 
     Parameters
     ----------
@@ -208,7 +212,8 @@ def _judged(
     step : float
         The step of the differences.
     apart_at : float
-        See MOST_APART.
+        Rows at which two orders differ by more than this part of the scale are not
+        differentiable.
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -376,8 +381,8 @@ class Sensitivities:
         """Return the derivatives of the rows by each name.
 
         There are MOST_RUNS runs for a name on average: runs that a name does not need
-        serve the name with the largest error. After an
-        interrupt the derivatives by some of the names are left out.
+        serve the name with the largest error. After an interrupt the derivatives by
+        some of the names are left out.
 
         progress : called with the fraction that is done.
         """
@@ -408,7 +413,10 @@ class Sensitivities:
         self, name: str, scale: float | None = None, first: float = FIRST,
         order: int = 8,
     ) -> _Search:  # fmt: skip
-        """Return the search for the step of differences by a name; arguments: `by`."""
+        """Return the search for the step of differences by a name.
+
+        Arguments as of `by`.
+        """
         value = self.value_of(name)
         size = scale if scale is not None else difference_scale(self.model, name, value)
         runs = _Runs(self, name, value, first * size, order=order)
@@ -422,11 +430,14 @@ class Sensitivities:
 
     @property
     def reached(self) -> Flags:
-        """Mark the rows that the run itself reaches."""
+        """Return marks (k,) of the rows that the run itself reaches."""
         return np.asarray(np.all(np.isfinite(self.rows(self.centre)), axis=1))
 
     def _determined(self, runs: _Runs) -> bool:
-        """Whether the start is inadmissible beside the value of a name."""
+        """Whether a change of the name makes the start inadmissible.
+
+        Constraints then determine the name from other start values.
+        """
         return any(runs.trial(j, 0).outcome == INADMISSIBLE for j in (1, -1))
 
     def value_of(self, name: str) -> float:
@@ -456,7 +467,7 @@ class _Search:
     ----------
     runs : _Runs
     sides : tuple of bool
-        Whether runs above and below the value can be used.
+        Whether runs above, and below, the value of the name can be used.
 
     Attributes
     ----------
@@ -482,7 +493,7 @@ class _Search:
 
     @property
     def open(self) -> bool:
-        """Whether another step may have a smaller error."""
+        """Whether a further step is to be tried: its error may be smaller."""
         found = self.found
         wanted = -1 if found.lost.any() or _truncated(found) else 1
         while self._left and self._left[0] != wanted:
@@ -490,7 +501,7 @@ class _Search:
         return bool(self._left) and found.score > (0, ENOUGH)
 
     def improve(self) -> None:
-        """Try another step."""
+        """Try the next step; store its difference if it is better."""
         power = self._power + self._left[0]
         other = self._at(power)
         if other.score >= self.found.score:
@@ -515,7 +526,7 @@ def _truncated(found: _Difference) -> bool:
 
 
 def _central(runs: _Runs, power: int) -> _Difference:
-    """Return the central difference."""
+    """Return the central difference with the step unit * FACTOR**power."""
     h = runs.unit * FACTOR**power
     offsets = range(1, runs.order // 2 + 1)
     above, below = (runs.rows([s * j for j in offsets], power) for s in (1, -1))
@@ -531,7 +542,8 @@ def _central(runs: _Runs, power: int) -> _Difference:
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
     """Return the one-sided difference on the side that can be used.
 
-    Its order is 6, or that of the central differences, if this is lower.
+    The order is 6, or that of the central differences if lower. sides : whether runs
+    above, and below, can be used.
     """
     side = 1 if sides[0] else -1
     h = side * runs.unit * FACTOR**power
@@ -557,10 +569,10 @@ def motion_columns(model: Model) -> list[str]:
 
 
 def difference_scale(model: Model, name: str, value: float) -> float:
-    """Return the size of a name to which steps of differences are relative.
+    """Return the size of a name, to which steps of differences are relative.
 
-    The absolute value, or, for 0, the largest absolute value of parameters and start
-    values of the same unit, or 1.
+    It is the |value| or, for 0, the largest |value| of parameters and start values of
+    the same unit, or 1.
     """
     if value:
         return abs(value)
@@ -598,7 +610,7 @@ def appended(
 ) -> Appended | None:
     """Return the columns of derivatives and standard deviations of a run.
 
-    None where there are none: no names, and no parameter with an uncertainty.
+    None if there is no such column: no names, and no parameter with an uncertainty.
 
     Parameters
     ----------
@@ -650,7 +662,7 @@ def appended(
 
 
 def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> Flags:
-    """Mark the times (k,) of impacts, before and after which a state has two values."""
+    """Return marks of the times (k,) of impacts, at which a state has two values."""
     struck = np.array([e.time for e in events if e.jumps])
     apart = np.abs(times[:, np.newaxis] - struck)
     within = SAME_STEP * settings.output_step + SAME_INSTANT * np.abs(struck)

@@ -53,11 +53,11 @@ class Spectrum(NamedTuple):
     mean : float
         The mean of the column.
     frequency : ndarray
-        In Hz, up to half of 1/step.
+        Frequencies in Hz, up to half of 1/step.
     amplitude : ndarray
-        In the unit of the column.
+        The amplitude at each frequency, in the unit of the column.
     peaks : tuple of Peak
-        By falling amplitude.
+        The peaks, by falling amplitude.
     model : str
         The name of the model, if known; the title of a picture.
     """
@@ -237,7 +237,10 @@ def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ..
 
 
 def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
-    """Return the maximum of the parabola through the logarithms of three amplitudes."""
+    """Return the peak of the parabola through the logarithms of three amplitudes.
+
+    These are the amplitudes k - 1, k and k + 1.
+    """
     a, b, c = np.log(np.maximum(amplitude[k - 1 : k + 2], TINY))
     off = 0.5 * (a - c) / (a - 2 * b + c)
     top = b - 0.25 * (a - c) * off

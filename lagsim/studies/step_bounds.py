@@ -77,7 +77,7 @@ def stability_limit(
     amplification : callable
         |R(z)|, with the stability function R of a method.
     direction : complex
-        Of absolute value 1.
+        The direction of z, of absolute value 1.
     most : float
         The largest |z| to examine.
     factor : float
@@ -111,7 +111,7 @@ def predicted(
     amplification : callable
         |R(z)|, with the stability function R of a method.
     eigenvalues : iterable of complex
-        In 1/time.
+        The eigenvalues, in 1/time.
     span : float
         The length of a run: slower eigenvalues have no effect within it.
     """
@@ -172,7 +172,7 @@ class LinearisedState(NamedTuple):
     Attributes
     ----------
     eigenvalues : ndarray, shape (k,)
-        In 1/s.
+        The eigenvalues, in 1/s.
     shapes : ndarray, shape (n + l, k)
         Parts of coordinates and states in each mode, each at most 1, see
         `Eigenmodes.parts`.
@@ -226,7 +226,8 @@ def _analysed(
 ) -> LinearisedState:
     """Return the modes of a linearised motion, with their energies.
 
-    v, a : velocities and accelerations at the state. h : the step.
+    t : the time. v, a : velocities and accelerations (n,) at the state. h : the step;
+    modes much slower than 1/h are left out.
     """
     modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
@@ -246,7 +247,8 @@ def _penalty(
 ) -> list[Caution]:
     """Return a warning if the gain of Baumgarte's formulation makes the model stiff.
 
-    The formulation adds a double eigenvalue -gain for each constraint.
+    The formulation adds a double eigenvalue -gain for each constraint. module : the
+    method. h : the step. seen : linearised states.
     """
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
@@ -276,7 +278,7 @@ class _StepCheck(NamedTuple):
     h : float
         The step.
     span : float
-        The length of the run.
+        The length of the run in time.
     """
 
     equations: Equations
@@ -288,7 +290,8 @@ class _StepCheck(NamedTuple):
     def held(self) -> list[Caution]:
         """Return a warning if stability, not accuracy, limits the chosen steps.
 
-        A fast motion that the rows do not show then determines the step.
+        A fast motion that the rows do not show then determines the step. [] if there is
+        none.
         """
         sizes = [np.abs(there.eigenvalues) for there in self.seen]
         reaches = [self.h * float(np.max(x, initial=0.0)) for x in sizes]
@@ -342,7 +345,10 @@ class _StepCheck(NamedTuple):
         return [Caution(STEP_AT_STABILITY_BOUND, text)]
 
     def damping(self, in_play: float) -> list[Caution]:
-        """Return a warning if the method damps a mode that has energy."""
+        """Return a warning if the method damps a mode that has energy numerically.
+
+        in_play : the energy in play.
+        """
         h, module = self.h, self.module
         worst, shown = EXCITED * in_play, None
         for there in self.seen:
@@ -371,7 +377,8 @@ class _StepCheck(NamedTuple):
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
         """Return the part of the energy of a mode that numerical damping removes.
 
-        The part is that until the end of the run, or for the time `left`.
+        h : the step. left : the time during which it is removed; by default that of the
+        run.
         """
         size = self.module.amplification(h * eigenvalue)
         if size <= 0.0:

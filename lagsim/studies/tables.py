@@ -121,6 +121,9 @@ def of_another_run(
 ) -> tuple[str, ...]:
     """Return a remark if the digest of a file differs from that in its run.json.
 
+    The file then belongs to another run. folder, name : of the file. manifest : the
+    content of run.json.
+
     Raises
     ------
     OSError
@@ -182,7 +185,10 @@ def _read(file: BinaryIO) -> StoredTable:
 
 
 def _numbers(file: BinaryIO, count: int) -> Floats | None:
-    """Read the rest of a file (rows, count); None if a line is no row of numbers."""
+    """Return the remaining rows of a file (rows, count).
+
+    None if a line is no row of numbers.
+    """
     found, rows, last = bytearray(), 0, b"\n"
     with contextlib.suppress(ValueError), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a block of blank lines
@@ -212,9 +218,9 @@ def _block(lines: bytes) -> Floats:
 
 
 def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
-    """Yield the remaining lines of a file, decoded.
+    """Yield the remaining lines of a file as text.
 
-    The number `first` of the next line serves for messages.
+    first : number of the next line, for messages.
 
     Raises
     ------
@@ -246,7 +252,8 @@ def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
 def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
     """Return the units of columns, if a line below the header is a line of units.
 
-    It is one if no cell is a number, and the time has a unit.
+    It is such a line if no cell is a number, and the time has a unit. {} for other
+    lines.
     """
     cells = _cut(line) or []
     if len(cells) != len(columns) or any(numberless(cell) != cell for cell in cells):
@@ -319,7 +326,10 @@ def _header(head: bytes) -> tuple[str, ...]:
 
 
 def _cells(file: BinaryIO, first: int, columns: tuple[str, ...]) -> Floats:
-    """Read rows cell by cell (rows, columns); an error names the first invalid line."""
+    """Read rows cell by cell (rows, columns); an error names the first invalid line.
+
+    first : number of the first line.
+    """
     reader = csv.reader(_decoded(file, first), strict=True)
     rows: list[list[float]] = []
     here, blank = first, 0

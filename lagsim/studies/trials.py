@@ -206,7 +206,7 @@ class Patience:
 
 
 class _Ended(Interrupt):
-    """Request of an end by the last of some times, or by another interrupt."""
+    """Request of an end, made by another interrupt or when the last time has passed."""
 
     def __init__(self, other: Interrupt | None) -> None:
         super().__init__()
@@ -231,7 +231,7 @@ def tried(
     Parameters
     ----------
     times : ndarray, shape (k,), optional
-        Times of the rows, see `Variant`.
+        Times of the rows, see `Variant`; by default the rows of the run.
     interrupt : Interrupt, optional
         Requests of an early end.
     patience : Patience, optional
@@ -271,7 +271,7 @@ def tried(
 
 
 def refused_trial(error: LagsimError) -> Trial:
-    """Return the result of a run that cannot begin."""
+    """Return the result of a run that cannot begin, because of an error."""
     if isinstance(error, StartError):
         return Trial(INADMISSIBLE, str(error), error.code)
     reason = str(error)
@@ -350,7 +350,9 @@ class Form:
     def session(
         self, texts: Texts, settings: Mapping[str, Any], guesses: Collection[str]
     ) -> Session | None:
-        """Return the session of a variant; None if it needs another form.
+        """Return the session of a variant; None if the variant needs another form.
+
+        texts : expressions of values by name. settings, guesses : see `Variant`.
 
         Raises
         ------
@@ -518,9 +520,9 @@ class Trials:
         progress : callable, optional
             Called with the part of the variants that is done.
         hired : callable
-            Returns a context manager of a crew of processes, such as
-            `workers.processes`. In repeated calls that of `workers.standing` keeps the
-            processes and their compiled functions.
+            Function that returns a context manager of a crew of processes, such as
+            `workers.processes`. In repeated calls, the function of `workers.standing`
+            keeps the processes and their compiled functions.
         """
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0
@@ -548,5 +550,8 @@ class Trials:
 def _again(
     content: bytes, options: tuple[tuple[str, float | str], ...], who: str
 ) -> Trials:
-    """Return the trials of another process, with the sessions compiled in this one."""
+    """Return the trials of a pickle, with the sessions compiled in this process.
+
+    content : the pickled Model. options, who : see `Trials`.
+    """
     return Trials(pickle.loads(content), dict(options), who)

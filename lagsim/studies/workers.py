@@ -82,10 +82,11 @@ class Crew(NamedTuple):
     Attributes
     ----------
     submit : callable
-        Starts a call in a worker, and returns its future.
+        Starts a call in a worker, and returns the future of the call.
     most : int
+        The largest number of pieces at a time.
     stop : callable
-        Requests all workers to end in order.
+        Requests all workers to complete their pieces early, and to end.
     """
 
     submit: Callable[..., Future[Any]]
@@ -101,14 +102,15 @@ def cores() -> int:
 
 
 class _Process(ProcessPoolExecutor):
-    """Executor with one worker process, which does not execute the user's script again.
+    """Executor with one worker process, in which the user's script is not executed.
 
-    The functions that a worker runs are in lagsim. Without this class a script without
-    `if __name__ == "__main__"` would be executed again in each worker.
+    The functions that a worker runs are in lagsim. With the executor of the standard
+    library, a script without `if __name__ == "__main__"` would be executed again in
+    each worker.
     """
 
     def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
-        """Submit a call; the process is started at the first one."""
+        """Submit a call to the worker process, which is started at the first call."""
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
@@ -148,17 +150,20 @@ def processes(most: int) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def standing(most: int) -> Iterator[Hired]:
-    """Context manager: a crew of processes that is hired again and again.
+    """Context manager: a crew of processes for several studies.
 
-    Its processes start at the first call, and keep the functions that they compile from
-    one study to the next.
+    Its value is used in place of `processes`. The processes start at the first call,
+    and keep the functions that they compile from one study to the next.
     """
     with processes(most) as crew:
         yield lambda _most: contextlib.nullcontext(crew)
 
 
 def _enlist(stop: connection.Connection) -> None:
-    """Initialise a worker process: signals, garbage collector, watching thread."""
+    """Initialise a worker process: signals, garbage collector, and a watching thread.
+
+    stop : the pipe whose closure ends the process.
+    """
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
     if _PROMPT is not None:
@@ -183,7 +188,7 @@ def _watch(stop: connection.Connection) -> None:
 def _wait_for_what_is_kept(parent: int) -> None:
     """Wait while files are being written, for GRACE_SECONDS at most.
 
-    Return earlier when the parent process ends.
+    Return earlier when the process with the number `parent` ends.
     """
     until, keeping = time.monotonic() + GRACE_SECONDS, time.process_time()
     while time.monotonic() < until and time.process_time() < keeping + LEAVE_SECONDS:
@@ -219,7 +224,7 @@ def completed_pieces(
         The largest number of pieces at a time; with 1 this process computes them.
     interrupt : Interrupt
     hired : callable
-        Returns a context manager of a crew of a given size.
+        Function that returns a context manager of a crew of a given size.
     """
     left = deque(enumerate(pieces))
     if most == 1 and hired is processes:
@@ -264,7 +269,7 @@ def in_batches(
     wanted: bool,
     hired: Hired = processes,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
-    """Compute many short items; yield items with their results, some at a time.
+    """Compute many short items; yield lists of items with their results.
 
     This process computes the first items, or all. Pieces of the others are sent to
     further processes, and the items of a process that dies are then sent one by one.
@@ -273,8 +278,8 @@ def in_batches(
     Parameters
     ----------
     made : callable
-        Can be pickled. It is called with items and an interrupt, and yields results in
-        the order of the items; it must not raise.
+        Function of items and an interrupt that yields results in the order of the
+        items. It can be pickled, and must not raise.
     items : sequence
     most : int
         The largest number of pieces at a time; with 1 this process computes all.
@@ -282,7 +287,7 @@ def in_batches(
         Whether this number was requested; else further processes start only if these
         save time.
     hired : callable
-        Returns a context manager of a crew, such as `processes`.
+        Function that returns a context manager of a crew, such as `processes`.
     """
     others = 0 if most == 1 and hired is processes else most
     # The processor time of this process alone.

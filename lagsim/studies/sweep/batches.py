@@ -75,7 +75,7 @@ DONE = Outcome.DONE.word
 
 
 def form_of(session: Session) -> int:
-    """Return a number that is equal for runs with equal compiled functions."""
+    """Return a number that is equal for sessions with equal compiled functions."""
     watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())
 
@@ -91,7 +91,7 @@ def observer_of(session: Session) -> Extremes:
 
 
 def refusal(session: Session) -> str:
-    """Return the reason why a run needs more than calls of the kernel, or ""."""
+    """Return the reason why a run needs more than calls of the kernel; else ""."""
     plan, system = session.plan, session.system
     if system.m or system.watched:
         return "constraints and switches are located in each run separately"
@@ -109,7 +109,7 @@ def refusal(session: Session) -> str:
 
 
 def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
-    """Return the reason why the rows of a run are computed separately, or ""."""
+    """Return the reason why rows of a run must be computed separately; else ""."""
     plan, settings = session.plan, session.case.settings
     if settings.duration > (MOST_ROWS - 2) * settings.output_step:
         return "rows are computed in blocks"
@@ -182,7 +182,20 @@ class Batch:
         clear: Flags,
         interrupt: Interrupt,
     ) -> list[SweepRow | None]:
-        """Return the rows of runs with their extremes and errors, as `rows` does."""
+        """Return the rows of runs with their extremes and errors, as `rows` does.
+
+        Parameters
+        ----------
+        parameters : mapping of str to ndarray, shape (runs,)
+            Parameters that differ from the session.
+        starts : ndarray, shape (runs, 2 n + l)
+            Positions, velocities and first-order states.
+        swept : ndarray, shape (runs, axes)
+            The swept values.
+        clear : ndarray of bool, shape (runs,)
+            Runs with an admissible start.
+        interrupt : Interrupt
+        """
         form, judge = form_of(self.session), self._judge
         judge.prepare(parameters)
         found: list[SweepRow | None] = []
@@ -195,9 +208,10 @@ class Batch:
         return found
 
     def _plain(self, numbers: Sequence[int]) -> Values:
-        """Return the values of runs where no expression depends on the swept names.
+        """Return parameters, starts and swept values of runs with these numbers.
 
-        numbers : indices of the runs.
+        For models in which no expression depends on the swept names. numbers : indices
+        of the runs.
         """
         case = self.session.case
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
@@ -213,9 +227,10 @@ class Batch:
         return parameters, starts, np.array(swept).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
-        """Return the values of runs where expressions depend on the swept names.
+        """Return parameters, starts and swept values of runs with these numbers.
 
-        The model is bound to the values of each run; nan if that fails.
+        For models with expressions that depend on the swept names: the model is bound
+        to the values of each run; nan if that fails. numbers : indices of the runs.
         """
         case, axes = self.session.case, self.grid.axes
         unbound = case.model
@@ -232,7 +247,10 @@ class Batch:
         return dict(zip(names, found.T, strict=True)), starts, swept
 
     def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
-        """Mark runs (runs,) whose start is admissible without a full examination."""
+        """Return marks (runs,) of runs whose start is admissible without examination.
+
+        parameters, starts : see `_judged`.
+        """
         case, equations = self.session.case, self.session.equations
         known: dict[str, float | Floats] = {"t": case.settings.start}
         known |= equations.model.parameter_values
@@ -245,7 +263,7 @@ class Batch:
         return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Mark runs (runs,) in which energy less work is equal at both ends."""
+        """Return marks (runs,) of the runs with equal energy less work at both ends."""
         names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
@@ -281,7 +299,7 @@ class Ensemble:
     Attributes
     ----------
     session : Session
-        With a copy of the compiled system, whose memory the runs use.
+        A session with its own copy of the compiled system, whose memory the runs use.
     arc : Arc
         The arc of all runs; its state is that of the last run.
     """
@@ -302,7 +320,7 @@ class Ensemble:
         self._values = np.array(list(parameters.values())).T
 
     def begin(self, k: int, start: Floats) -> None:
-        """Return to the start of run k, from `start` (2 n + l,)."""
+        """Set the memory to the start of run k: the state `start` (2 n + l,)."""
         arc, p = self.arc, self.session.system.p
         arc.state.flat[:] = self._start.flat
         arc.y[: len(start)] = start
@@ -343,8 +361,8 @@ class Ensemble:
     def table(self, k: int, start: Floats, longest: float = 0.0) -> Floats | None:
         """Return the rows (rows, columns) of run k, from `start` (2 n + l,).
 
-        None if the run has not reached its end before a source of events would examine
-        its steps. The last row is at the end.
+        The last row is at the end. None if the run takes so many steps that a separate
+        run would have the source of an event examine these.
 
         longest : the longest step; 0 for no limit.
         """
@@ -433,9 +451,10 @@ class Judge:
         return Judged(observer.stacked, error)
 
     def _sound(self, ensemble: Ensemble, table: Floats | None) -> Floats | None:
-        """Return the columns (chosen, rows) that judgements depend on.
+        """Return the columns (chosen, rows) on which judgements depend.
 
-        None if they are not all finite, or if energy less work is not conserved.
+        None if they are not all finite, or if energy less work is not conserved. table
+        : rows of the run, or None.
         """
         if table is None:
             return None
@@ -456,9 +475,10 @@ class Judge:
         return columns if drift <= ENERGY_DRIFT * in_play else None
 
     def _error(self, k: int, start: Floats, columns: Floats) -> float | None:
-        """Return the error of run k, just made, by a repeat; None if it is not plain.
+        """Return the error of run k, which was just made, by a repeat.
 
-        columns : ndarray, shape (chosen, rows)
+        None if the run is not plain, and must be made separately. start : (2 n + l,).
+        columns : (chosen, rows).
         """
         session, run = self._ensemble.session, self._ensemble.trajectory
         always = self._bars is ErrorBars.ALWAYS
@@ -484,7 +504,10 @@ class Judge:
         return self._difference(columns[self._state], found[self._state], finer)
 
     def _repeated(self, other: Repeat, finer: int) -> Ensemble:
-        """Return the memory of repeats, with `finer` output steps in one of the run."""
+        """Return the memory of repeats, with `finer` output steps in one of the run.
+
+        other : the means of the repeats.
+        """
         if self._repeats is None:
             spacing = self._ensemble.session.case.settings.output_step / finer
             session = other.session.asking(output_step=spacing)
@@ -495,14 +518,14 @@ class Judge:
     def _difference(self, mine: Floats, theirs: Floats, finer: int) -> float | None:
         """Return the error relative to ranges, as `attempts.compared` computes it.
 
-        None if another scale than the range of a coordinate might count.
+        None if another scale than the range of a coordinate might be needed.
 
         Parameters
         ----------
         mine : ndarray, shape (1 + 2 n + l, rows)
             Time, coordinates, rates and first-order states of the run.
         theirs : ndarray, shape (1 + 2 n + l, finer rows)
-            The same of the repeat; the last row of both is that of the end.
+            The corresponding columns of the repeat. The last row of both is at the end.
         """
         assert self._repeats is not None
         paired = theirs

@@ -103,7 +103,7 @@ def values_of(found: SweepRows, column: str) -> Array:
 
 
 def _along(found: SweepRows, axis: Axis) -> tuple[NDArray[np.int64], PlottedColumn]:
-    """Return the order in which an axis' values ascend, and its sorted values."""
+    """Return the order in which the values of an axis ascend, and the sorted values."""
     values = np.array(axis.values)
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
@@ -125,9 +125,10 @@ def _column(found: SweepRows, name: str, values: Array) -> PlottedColumn:
 def _panels(
     found: SweepRows, names: Sequence[str], missing: bool, **more: Any
 ) -> Picture:
-    """Draw the last values of columns over the first swept names.
+    """Draw the last values of columns over the first swept name.
 
-    With one swept name a band shows the range of each run.
+    With one swept name, a band shows the range of each run. missing : whether runs have
+    no result.
     """
     shown, grid = found.grid.axes[:ABREAST], found.grid
     banded = len(grid.axes) == 1 and not found.work.ends
@@ -178,9 +179,9 @@ def _maps(found: SweepRows, columns: Mapping[str, Array], **more: Any) -> Pictur
 
 
 def numbers_of(found: SweepRows) -> NDArray[np.int64]:
-    """Return indices of runs as a grid over the first two axes.
+    """Return the indices of runs on a grid over the first two axes.
 
-    Other axes are at the middle of their values.
+    All other axes have their middle value. The shape is that of the two axes.
     """
     counts = [len(axis.texts) for axis in found.grid.axes]
     whole = np.arange(found.grid.runs).reshape(*counts[:2], -1)

@@ -108,7 +108,10 @@ class Grid(NamedTuple):
         return tuple(len(axis.texts) for axis in self.axes)
 
     def at(self, numbers: Any) -> Iterator[tuple[Axis, Any]]:
-        """Return each axis with the index of its value in a run or in several runs."""
+        """Yield each axis with the indices of its values in given runs.
+
+        numbers : the index of a run, or an array of such indices.
+        """
         places: Any = [numbers] * len(self.axes)
         if not self.together:
             places = np.unravel_index(numbers, self.shape)
@@ -240,7 +243,7 @@ class SweepInput(NamedTuple):
     grid : Grid
     error_bars : ErrorBars
     kept : str or None
-        The folder for the folders of the runs; None if only rows are stored.
+        The folder in which each run has a folder; None if only rows are stored.
     plots : bool
         Whether pictures of the runs are drawn.
     ends : bool
@@ -257,7 +260,7 @@ class SweepInput(NamedTuple):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The values of each column: its end, extremes, and with `from` measures."""
+        """The values of each column: its end and extremes, with `from` its measures."""
         if self.ends:
             return EXTREMES[:1]
         return MEASURES if FROM in dict(self.options) else EXTREMES
@@ -277,8 +280,8 @@ class SweepRow(NamedTuple):
     reason : str
         The reason of an incomplete run.
     numbers : ndarray, shape (3, columns)
-        Values of each column: a row for each of `SweepInput.parts`; no columns if
-        no run.
+        Values of each column: a row for each of `SweepInput.parts`. There are no
+        columns if the run could not begin.
     form : int
         A number shared by runs with equal compiled functions; 0 if there was no run.
     """

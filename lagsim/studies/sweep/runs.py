@@ -52,7 +52,8 @@ class Runs:
     Attributes
     ----------
     columns : tuple of str
-        Columns of the tables of the runs; the union if the members of a family vary.
+        Columns of the tables of the runs; their union, if the number of members of a
+        family varies.
     batch : Batch or None
         Computes many runs at once, for the form of the first run; None if runs are made
         one by one.
@@ -87,9 +88,9 @@ class Runs:
     def made(
         self, numbers: Sequence[int], interrupt: Interrupt
     ) -> Iterator[list[SweepRow]]:
-        """Yield the rows of runs: one at a time, or a batch.
+        """Yield the rows of runs in lists: a single row, or those of a batch.
 
-        After an interrupt there are fewer rows.
+        numbers : indices of the runs. After an interrupt there are fewer rows.
         """
         left = numbers
         while left and not interrupt.asked:

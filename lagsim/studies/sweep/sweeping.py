@@ -71,7 +71,7 @@ class Journal:
         self._synced = time.monotonic()
 
     def resume(self) -> dict[int, SweepRow]:
-        """Return the stored rows, and append later rows after these.
+        """Return the stored rows by the index of the run; further rows are appended.
 
         Raises
         ------
@@ -162,7 +162,7 @@ def sweep(
         Whether this number was requested; else further processes start only if these
         save time.
     hired : callable
-        Returns a context manager of a crew, such as `workers.processes`.
+        Function that returns a context manager of a crew, such as `workers.processes`.
     journal : Journal, optional
         Stores the rows on the way.
     """
@@ -371,15 +371,19 @@ def sampled(
 
 
 def _uniform(seed: int, place: int, count: int) -> Floats:
-    """Return uniform random numbers in the open interval (0, 1), shape (count,)."""
+    """Return uniform random numbers in the open interval (0, 1), shape (count,).
+
+    place : the number of the axis. Seed and axis determine the numbers on every
+    machine.
+    """
     raw = np.random.Philox(key=seed + (place << 64)).random_raw(count)
     return np.asarray(((raw >> np.uint64(11)) + 0.5) * 2.0**-53)
 
 
 def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
-    """Transform uniform random numbers (count,) to the distribution named in `text`.
+    """Transform uniform random numbers (count,) to a distribution.
 
-    Such as `normal(4, 0.1)`.
+    text : the distribution, such as `normal(4, 0.1)`, whose numbers may be expressions.
     """
     found = _DRAWN.fullmatch(text)
     if found is None:
