@@ -681,7 +681,7 @@ class Search:
         return f"{text}: {', '.join(left[:8])} remain at the start"
 
     def _add(self, kept: list[Equilibrium], other: Equilibrium) -> None:
-        """Add a rest to `kept`, unless it equals, or is of one family with, one of them."""
+        """Add a rest to `kept`, unless it equals one of them, or is of its family."""
         for k, one in enumerate(kept):
             if self._is_same(one.steady, other.steady):
                 nearer = min(one, other, key=lambda x: x.distance)
@@ -755,7 +755,7 @@ def stability_of(x: Steady) -> tuple[bool | None, str]:
 
 
 def _is_rough(e: Equations) -> bool:
-    """Whether some force of the file is not linear in the velocities, as dry friction."""
+    """Whether some force of the file is not linear in the velocities: dry friction."""
     velocities = e.flow.velocities
     degrees = [e.graph.degree(x.node, velocities) for x in e.model.forces]
     return any(x is None or x.most > 1 for x in degrees)

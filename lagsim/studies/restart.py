@@ -230,7 +230,7 @@ def _refused(path: Path, why: str) -> InputError:
 
 
 def _machine() -> dict[str, str]:
-    """Return the versions and machine data, beside the request, on which rows depend."""
+    """Return the versions and machine data, beside the request, that rows depend on."""
     import numpy as np
 
     return {
