@@ -248,7 +248,7 @@ class InputError(LagsimError):
 def unusable(
     code: ErrorCode, text: str, place: Place | None = None, hint: str = ""
 ) -> InputError:
-    """Return an InputError with a single fault."""
+    """Return an InputError with a single fault; arguments : see `Problem`."""
     return InputError([Problem(code, text, place, hint)])
 
 

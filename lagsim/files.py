@@ -199,7 +199,10 @@ def pour(path: Path | str, content: bytes) -> None:
 
 
 def _regular(path: Path | str, flags: int, rights: int = 0o666) -> int:
-    """Open a regular file; return its descriptor, or raise OSError for other kinds."""
+    """Open a regular file; return its descriptor, or raise OSError for other kinds.
+
+    flags, rights : see `held`.
+    """
     handle = os.open(path, flags | _BINARY | _NO_WAITING, rights)
     mode = os.fstat(handle).st_mode
     if stat.S_ISREG(mode):

@@ -588,7 +588,10 @@ class Result:
         return paragraphs(heading(self._name), html_table(self._summary()), shown)
 
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
-        """Return name and content of each file of a result other than the table."""
+        """Yield name and content of each file of the result other than the table.
+
+        plots, animate : whether pictures, and the page, are among these.
+        """
         made, session = self._made, self._made.session
         equations, columns = session.equations, session.columns.names
         made.thin = picture_thinning(equations.model, columns) if plots else None
@@ -769,7 +772,7 @@ def _appended(
     options: Mapping[str, float | str],
     times: Floats | None,
 ) -> Appended | None:
-    """Return the columns of sensitivities and standard deviations, if any.
+    """Return the columns of sensitivities and standard deviations; None if none.
 
     times : (k,), by default the output times.
     """

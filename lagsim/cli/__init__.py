@@ -84,7 +84,10 @@ def entry() -> int:
 
 
 def _leave(number: int, _frame: object) -> NoReturn:
-    """Signal handler: end the process at once; used while no work is under way."""
+    """Signal handler: end the process at once; in force while no work is under way.
+
+    number : of the signal.
+    """
     files.remove_passing()
     os._exit(128 + number)
 

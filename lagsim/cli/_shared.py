@@ -639,7 +639,10 @@ def annotate(
     level: str, text: str, file: str | None, line: int | None = None,
     column: int | None = None, number: str | None = None,
 ) -> None:  # fmt: skip
-    """Annotate a line of a file in GitHub Actions; without effect elsewhere."""
+    """Annotate a line of a file in GitHub Actions; without effect elsewhere.
+
+    level : `error`, `warning` or `notice`. number : of the message.
+    """
     if not on_github():
         return
     place = {"file": _within(file), "line": line, "col": column, "title": number}

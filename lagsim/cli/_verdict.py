@@ -31,7 +31,11 @@ def report(
     *,
     repair: bool = False,
 ) -> str:
-    """Return the report for people; its first line is the verdict."""
+    """Return the report for people; its first line is the verdict.
+
+    start : the examination. choices : choices of the plan. repair : whether an
+    admissible start is printed.
+    """
     name = equations.model.name
     rows: Sequence[object] = equations.rows
     if equations.laws:

@@ -118,7 +118,11 @@ def command(
 def _opened(
     path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
-    """Return a function that measures a model, and the folder of its results."""
+    """Return a function that measures a model, and the folder of its results.
+
+    overrides : values of `--set`. wish : options of the bench. form : format of
+    pictures.
+    """
     model = read_file(path, overrides)
     # Every method is tried, and some need derivatives of the forces.
     model = model.written_out()
@@ -136,7 +140,7 @@ def _drawn_again(
 ) -> tuple[Measure, Path]:
     """Return a function that draws a stored measurement again, and its folder.
 
-    path : a work_precision.json.
+    path : a work_precision.json. Other arguments as for `_opened`.
     """
     if overrides or wish != BenchOptions(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"

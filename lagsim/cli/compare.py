@@ -165,9 +165,9 @@ def _listing(deviations: Sequence[Deviation]) -> list[str]:
 def _document(
     names: Sequence[str], verdict: Verdict, remarks: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the JSON document.
+    """Return the comparison as a JSON document.
 
-    Later versions of lagsim add keys and remove none.
+    Later versions of lagsim add keys and remove none. names : of the two results.
     """
     rows, first = verdict.rows, verdict.first
     assert rows is not None

@@ -118,7 +118,10 @@ def command(
 
 
 def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | None:
-    """Parse the options on branches; None without `--vary`."""
+    """Return the branches that `--vary` and `--plot` request; None without `--vary`.
+
+    read : the model.
+    """
     problems = Problems()
     coordinates = [c.name for c in read.coordinates]
     if plot is not None and plot not in coordinates:

@@ -210,7 +210,10 @@ def _measured(
     plots: bool,
     quiet: bool,
 ) -> Measured | list[str]:
-    """Compute the missing runs; return the result, or remarks on how to continue."""
+    """Compute the missing runs; return the result, or remarks on how to continue.
+
+    Remarks are returned after an interrupt. journal : file of the rows.
+    """
     folder = journal.path.parent
     with contextlib.ExitStack() as stack:
         stack.enter_context(writing(folder))

@@ -97,7 +97,10 @@ def warning(
     change: str = "",
     commands: tuple[str, ...] = CHECK,
 ) -> MessageRow:
-    """Return the row of a warning, which breaks no rule: `expected` is empty."""
+    """Return the row of a warning, which breaks no rule: `expected` is empty.
+
+    Arguments : see `MessageRow`.
+    """
     return MessageRow(number, code, happened, "", hint, change, commands)
 
 

@@ -557,7 +557,7 @@ class _Beside:
         return all(map(math.isfinite, values))
 
     def _same(self, one: int, other: int) -> bool:
-        """Whether two versions of an expression have equal values at slip 0."""
+        """Whether two versions (nodes) of an expression have equal values at slip 0."""
         for point in (*self.points, *self.others):
             a, b = evaluate(self.g, [one, other], _plain(point.values))
             if not abs(a - b) <= SAME * max(abs(a), abs(b)):

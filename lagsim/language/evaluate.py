@@ -259,7 +259,8 @@ def _of_sums(
 ) -> int:
     """Return the node of the error bound of a vector of sums, or of one component.
 
-    n : the node of the vector or component. errors : bounds of arguments by node.
+    n : the node of the vector or component. varying, state : see `roundings`. errors :
+    node -> node of its bound.
     """
     first, *others = g.args[n]
     if g.ops[n] == PART:

@@ -85,7 +85,10 @@ class Interval(NamedTuple):
 
 
 def interval(lo: Any, hi: Any, partial: Any = False, jumps: Any = False) -> Interval:
-    """Return enclosures from bounds and flags of equal shapes."""
+    """Return enclosures with the bounds lo and hi, and the flags `partial` and `jumps`.
+
+    All have equal shapes after broadcasting.
+    """
     lo = np.atleast_1d(np.asarray(lo, np.float64))
     return Interval._make(np.broadcast_arrays(lo, hi, partial, jumps))
 
@@ -540,7 +543,11 @@ def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interv
 
 
 def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
-    """Enclose derivatives of polynomials c (k, p) or (k, p, p), lowest power first."""
+    """Enclose derivatives of polynomials c (k, p) or (k, p, p), lowest power first.
+
+    orders : the order of the derivative in each argument. distances : enclosures of the
+    arguments.
+    """
     found = interval(np.zeros(len(c)), 0.0)
     for j in reversed(range(orders[0], c.shape[1])):
         term = interval(c[:, j], c[:, j]) if c.ndim == 2 else point(0.0)

@@ -256,7 +256,7 @@ def never_negative(g: Builder, node: int) -> bool:
 
 
 def add(g: Builder, x: int, y: int) -> int | None:
-    """Simplify x + y."""
+    """Return x + y in a simpler form, as a node; None where there is none."""
     if x == g.zero:
         return y
     if y == g.zero:
@@ -269,7 +269,7 @@ def add(g: Builder, x: int, y: int) -> int | None:
 
 
 def sub(g: Builder, x: int, y: int) -> int | None:
-    """Simplify x - y."""
+    """Return x - y in a simpler form, as a node; None where there is none."""
     if y == g.zero:
         return x
     if x == g.zero:
@@ -282,7 +282,7 @@ def sub(g: Builder, x: int, y: int) -> int | None:
 
 
 def mul(g: Builder, x: int, y: int) -> int | None:
-    """Simplify x*y."""
+    """Return x*y in a simpler form, as a node; None where there is none."""
     ops = g.ops
     if ops[x] != "constant":
         x, y = y, x
@@ -307,7 +307,7 @@ def mul(g: Builder, x: int, y: int) -> int | None:
 
 
 def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
-    """Simplify c y, where x is the node of the number c."""
+    """Return c y in a simpler form, where x is the node of the number c; else None."""
     if c == 0.0:
         return g.zero
     if c == 1.0:
@@ -331,7 +331,7 @@ def is_normal(x: float) -> bool:
 
 
 def div(g: Builder, x: int, y: int) -> int | None:
-    """Simplify x/y."""
+    """Return x/y in a simpler form, as a node; None where there is none."""
     if y == g.one:
         return x
     if x == g.zero and y != g.zero:
@@ -354,7 +354,7 @@ def div(g: Builder, x: int, y: int) -> int | None:
 
 
 def neg(g: Builder, x: int) -> int | None:
-    """Simplify -x."""
+    """Return -x in a simpler form, as a node; None where there is none."""
     if g.ops[x] == "neg":
         return g.args[x][0]
     if g.ops[x] == "sub":
@@ -367,7 +367,7 @@ def neg(g: Builder, x: int) -> int | None:
 
 
 def power(g: Builder, x: int, y: int) -> int | None:
-    """Simplify x^y."""
+    """Return x^y in a simpler form, as a node; None where there is none."""
     exponent = g.value(y)
     if exponent == 0.0 or x == g.one:
         return g.one
@@ -385,14 +385,14 @@ def power(g: Builder, x: int, y: int) -> int | None:
 
 
 def choice(g: Builder, condition: int, x: int, y: int) -> int | None:
-    """Simplify if(condition, x, y)."""
+    """Return if(condition, x, y) in a simpler form; None where there is none."""
     if g.ops[condition] == "truth":
         return x if g.payload(condition) else y
     return x if x == y else None
 
 
 def extreme(g: Builder, x: int, y: int, *, largest: bool) -> int | None:
-    """Simplify min(x, y) or max(x, y)."""
+    """Return max(x, y) if `largest`, else min(x, y), in a simpler form, or None."""
     if x == y:
         return x
     if y != g.call("neg", x) or g.value(x) is not None:
@@ -402,17 +402,20 @@ def extreme(g: Builder, x: int, y: int, *, largest: bool) -> int | None:
 
 
 def minimum(g: Builder, x: int, y: int) -> int | None:
-    """Simplify min(x, y)."""
+    """Return min(x, y) in a simpler form; None where there is none."""
     return extreme(g, x, y, largest=False)
 
 
 def maximum(g: Builder, x: int, y: int) -> int | None:
-    """Simplify max(x, y)."""
+    """Return max(x, y) in a simpler form; None where there is none."""
     return extreme(g, x, y, largest=True)
 
 
 def absolute(g: Builder, x: int) -> int | None:
-    """Simplify |x|: factor out numbers, and drop it for x of known sign."""
+    """Return |x| with numbers factored out, or without `abs` for x of known sign.
+
+    None in other cases.
+    """
     op, args = g.ops[x], g.args[x]
     if op == "neg":
         return g.call("abs", args[0])
@@ -424,12 +427,18 @@ def absolute(g: Builder, x: int) -> int | None:
 
 
 def square_root(g: Builder, x: int) -> int | None:
-    """Simplify sqrt(x) where x has the square of an expression for a factor."""
+    """Return sqrt(x) simplified where the square of an expression is a factor of x.
+
+    None in other cases.
+    """
     return _of_square(g, x, 0.5)
 
 
 def hypotenuse(g: Builder, x: int, y: int) -> int | None:
-    """Simplify hypot(x, y) where both are multiples of one expression."""
+    """Return hypot(x, y) simplified where both are multiples of one expression.
+
+    None in other cases.
+    """
     (c, u), (d, v) = (_multiple(g, a) for a in (x, y))
     if g.zero in (x, y):
         return g.call("abs", y if x == g.zero else x)
@@ -439,7 +448,7 @@ def hypotenuse(g: Builder, x: int, y: int) -> int | None:
 
 
 def cube_root(g: Builder, x: int) -> int | None:
-    """Simplify cbrt(x) where x is a cube."""
+    """Return cbrt(x) simplified where x is a cube; None in other cases."""
     exponent = g.value(g.args[x][1]) if g.ops[x] == "pow" else None
     if exponent is None or exponent % 3.0:
         return None
@@ -462,7 +471,10 @@ def _multiple(g: Builder, x: int) -> tuple[float, int]:
 
 
 def _of_square(g: Builder, x: int, exponent: float) -> int | None:
-    """Return x^exponent for an exponent that is no integer, if u^2 is a factor of x."""
+    """Return x^exponent, no integer exponent, simplified where u^2 is a factor of x.
+
+    The result is a power of |u| times a power of the other factor; None without such u.
+    """
     root, rest = _squared(g, x)
     if root is None:
         return None

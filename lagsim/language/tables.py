@@ -454,7 +454,10 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 
 
 def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
-    """Return coefficients (4, m, ...) of cubic pieces, the highest power first."""
+    """Return coefficients (4, m, ...) of cubic pieces by scipy, highest power first.
+
+    x : (m + 1,). y : (m + 1, ...). how, outside : see `made`.
+    """
     import numpy as np
     from scipy.interpolate import CubicSpline, PchipInterpolator
 

@@ -487,6 +487,9 @@ def _products(
 ) -> dict[tuple[int, int], int]:
     """Return the products of two affine expressions of which L is a sum.
 
+    cone : the nodes of L, in order of evaluation, L last. degrees : node -> its degree
+    in the velocities.
+
     Returns
     -------
     dict
@@ -543,7 +546,8 @@ def _parts(
 def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
     """Return the terms of an affine node `n`: pairs (node, coefficient).
 
-    Terms without velocities are left out.
+    Terms without velocities are left out. degrees : node -> its degree in the
+    velocities.
 
     Raises
     ------

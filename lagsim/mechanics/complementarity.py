@@ -861,9 +861,10 @@ def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
 
 
 def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
-    """Solve w = 0 for the z in the basis, accurate to rounding; return z (n,).
+    """Solve M z + q = 0 for the entries of z in the basis; return z (n,).
 
-    Entries of z that are not in the basis are 0.
+    All other entries are 0. basis : indices of basic variables; index n + i is that of
+    z_i. The solution is accurate to rounding.
     """
     z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
     B = M[np.ix_(some, some)]

@@ -97,7 +97,10 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
 
 
 def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
-    """Compute the impact of a single one-sided row."""
+    """Compute the impact of a single one-sided row.
+
+    rate : before the impact. roundoff : rates up to this size count as 0.
+    """
     own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
     before = 0.0 if abs(rate) <= roundoff else rate
     bounces = closed.table.gapped[0] and before < 0.0

@@ -66,7 +66,11 @@ class Cost(NamedTuple):
 
 
 def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
-    """Estimate the cost of a series for a tolerance, in its cheaper form."""
+    """Estimate the cost of the Taylor series of a step with the tolerance `rtol`.
+
+    The cost is that of the cheaper form of the equations. elimination : their symbolic
+    solution.
+    """
     g, state = equations.graph, _state(equations)
     rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))
     return _cost(g, state, rates, order_for(rtol))

@@ -96,7 +96,10 @@ class Kink(NamedTuple):
 def kinks(
     g: Graph, node: int, values: Mapping[str, float], moving: Collection[str]
 ) -> list[Kink]:
-    """Return the kinks below a node, of `abs`, `min`, `max` and `if`; see `pieces`."""
+    """Return the kinks of `abs`, `min`, `max` and `if` below a node.
+
+    values, moving : see `pieces`.
+    """
     below = _Pieces(g, values, moving)
     pairs = ((n, below.sides(n)) for n in below.kinked([node]))
     return [Kink(n, *sides) for n, sides in pairs if sides is not None]

@@ -213,6 +213,8 @@ def usable(
     A jump of the rate of a relation is an impact, at which all velocities jump. At an
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
     coordinates would rebound.
+
+    values : of all variables at the start. moving : names of variables that change.
     """
     cone = deciding_cone(g, [row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)

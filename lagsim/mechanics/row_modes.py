@@ -132,7 +132,11 @@ def modes(
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
-    """Return the mask (r,) of rows that slide, and the directions (r,) of friction."""
+    """Return a mask (r,) of the rows that slide, and directions (r,) of their friction.
+
+    rates : (r,). slip_noise : (r,), rates up to this size count as 0. The direction of
+    a row of a pair is a component of a unit vector; it is 0 for rows that do not slide.
+    """
     bounded, pairs = closed.table.bounded, closed.table.pairs
     if not bounded.any():
         return bounded, np.zeros(len(rates))
@@ -296,8 +300,9 @@ class _Edges(NamedTuple):
     def _turned(self, p: Floats, tied: list[int], pressed: Flags) -> Floats | None:
         """Return a rotation (r, r) of the rows to the axes of the forces of tied discs.
 
-        The two rows of each tied disc become one across and one along its force; other
-        rows are unchanged. None where no disc is tied.
+        The two rows of each tied disc become one row across and one along the force of
+        the disc; other rows are unchanged. None where no disc is tied. p : multipliers
+        (r,). tied : indices of tied rows. pressed : mask (r,) of the rows with a limit.
         """
         discs = [(i, k) for i, k in self.rows.problem.discs if k in tied and pressed[k]]
         if not discs:
@@ -556,6 +561,9 @@ def _rubs_openly(rows: ContactRows, modes: list[Mode], directions: Floats) -> bo
 
     This is so where a combination of multipliers of held and redundant rows, with their
     friction, accelerates none of these rows and is not 0 as a force.
+
+    modes : the mode of each row. directions : (r,), multipliers at bounds as parts of
+    the bounds.
     """
     bears = ~rows.closed.table.bounded | (rows.sizes > 0.0)
     both: list[Mode] = [

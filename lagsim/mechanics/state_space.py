@@ -178,9 +178,11 @@ def _order(L: Linearisation, levels: Floats) -> int:
 def _pushed(
     L: Linearisation, values: Mapping[str, float], one: Input
 ) -> tuple[Floats, Floats]:
-    """Return the changes of residuals and of right sides of rows per unit of an input.
+    """Return the changes of residuals, and of right-hand sides, per unit of an input.
 
-    Shapes (n + m + l,) and (m,); residuals as in `Slopes`.
+    They have the shapes (n + m + l,) and (m,); residuals are those of `Slopes`, and the
+    right-hand sides those of the constraint rows. values : of all variables. one : the
+    input.
     """
     e, g, n, m = L.e, L.g, L.n, L.m
     change, levels = np.zeros(n + m + L.first), np.zeros(m)

@@ -420,7 +420,11 @@ class Squares(Factorisation):
 
 
 def _laws(e: Equations) -> NewtonsLaws | None:
-    """Return Newton's laws of equations without constraints, memoized."""
+    """Return Newton's laws of equations without constraints; memoized.
+
+    None with constraints, where L depends on modes or first-order states, and where
+    `newtons_laws` has none.
+    """
     g = e.graph
     changing = e.model.modes.union(x.name for x in e.states)
     if e.rows or e.laws or changing & g.depends([e.model.lagrangian]):
@@ -489,6 +493,9 @@ def _solution(
     Internal units are the commonest mass and length. Products of sines and cosines are
     combined to sines and cosines of differences of angles in the drifts and in the
     inner products of links and joints; forces are not rewritten.
+
+    held : Newton's laws. met : the joints of massless links. moving : names of
+    variables that change along a motion.
     """
     mass, length = (_commonest(g, x.values()) for x in (held.masses, met.lengths))
     weights = _quotients(g, dict.fromkeys(held.masses, mass), held.masses)
@@ -552,7 +559,10 @@ def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
 def _fall(g: Graph, held: NewtonsLaws, length: int, moving: frozenset[str]) -> Vector:
     """Return force / (mass `length`) of each mass: its acceleration without tensions.
 
-    Accelerations are in units of `length`; torques on massless links are left out, too.
+    Accelerations are in units of `length`; torques on massless links are left out.
+
+    held : Newton's laws. length : node of the unit. moving : names of variables that
+    change along a motion.
     """
     pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
     moved = g.dependent(pushed.values(), moving)
@@ -572,7 +582,8 @@ def _fall(g: Graph, held: NewtonsLaws, length: int, moving: frozenset[str]) -> V
 def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vector:
     """Return the drifts of sums divided by `length`, the internal unit of length.
 
-    A drift is first divided by its own length, so that common factors cancel.
+    A drift is first divided by the constant length of its sum, if there is one, so that
+    common factors cancel. held : Newton's laws. met : the joints.
     """
     own = dict.fromkeys(held.sums, length) | met.lengths
     drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)

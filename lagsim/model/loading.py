@@ -361,7 +361,10 @@ def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
 
 
 def _is_decimal(before: Node, piece: Scalar) -> bool:
-    """Whether the comma between two parts is a decimal comma: between digits."""
+    """Whether the comma between two parts is a decimal comma: between digits.
+
+    before, piece : the parts before and after the comma.
+    """
     if not isinstance(before, Scalar) or piece.start != before.end + len(","):
         return False
     return before.text[-1:].isdecimal() and piece.text[:1].isdecimal()
@@ -467,7 +470,10 @@ class _Case:
         return number
 
     def _inside(self, mark: yaml.Mark | None) -> At | None:
-        """Return the position of a YAML mark, moved into a line that is not blank."""
+        """Return the position of a YAML mark, moved into a line that is not blank.
+
+        None without a mark.
+        """
         if mark is None:
             return None
         last = min(mark.line, len(self.source.lines) - 1)
@@ -564,7 +570,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
 
 
 def _unfinished(case: _Case) -> Diagnosis | None:
-    """Diagnose a key without a colon, or a quote or bracket that is never closed."""
+    """Diagnose a key without colon, or a quote or bracket never closed; else None."""
     context, at = case.context, case.context_at
     if at is None:
         return None

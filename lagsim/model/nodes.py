@@ -167,7 +167,10 @@ def _next(scalar: Scalar, index: int) -> tuple[int, int]:
 
 
 def _escape(raw: str, index: int) -> tuple[int, bool]:
-    """Return the length of an escape in double quotes, and whether it is a blank."""
+    """Return the length of an escape in double quotes, and whether it is a blank.
+
+    raw : the text of the file. index : the offset of the backslash.
+    """
     letter = raw[index + 1]
     length = _LONG_ESCAPES.get(letter)
     if length is None:

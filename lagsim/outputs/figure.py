@@ -422,7 +422,7 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 
 def draw_band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
-    """Draw the area between two curves against time, behind the curves."""
+    """Draw the area between the curves low(t) and high(t), behind other curves."""
     axes.fill_between(
         t, low, high, facecolor=(pen["color"], BAND_OPACITY), linewidth=0.0, zorder=1.7
     )

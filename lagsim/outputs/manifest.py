@@ -142,7 +142,7 @@ LEVEL = {"residual": "value", "scale": "scale", "bound": "bound", "bound_reason"
 def examination(
     equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
-    """Return the content of `check --json`."""
+    """Return the content of `check --json`: the report on a start, and choices made."""
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == START_VALUE]
     moving = {v.name: v.position.value for v in start.verdicts if v.kind == AT_REST}

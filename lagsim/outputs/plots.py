@@ -384,7 +384,10 @@ SIDES = ("y", "y2")
 
 @in_house_style
 def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
-    """Draw entry `number`, counted from 0, of the model's `output.plots`."""
+    """Draw entry `number`, counted from 0, of the model's `output.plots`.
+
+    wanted : the entry. scene : the scene, whose points have coordinates of one scale.
+    """
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves
     texts = {name: data.letters.text(curve.text) for name, curve in curves.items()}

@@ -519,7 +519,8 @@ def replaced(
 ) -> Caution | None:
     """Return a warning if a result of other parameters or of another file is replaced.
 
-    There is no warning if the model file was edited in between.
+    None if there is no need for a warning, as where the model file was edited in
+    between.
 
     Parameters
     ----------

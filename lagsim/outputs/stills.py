@@ -233,7 +233,10 @@ def _put(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
 
 
 def _draw(axes: Axes, still: Still, view: Floats) -> None:
-    """Draw each state of a panel with its pen."""
+    """Draw each state of a panel with its pen.
+
+    view : (2, d), directions to the right and up.
+    """
     film = still.film
     assert film is not None
     looks = film.looks or ("",) * len(film.links)
@@ -272,7 +275,10 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
 
 @in_house_style
 def bars(title: str, subject: str, panels: Sequence[tuple[str, Floats]]) -> Picture:
-    """Draw the amplitudes of the coordinates, a panel for each mode."""
+    """Draw the amplitudes of the coordinates as bars, with a panel for each mode.
+
+    panels : title and amplitudes of each.
+    """
     shown = panels[:MOST]
     columns = len(shown) if len(shown) <= FEW else ABREAST
     rows = -(-len(shown) // columns)

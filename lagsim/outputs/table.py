@@ -322,7 +322,10 @@ def arrow() -> Any:
 
 
 def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> None:
-    """Write an array for each column, as `numpy.savez` would."""
+    """Write an archive with an array for each column, as `numpy.savez` would.
+
+    units : columns with their units. blocks : all rows, in blocks.
+    """
     head = {"descr": "<f8", "fortran_order": False, "shape": (rows,)}
     with zipfile.ZipFile(path, "w") as archive:
         for k, name in enumerate(units):
@@ -336,7 +339,10 @@ def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> 
 def _as_parquet(
     path: Path, units: Mapping[str, str], _rows: int, blocks: Blocks
 ) -> None:
-    """Write each column, with its unit if known."""
+    """Write a Parquet file with each column, and its unit if known.
+
+    units : columns with their units. blocks : all rows, in blocks.
+    """
     import pyarrow as pa
 
     fields = [

@@ -432,7 +432,10 @@ def _hatched(lines: Array, inch: float) -> Array:
 
 
 def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
-    """Return the shaft (2, 2) of an arrow, and the corners of its head (3, 2)."""
+    """Return the shaft (2, 2) of an arrow, and the corners of its head (3, 2).
+
+    ends : (2, 2), tail and tip. inch : data units per inch.
+    """
     length, u, left = _along(*ends)
     head = min(HEAD * inch, 0.6 * length)
     neck = ends[1] - head * u
@@ -475,7 +478,11 @@ LOOKS = {"spring": _spring, "damper": _damper}
 def plane(
     axes: Axes, view: Array, z: float, extents: Sequence[tuple[float, float]]
 ) -> None:
-    """Draw a level ground of space: a line in a side view, an area from above."""
+    """Draw a level ground of space: a line in a side view, an area from above.
+
+    view : (2, 3), directions right and up. z : height of the ground. extents : range of
+    each component.
+    """
     (left, right), (front, back), _ = extents
     look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
     if (not view[0, 2] and not view[:, 1].any()) or not view[:, 0].any():

@@ -270,7 +270,7 @@ ALIKE = 1e-4
 
 
 def evaluation_cost(system: System, method: str) -> float:
-    """Return the cost of an evaluation, in operations."""
+    """Return the cost of an evaluation of y' by a method, in operations."""
     operations = float(system.operations)
     if system.plan.method == SERIES and method != SERIES:
         operations /= SERIES_LENGTH
@@ -326,7 +326,10 @@ class Allowance:
     def steps_beside(
         self, session: Session, trajectory: Trajectory, other: Repeat
     ) -> int:
-        """Return the number of steps that a repeat of a run may take."""
+        """Return the number of steps that a repeat by the means `other` may take.
+
+        session, trajectory : the run that is repeated.
+        """
         own = own_cost(session.system, trajectory)
         operations = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
         operations += MOST_ARCS * ARC * trajectory.statistics.arcs

@@ -399,7 +399,10 @@ class RestCurve:
         return (there if there.tangent @ here.tangent > TURNED else None), found[1]
 
     def _at_end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
-        """Return the point at the end of the range; None unless between two points."""
+        """Return the point at the end of the parameter's range that a step has passed.
+
+        here, there : the ends of the step. None if the step ends within the range.
+        """
         low, high = self.ends
         value = self.value(there.y)
         if low <= value <= high:

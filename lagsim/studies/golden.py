@@ -416,7 +416,10 @@ def rounded_up(x: float) -> float:
 def _bounded(
     case: Case, base: SampledMotion, others: Sequence[SampledMotion]
 ) -> dict[str, Invariant]:
-    """Return the conserved quantities by name, with bounds from the variants."""
+    """Return the conserved quantities by name, with bounds from the variants.
+
+    base : the motion of the golden run. others : those of its variants.
+    """
     found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
     kept, *_ = apart = [invariants(case.equations, x) for x in (base, *others)]
     momenta = [np.max(np.abs(v)) for n, v in kept.items() if n.startswith(MOMENTUM)]

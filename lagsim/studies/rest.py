@@ -585,7 +585,10 @@ class Search:
         return None
 
     def _held_at_start(self) -> Equilibrium | None:
-        """Return the nearest rest that contacts and friction of the start hold."""
+        """Return the nearest rest that friction in force at the start holds.
+
+        None if no friction or limit is in force, or no such rest exists.
+        """
         point = self._point
         active = {v.name for v in judge_laws(point, self.setting.off) if v.active}
         laws = [
@@ -609,8 +612,8 @@ class Search:
     def nearest(self, starts: int = STARTS) -> Steady:
         """Return the nearest rest, linearised.
 
-        Newton's method from the start finds it where it contracts; else the rest is the
-        nearest one found from all starts.
+        Where Newton's method from the start contracts, it is the limit of that method;
+        else it is the nearest rest found from all starts.
 
         Raises
         ------

@@ -218,7 +218,10 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
 
 
 def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ...]:
-    """Return the largest peaks, except peaks nearer than `apart` to a larger one."""
+    """Return the largest peaks, except peaks nearer than `apart` to a larger one.
+
+    frequency, amplitude : (k,). apart : a difference of frequencies in Hz.
+    """
     from scipy.signal import find_peaks
 
     least = LEAST_PEAK * float(amplitude.max(initial=0.0))

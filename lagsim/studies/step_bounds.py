@@ -388,7 +388,7 @@ class _StepCheck(NamedTuple):
         return -math.expm1(min(0.0, 2.0 * rate * span))
 
     def named(self, there: LinearisedState, k: int) -> str:
-        """Return the names of coordinates or states with the largest part in a mode."""
+        """Return the names of coordinates or states with the largest part in mode k."""
         every = *self.equations.q, *(x.name for x in self.equations.states)
         shapes = zip(every, there.shapes[:, k], strict=True)
         return several((f"`{q}`" for q, x in shapes if x > 0.5), 4)

@@ -92,12 +92,18 @@ def index(word: str) -> Tree:
 
 
 def over(word: str, first: Tree, last: Tree, term: Tree) -> Tree:
-    """Return the tree of a sum over a range."""
+    """Return the tree of the sum of `term` over the index `word`.
+
+    first, last : trees of the ends of the range.
+    """
     return Tree(OVER, word, 0, (first, last, term))
 
 
 def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -> Tree:
-    """Return the tree of a member of a family whose subscripts contain indices."""
+    """Return the tree of a member of a family whose subscripts contain indices.
+
+    name, letter : the family, and a component or "". offset : of the name in the text.
+    """
     return Tree(REFERENCE, f"{name}\0{letter}", offset, tuple(subscripts))
 
 
@@ -223,7 +229,11 @@ def _extended(
 
 
 def _wholes(tree: Tree, columns: Columns, members: int, known: Lookup) -> Ints:
-    """Return the values (members,) of a tree of indices, as whole numbers."""
+    """Return the values (members,) of a tree of indices, as whole numbers.
+
+    columns : values (members,) of each index. Values that are not whole raise
+    UnlikeError.
+    """
     found = np.broadcast_to(_numbers(tree, columns, known), (members,))
     nearest = np.rint(found)
     if not (np.abs(found - nearest) <= _WHOLE * np.abs(found)).all():
@@ -262,7 +272,11 @@ def _is_numeric(tree: Tree) -> bool:
 def _divided(
     term: Tree, columns: Columns, members: int, known: Lookup
 ) -> list[GatheredTerms]:
-    """Return the groups of members for which conditions on indices have one value."""
+    """Return groups of members, in each of which conditions on indices have one value.
+
+    Each group has the term with the branches of `if` that its members take. columns :
+    values (members,) of each index. known : parameters of the file.
+    """
     condition = _condition(term)
     if condition is None:
         if term.op == "number" and term.value == 0.0:
@@ -278,7 +292,7 @@ def _divided(
 
 
 def _condition(tree: Tree) -> Tree | None:
-    """Return the condition of the first `if` that depends on indices alone."""
+    """Return the condition of the first `if` that depends on indices alone, or None."""
     if tree.op == "if" and _of_indices(tree.args[0]):
         return tree.args[0]
     return next((x for x in map(_condition, tree.args) if x is not None), None)

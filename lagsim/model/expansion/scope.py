@@ -431,7 +431,11 @@ class Scope:
     def _symbolic(
         self, of: Inner, token: Token, args: list[Value], indices: Indices
     ) -> Tree:
-        """Return the tree of a sum whose indices are symbols, see `gathering`."""
+        """Return the tree of a sum whose indices are symbols, see `gathering`.
+
+        Arguments as for `_over`. UnlikeError is raised for other operations than sums
+        of numbers.
+        """
         first, last = args
         if token.text != "sum" or not (
             isinstance(first, Tree) and isinstance(last, Tree)
@@ -590,7 +594,8 @@ def _of(family: Family, name: str, member: Member, offset: int) -> Value:
 def _referred(family: Family, token: Token, args: list[Value]) -> Value:
     """Return the tree of a member whose subscripts contain indices of a long sum.
 
-    Of a family of vectors: a tuple with the tree of each component.
+    For a family of vectors, a tuple with the tree of each component. token : the name
+    in the text. args : the subscripts.
     """
     subscripts = [x for x in args if isinstance(x, Tree)]
     if not family.indexed or len(subscripts) < len(args):
@@ -645,7 +650,10 @@ _RULES: dict[str, Callable[..., Value]] = {
 
 
 def _operation(op: str, args: list[Value], token: Token) -> Value:
-    """Return the result, a tree or a vector, of an operation on values."""
+    """Return the result, a tree or a vector, of the operation `op` on values.
+
+    token : the operator or function in the text, for messages.
+    """
     if op in _RULES:
         return _RULES[op](*args)
     if vectors := [a for a in args if trees.size(a) > 1]:

@@ -615,7 +615,10 @@ class _ConstraintReader:
         return _Bound(key, sliding, nodes[0], sticking, nodes[1])
 
     def _refuse_weaker(self, key: str, most: float, least: float, place: Place) -> None:
-        """Report a static bound below the dynamic one."""
+        """Report that the static bound `most` is below the dynamic bound `least`.
+
+        key : `friction` or `limit`. place : of the static bound.
+        """
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
         self.x.faults.add(OUT_OF_RANGE, text + f"one, {least:g}", place, hint)

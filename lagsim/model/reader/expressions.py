@@ -172,9 +172,10 @@ class Expressions:
         *,
         beside: bool = False,
     ) -> tuple[Scalar, _P] | None:
-        """Return the scalar of an expression, and its parsed form.
+        """Return the scalar of an expression, and its parsed form; None after a fault.
 
-        `what`: its name in messages; `beside`: a unit may be given beside it.
+        what : name of the expression in messages. parser : parses the text. beside :
+        whether a unit may be given beside the expression.
         """
         scalar = self.scalar(node, what, beside=beside)
         if scalar is None:
@@ -236,7 +237,10 @@ class Expressions:
         *,
         beside: bool,
     ) -> None:
-        """Report the parser's fault in a relation or in another expression."""
+        """Report the fault that the parser found in the text of a scalar.
+
+        parser : of a relation, or of another expression. beside : see `text`.
+        """
         text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty or fault.code == SILENT:
@@ -252,7 +256,10 @@ class Expressions:
     def meant(
         self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
     ) -> str:
-        """Return a hint for an expression with faults, or an empty text."""
+        """Return a hint for an expression with faults; "" if there is none.
+
+        parser, beside : see `text`.
+        """
         if not self.faults.may_guess():
             return ""
         known, moving = self.names.variables, self.names.moving()
@@ -320,7 +327,8 @@ class Expressions:
     ) -> bool:
         """Whether a number lies in its range; if not, a fault is reported.
 
-        least, most : the range. positive : whether 0 is excluded.
+        what, place : for the message. least, most : the range. positive : whether 0 is
+        excluded.
         """
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
@@ -333,7 +341,10 @@ class Expressions:
         return not rule
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
-        """Whether a value is finite; if not, a fault is reported."""
+        """Whether a value is finite; if not, a fault is reported.
+
+        what, place : for the message.
+        """
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"
             self.faults.add(NOT_FINITE, text, place)
@@ -342,9 +353,10 @@ class Expressions:
     def check(
         self, used: Iterable[Name], scalar: Scalar, what: str, most: Level
     ) -> bool:
-        """Whether all names `used` are allowed in an expression; others are reported.
+        """Whether all names `used` are permitted in an expression; others are reported.
 
-        most : the highest level of quantities on which it may depend.
+        scalar, what : the expression, and its name in messages. most : the highest
+        level of quantities on which it may depend.
         """
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
@@ -364,7 +376,10 @@ class Expressions:
     def refuse(
         self, used: Name, scalar: Scalar, code: ErrorCode, text: str, hint: str = ""
     ) -> bool:
-        """Report a name that is not allowed in its place; return False."""
+        """Report a name that is not permitted in an expression; return False.
+
+        used, scalar : the name, and the expression. code, text, hint : the message.
+        """
         place = scalar.place_of_name(used.text, used.offset)
         self.faults.add(code, text, place, hint)
         return False
@@ -421,7 +436,8 @@ class Expressions:
     ) -> None:
         """Report an unknown name; only once where one hint covers several names.
 
-        among : see `Names.unknown`. output : whether accelerations are permitted here.
+        used, scalar : the name, and the expression. among : see `Names.unknown`. output
+        : whether accelerations are permitted here.
         """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)

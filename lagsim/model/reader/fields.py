@@ -273,7 +273,10 @@ class Fields:
     def either(
         self, one: str, other: str, hint: str, place: Place | None = None
     ) -> bool:
-        """Whether exactly one of two keys is present; else report a fault."""
+        """Whether exactly one of two keys is present; else a fault is reported.
+
+        one, other : the keys. hint, place : of the fault.
+        """
         both = one in self and other in self
         if both or not (one in self or other in self):
             code: ErrorCode = BOTH_GIVEN if both else MISSING_KEY

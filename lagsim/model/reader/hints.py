@@ -497,7 +497,10 @@ def _step(
 def _renaming(
     text: str, names: Iterable[Name], known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str] | None:
-    """Return begin, end and hint for the first unknown name with another spelling."""
+    """Return begin, end and hint for the first unknown name with another spelling.
+
+    None if there is no such name. known, moving : see `of_text`.
+    """
     unknown = (name for name in names if not _is_known(name.text, known))
     for name in islice(unknown, MOST_STEPS):
         if found := matching(text, name.offset, parsed=True):
@@ -596,7 +599,10 @@ def _moves(name: str, moving: Collection[str]) -> bool:
 
 
 def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
-    """Return lagsim's spelling of a call such as `diff(x)`; else ""."""
+    """Return a hint for a call such as `diff(x)` of another language; else "".
+
+    name, argument : of the call. moving : names that have rates.
+    """
     if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
         square = spelt_call("square", argument)
         return f"write {square} for the square, sqrt({argument}) for the root"
@@ -615,7 +621,10 @@ def _no_function(name: str) -> str:
 def of_function(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return begin, end and hint for the call of an unknown function."""
+    """Return begin, end and hint for the call of an unknown function.
+
+    fault : the parser's fault at the call. known, moving : see `of_text`.
+    """
     offset, end = fault.offset, fault.offset + fault.length
     name = text[offset:end]
     hint = f"name an expression in `definitions` and write `{name}` alone, or give a "

@@ -145,7 +145,10 @@ class Names:
     def section(
         self, section: Node | None, what: str, kind: NameKind, faults: Faults
     ) -> list[Entry]:
-        """Declare the names of a section and return the valid entries."""
+        """Declare the names in a section, all of one kind; return the valid entries.
+
+        what : name of the section in messages.
+        """
         if section is None:
             return []
         given = entries(section, what, faults)

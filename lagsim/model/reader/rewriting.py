@@ -88,7 +88,7 @@ def _added(root: Node, values: MappingType[str, float]) -> Iterator[tuple[Span, 
 
 
 def _number(node: Node) -> Scalar | None:
-    """Return the scalar of an entry: the value itself, or that under one of `KEYS`."""
+    """Return the scalar of an entry: its value, or that at one of `KEYS`; else None."""
     if isinstance(node, Mapping):
         below = {key.text: value for key, value in node.entries}
         node = next((below[key] for key in KEYS if key in below), node)
@@ -121,7 +121,10 @@ def _order(name: str) -> list[tuple[int, int, str]]:
 
 
 def _written(names: list[str], values: MappingType[str, float], old: str) -> str:
-    """Return the text of the numbers of some members: a number, or nested lists."""
+    """Return the text of the numbers of some members: a number, or nested lists.
+
+    names : the members. values : name -> new number. old : text of the number before.
+    """
     if len(names) == 1:
         return _shown(values[names[0]]) if names[0] in values else old
     tree: dict[str, Any] = {}

@@ -69,7 +69,7 @@ class Sheet(NamedTuple):
         return text
 
     def span(self, row: SheetLine, column: int) -> tuple[int, int]:
-        """Return the position in the line at which a cell begins, and its length."""
+        """Return the position at which a cell begins in its line, and its length."""
         begin = sum(len(cell) + 1 for cell in row.cells[:column])
         cells = row.cells[column : column + 1]
         return min(begin, len(row.line)) + 1, max(1, len(cells[0]) if cells else 1)

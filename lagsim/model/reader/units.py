@@ -235,7 +235,11 @@ class _UnitCheck:
         args: Sequence[Quantity],
         power: float | None,
     ) -> Quantity:
-        """Return the quantity of an operation; inconsistent arguments are reported."""
+        """Return the quantity of an operation; inconsistent arguments are reported.
+
+        scalar, span : the expression, and the place of the operation in it. power : the
+        last argument, if it is a constant.
+        """
         if op not in OPERATIONS or op in JOINING:  # a table
             return _UNKNOWN
         if _is_timed(args[-2:] if op == "if" else args):

@@ -326,7 +326,11 @@ class ParameterReader(_Numbers):
         return tuple(found)
 
     def _deviation(self, node: Node | None, what: str, rule: Rule) -> float:
-        """Return a standard deviation, 0 where none is given."""
+        """Return the value of `uncertainty`, a standard deviation; 0 without the key.
+
+        node : the value of the key. what : the parameter, for messages. rule : see
+        `Expressions.check_by`.
+        """
         if node is None:
             return 0.0
         what = f"`uncertainty` of {what}"
@@ -342,7 +346,10 @@ class ParameterReader(_Numbers):
     def _range(
         self, node: Node | None, what: str, rule: Rule
     ) -> tuple[float, float] | None:
-        """Return the least and the greatest value of a slider, None without a range."""
+        """Return the least and the greatest value of a slider, from the key `range`.
+
+        None without the key, or after a fault. Arguments as for `_deviation`.
+        """
         if node is None:
             return None
         what, faults = f"`range` of {what}", self.x.faults
@@ -412,7 +419,10 @@ class Initial(_Numbers):
     """Reader of the section `initial`: exact values and guesses."""
 
     def read(self, entry: Entry | None, root: Place) -> tuple[InitialValue, ...]:
-        """Return the start values: all positions, all velocities, then definitions."""
+        """Return the start values: positions, velocities, states, then definitions.
+
+        entry : the section `initial`; None without one. root : place of the file.
+        """
         x = self.x
         if entry is None:
             hint = "each coordinate needs a start value"

@@ -263,7 +263,10 @@ def film(
 
 
 def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
-    """Return the units on a page, from the units of columns."""
+    """Return the units of lengths, energies and forces on a page.
+
+    known : units of columns by name.
+    """
     columns = [
         f"point.{name}.{k + 1}"
         for name, x in scene.points.items()
@@ -769,7 +772,12 @@ def _link(
     look: str,
     length: float | None,
 ) -> dict[str, Any]:
-    """Return a link as JSON data; by default its lengths determine its kind."""
+    """Return a link as JSON data.
+
+    names : points of the film. link : the points at its ends. look : the kind of the
+    link; by default it follows from the lengths of the link in the motion. length :
+    stated length of a string, or None.
+    """
     a, b = link
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)

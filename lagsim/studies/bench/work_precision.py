@@ -388,8 +388,11 @@ def _scales(
 ) -> Floats:
     """Return the range of each column; inf for a column that is not compared.
 
-    The scale of a column that is constant to rounding is the largest absolute value of
-    its unit. If that is 0, the scale follows from that of its velocity or position.
+    The scale of a column that is constant to rounding is the largest |value| of columns
+    of its unit. If that is 0, the scale of a position follows from that of its
+    velocity, and vice versa.
+
+    rows : (k, columns). state, multipliers : indices of columns that are compared.
     """
     ranges = np.ptp(rows, axis=0)
     sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)

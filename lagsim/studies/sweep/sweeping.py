@@ -347,7 +347,7 @@ def of_file(model: Model, path: Path) -> Grid:
 def sampled(
     model: Model, given: Iterable[tuple[str, str]], runs: int, seed: int = 0
 ) -> Grid:
-    """Draw a sample of N values for each name from its distribution.
+    """Draw `runs` values of each name from its distribution; return these as points.
 
     Raises
     ------
