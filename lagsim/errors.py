@@ -91,7 +91,10 @@ def counted(number: int, noun: str) -> str:
 
 
 class Place(NamedTuple):
-    """Stretch of a file: line and column counted from 1, length in characters."""
+    """Stretch of a file: line and column counted from 1, length in characters.
+
+    `source` is the text of the line.
+    """
 
     file: str
     line: int

@@ -132,7 +132,7 @@ class Rest(Relations):
 
     @property
     def angles(self) -> int:
-        """Number of values, from the first on, that may be angles."""
+        """Number of unknowns, from the first on, that can be angles."""
         return len(self.positions)
 
     @property

@@ -258,7 +258,22 @@ def start_at(equations: Equations, state: Instant) -> Start:
 
 
 class _Judged(NamedTuple):
-    """State at which the rows are analysed, with ranks and contradictions there."""
+    """State at which rows were analysed, and the result of the analysis.
+
+    Attributes
+    ----------
+    point : Point
+        The state.
+    ranks : RankReport
+        Rank and dependences of the rows at the state.
+    contradictions : tuple of Dependence
+        Rows that contradict other rows.
+    repair : dict or None
+        Start values to change, with their new values, if the stated start is not
+        admissible.
+    unsolved : str
+        The reason why no admissible state was found; else empty.
+    """
 
     point: Point
     ranks: RankReport

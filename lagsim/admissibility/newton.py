@@ -105,7 +105,7 @@ class Relations:
 
     @property
     def angles(self) -> int:
-        """Number of unknowns, from the first on, that may be angles."""
+        """Number of unknowns, from the first on, that can be angles."""
         return 0 if self.velocities else len(self.names)
 
     @property
@@ -428,7 +428,7 @@ def _others(
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
     """Return the distance from x0 within which second-order expansions of r hold.
 
-    It is 0 if it is unknown. L : Cholesky factor (k, k) of the metric.
+    The distance is 0 if it is unknown. L : Cholesky factor (k, k) of the metric.
     """
     r = relations(x0)[0]
     found = 0.0

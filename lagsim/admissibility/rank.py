@@ -482,7 +482,7 @@ class Neighbourhood:
 
 
 class _Generic(NamedTuple):
-    """Rank and smallest singular value at a generic state, and the dependent rows."""
+    """Rank, smallest singular value, and marks of dependent rows at a generic state."""
 
     rank: int
     smallest: float

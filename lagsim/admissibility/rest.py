@@ -96,10 +96,20 @@ class RestCorner(NamedTuple):
 
 
 class _Balance(NamedTuple):
-    """Balance of forces: the equations, their solution x (k,), and the state.
+    """State at which forces balance.
 
-    `corner` is set where surfaces hold the state; `on_ridge` where forces of a side
-    drive it away from a surface.
+    Attributes
+    ----------
+    rest : Rest
+        The equations of the balance.
+    x : ndarray, shape (k,)
+        Their solution.
+    there : Point
+        The state.
+    corner : RestCorner or None
+        The surfaces that hold the state, if any.
+    on_ridge : bool
+        Whether forces of one side of a surface drive the state away from the surface.
     """
 
     rest: Rest

@@ -36,7 +36,10 @@ INTERRUPTED = 130
 
 
 class PendingRun(NamedTuple):
-    """A model that is to be run into a folder; `job` makes a `run.Job` of it."""
+    """Model to be run into a folder, with the options of the run.
+
+    `text` is the text of the file; `job` makes a `run.Job`.
+    """
 
     text: str
     file: str
@@ -90,7 +93,7 @@ def done(piece: PendingRun, interrupt: Interrupt) -> Done:
 def _heard(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
-    """Call `work`; return its exit code, its documents, and what it printed on stderr.
+    """Call `work`; return its exit code, its documents, and the text printed on stderr.
 
     file : the model file. documents : list that `work` fills.
     """

@@ -257,11 +257,12 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
 def check_replaced(path: Path, model: Model) -> None:
     """Refuse to replace a file of `--write` that is no version of a model.
 
-    A version has the same parameters, coordinates and states.
+    A version is a model with equal names of parameters, coordinates and states.
 
     Raises
     ------
     InputError
+        If the file is no version of `model`.
     """
     from lagsim.errors import unusable
     from lagsim.model.reader import read_file

@@ -132,7 +132,11 @@ class _Task(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """Exit code of a model, with the lines and the document of its report."""
+    """Result of one model: exit code, document, and lines of the report.
+
+    `why` has kind, code and text of a failure for JUnit, `faults` the faults of the
+    model.
+    """
 
     code: int
     document: Document | None

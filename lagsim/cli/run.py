@@ -272,7 +272,7 @@ class Job:
     def _made(self, session: Session, wishes: Document) -> int:
         """Run a session, write its folder of results, and return the exit code.
 
-        wishes : what the options request of files, as documents.
+        wishes : options on the files, as documents.
         """
         wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name

@@ -121,7 +121,7 @@ def cautions() -> dict[str, MessageRow]:
 
 
 class Retired(NamedTuple):
-    """Message that no version gives any longer; its number and code stay its own.
+    """Message that is no longer used; its number and code are never used again.
 
     Attributes
     ----------

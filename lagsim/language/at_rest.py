@@ -65,7 +65,11 @@ class Bounds(NamedTuple):
 
 
 class _SlipPoint(NamedTuple):
-    """Values of all variables at slip 0, and changes of velocities per unit of slip."""
+    """Value and error of all variables at slip 0, and changes of velocities.
+
+    `ways` has, for each component of the slip, the changes of velocities by name that
+    change this component by 1.
+    """
 
     values: Values
     ways: list[dict[str, float]]

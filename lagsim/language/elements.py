@@ -489,7 +489,7 @@ class Elements:
 
 
 def _partial_sums(where: Ints, terms: Floats) -> Floats:
-    """Return |partial sum| (members,) at each term, over the terms at the same place.
+    """Return |partial sum| (members,) at each term, over terms of equal place.
 
     where : (members,), the place of each term (members,). Terms are added in the order
     of members.

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from lagsim.language.tables import Data
 
     class Members(Protocol):
-        """Members of a sum, see `elements.Elements`."""
+        """Members of a sum: `count` arguments, and `size` results; see `Elements`."""
 
         count: int
         size: int

@@ -264,7 +264,7 @@ class Parsed(NamedTuple):
 class ParsedRelation(NamedTuple):
     """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`.
 
-    at : the offset of that sign.
+    The sign is `sense`, and `at` its offset in the text.
     """
 
     left: Parsed
@@ -294,7 +294,10 @@ _NOT, _COMPARES, _UNARY, _POWER = (
 
 @dataclass(slots=True)
 class Pending:
-    """Operator, parenthesis or call that is not complete yet."""
+    """Operator, parenthesis or call whose arguments are not complete yet.
+
+    `power` is its binding power.
+    """
 
     op: str  # an operation, "(" or "+" (unary plus)
     power: int

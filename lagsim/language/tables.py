@@ -326,7 +326,7 @@ def continuous(axis: Data, order: int) -> tuple[float, float]:
 
 
 class Written(NamedTuple):
-    """Table operation of a node: the table, its orders of derivative, its arguments."""
+    """Table operation of a node: name of the table, orders of derivative, arguments."""
 
     name: str
     orders: tuple[int, ...]

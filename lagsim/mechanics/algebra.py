@@ -364,7 +364,7 @@ TOGETHER = 64
 
 
 class Entries(NamedTuple):
-    """Nonzero entries of a matrix: row and column indices, and values, each (k,)."""
+    """Nonzero entries of a matrix: row indices i, columns j, and values; each (k,)."""
 
     i: Any
     j: Any

@@ -156,7 +156,7 @@ class ComplementarityProblem:
 
 
 class Solution(NamedTuple):
-    """Multipliers p (r,), w = D p + c (r,), and whether these solve the problem.
+    """Multipliers p (r,), w = D p + c (r,), and `found`: whether they are a solution.
 
     w is exactly 0 where p is between its bounds.
     """

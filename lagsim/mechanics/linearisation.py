@@ -216,7 +216,10 @@ class Linearisation:
         self.holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
 
     def bound(self, equations: Equations) -> Linearisation:
-        """Return the linearisation of the same equations with other parameters."""
+        """Return the linearisation of these equations with other values of parameters.
+
+        equations : the equations with those values.
+        """
         found = copy.copy(self)
         found.e = equations
         found._parameters = equations.model.parameter_values  # noqa: SLF001
@@ -528,7 +531,10 @@ BOTH = 5
 
 
 class Entry(NamedTuple):
-    """Entry of C0, C1 or C2: the index of the matrix, row, column and node."""
+    """Entry of a matrix C0, C1 or C2: number of the matrix, row, column and node.
+
+    `power` is the number of the matrix: 0, 1 or 2.
+    """
 
     power: int
     row: int

@@ -310,9 +310,10 @@ class _Pieces:
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
 
     def sides(self, n: int) -> tuple[int, int, int] | None:
-        """Return u of the kink of n at u = 0, and what n equals for u > 0 and u < 0.
+        """Return u of the kink of n at u = 0, and the nodes equal to n on both sides.
 
-        All as nodes; None if n is no such operation.
+        The second node equals n for u > 0, the third one for u < 0. None if n has no
+        such kink.
         """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
@@ -418,9 +419,9 @@ def _line(
 
 
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
-    """Return the node of a piecewise linear function of w with given slope jumps.
+    """Return the node of a piecewise linear function of w, which is 0 for w < x[0].
 
-    It is 0 for w < x[0]; jumps (k,) : at the knots x (k,).
+    x : (k,), the knots. jumps : (k,), the jumps of the slope at the knots.
     """
     if not len(x):
         return g.zero

@@ -101,7 +101,7 @@ def model_text(path: str) -> tuple[str, str]:
 
 
 class Document(NamedTuple):
-    """Nodes of a text (None: empty, or not YAML) and the faults found."""
+    """Root node of a text (None for an empty text, or no YAML), and faults found."""
 
     root: Node | None
     problems: tuple[Problem, ...]
@@ -153,7 +153,11 @@ def _span(event: yaml.Event) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class _Open:
-    """Collection whose end is not reached yet."""
+    """Collection whose end has not been reached yet, with the nodes read so far.
+
+    `mapping` and `flow`: whether it is a mapping, and whether in brackets; `start` is
+    the offset of its beginning.
+    """
 
     mapping: bool
     flow: bool

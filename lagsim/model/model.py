@@ -151,7 +151,7 @@ class Level(IntEnum):
 
 
 class Definition(NamedTuple):
-    """Named scalar expression."""
+    """Named scalar expression: its node, and the level of quantities it depends on."""
 
     name: str
     node: int
@@ -161,10 +161,11 @@ class Definition(NamedTuple):
 
 
 class Force(NamedTuple):
-    """Generalized force `node` on a coordinate, or on a definition.
+    """Generalized force `node` on a coordinate or a definition, `on`.
 
     Q_j = node * d direction/d q_j for a direction of positions (and time), and node * d
-    direction/d q_j_dot for one that is affine in the velocities.
+    direction/d q_j_dot for a direction that is affine in the velocities; `level`
+    distinguishes these cases.
     """
 
     on: str
@@ -177,7 +178,8 @@ class Force(NamedTuple):
 class Relation(NamedTuple):
     """Relation of a constraint: `node` = 0 for an `equality`, else the gap `node` >= 0.
 
-    `text` is the relation as the file writes it.
+    `text` is the relation as the file writes it. `multiple`: whether the file's
+    expression has a multiple root, in place of which `node` has a simple one.
     """
 
     node: int
@@ -194,10 +196,11 @@ SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
 class OneSided(NamedTuple):
     """Law of a one-sided relation, whose multiplier is never negative.
 
-    It has Newton's or Poisson's restitution and Coulomb's friction: `friction` while
-    the contact slides, `static` while it sticks, both on the velocities `slips`. A
-    restitution that depends on the state, or on `APPROACH_SPEED`, is the node `bounce`.
-    A relation between velocities has restitution 0 and no friction.
+    The law has Newton's restitution or (`poisson`) Poisson's, and Coulomb's friction:
+    `friction` while the contact slides, `static` while it sticks, both on the
+    velocities `slips`. A restitution that depends on the state, or on `APPROACH_SPEED`,
+    is the node `bounce`. A relation between velocities has restitution 0 and no
+    friction.
     """
 
     restitution: float
@@ -341,7 +344,7 @@ LINKS = ("rod", "spring", "damper", "string", "line")
 
 
 class StringLength(NamedTuple):
-    """Length of a string, an expression of parameters, with its place in the file."""
+    """Length of a string: the node of an expression of parameters, and its place."""
 
     node: int
     place: Place
@@ -369,7 +372,7 @@ class Scene(NamedTuple):
 
 
 class DrawnExpression(NamedTuple):
-    """Expression that is plotted or drawn, with its text in the file."""
+    """Expression that is plotted or drawn: its node, and its text in the file."""
 
     node: int
     text: str
@@ -379,7 +382,7 @@ class Plot(NamedTuple):
     """Entry of `output.plots`: the expressions of its horizontal and vertical axes.
 
     `y` belongs to the left axis, `y2` to the right one; `log` has the logarithmic axes
-    among `x`, `y` and `y2`.
+    among `x`, `y` and `y2`; `title` is the title in pictures.
     """
 
     x: DrawnExpression
@@ -400,7 +403,8 @@ class Plot(NamedTuple):
 class Section(NamedTuple):
     """Section of the phase space, at which states are recorded for a picture.
 
-    States are recorded where `at` crosses 0 in a direction, or at times `every` apart.
+    States are recorded where the node `at` crosses 0 in a direction, or at times
+    `every` (a node) apart. `plot` has the two columns of the picture.
     """
 
     name: str
@@ -587,7 +591,7 @@ class Transition(NamedTuple):
 
     `sets` has pairs of a mode and a node. `impulses` act along their directions like
     forces, in N s. The event acts when `at` becomes true, or at the start and at
-    intervals `every`.
+    intervals `every`; with `once` only the first time.
     """
 
     name: str

@@ -561,7 +561,7 @@ SHOWN = 1e-5
 
 
 class PlottedColumn(NamedTuple):
-    """Column of a picture: typeset name, unit, values (rows,), kind of scale."""
+    """Column of a picture: typeset name, unit, values (rows,), logarithmic or not."""
 
     name: str
     unit: str

@@ -486,7 +486,7 @@ def _are_directions(
     """Whether abscissa and ordinates are lengths that a common scale can show.
 
     This is so if their units are equal, or if all are coordinates of points or called
-    x, y or z.
+    x, y or z, and if their ranges are not too different.
     """
     units = {data.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}

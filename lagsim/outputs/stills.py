@@ -55,7 +55,10 @@ FREE = 1.15
 
 
 class Still(NamedTuple):
-    """Panel of a picture: a title, states (rows, ...), and a pen for each state."""
+    """Panel of a picture: a title, a film whose frames are states, and pens.
+
+    Each state has a pen.
+    """
 
     title: str
     film: Film | None
@@ -227,7 +230,10 @@ def _ends(film: Film, view: Floats) -> list[tuple[float, float]]:
 
 
 def _put(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
-    """Set one scale for both directions of a panel, with free room."""
+    """Set one scale for both directions of a panel, with a free margin.
+
+    ends : ranges of both directions.
+    """
     each = FREE * per_inch(axes, ends)
     put_around(axes, ends, each if each > 0.0 else 1.0)
 

@@ -285,7 +285,7 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
 
 
 class Repeat(NamedTuple):
-    """Alternative integration of a run: its session, and the evaluations in a step."""
+    """Alternative integration of a run: its session, and the evaluations per step."""
 
     session: Session
     per_step: float = PER_STEP

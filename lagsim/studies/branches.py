@@ -93,7 +93,10 @@ class BranchPoint(NamedTuple):
 
 
 class Special(NamedTuple):
-    """Special point: its kind, its place, and the contact that opens or closes."""
+    """Special point: its kind, its place, and the law of a contact that changes.
+
+    `law` is None unless a contact opens or closes at the point.
+    """
 
     kind: str
     place: BranchPoint

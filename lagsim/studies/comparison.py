@@ -318,7 +318,7 @@ class Deviation(NamedTuple):
 
 
 class ComparedColumn(NamedTuple):
-    """Values of a column in two runs, and the tolerance in each row, shape (rows,)."""
+    """Column in two runs: times, both values, and bound in each row, all (rows,)."""
 
     t: Floats
     golden: Floats

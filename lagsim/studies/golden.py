@@ -310,7 +310,7 @@ def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
 
 
 class _Rest(NamedTuple):
-    """Sizes and rounding errors of the columns of coordinates at rest.
+    """Motion of coordinates at rest: sizes, and rounding errors, of each column.
 
     Both have the shape (columns,), with 0 for the columns of all other coordinates.
     """

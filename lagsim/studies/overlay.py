@@ -41,7 +41,7 @@ MOST_MODELS = 3
 
 
 class OverlaidRun(NamedTuple):
-    """Result of a run: its label, folder, run.json and table."""
+    """Result of a run: its label, its folder, `record` (run.json), and its table."""
 
     label: str
     folder: Path

@@ -89,7 +89,19 @@ CLASSES = frozenset(
 
 
 class Stand(NamedTuple):
-    """Checkpoint of a run: the size and digest of its rows, and the encoded state."""
+    """Checkpoint of a run: its rows so far, and the encoded state.
+
+    Attributes
+    ----------
+    rows : int
+        Number of rows.
+    last : float or None
+        Time of the last row.
+    size, digest : int, str
+        Size of the rows in bytes, and their sha256.
+    kept : bytes
+        The encoded state.
+    """
 
     rows: int
     last: float | None

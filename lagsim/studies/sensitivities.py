@@ -126,7 +126,11 @@ class Derivative(NamedTuple):
 
 
 class _Difference(NamedTuple):
-    """Differences of highest order at one step, with the error of each column."""
+    """Differences of highest order at one step, with their errors.
+
+    `values` is nan in rows marked in `lost`, which are not differentiable. `truncation`
+    and `rounding` are errors of each column, relative to its largest value.
+    """
 
     values: Floats
     lost: Flags

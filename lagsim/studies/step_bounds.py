@@ -279,6 +279,10 @@ class _StepCheck(NamedTuple):
         The step.
     span : float
         The length of the run in time.
+    module : module
+        The method.
+    seen : list of LinearisedState
+        The states along the motion.
     """
 
     equations: Equations

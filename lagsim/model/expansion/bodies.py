@@ -56,7 +56,10 @@ if TYPE_CHECKING:
 
 
 class Solid(NamedTuple):
-    """Inertia of a shape about its centre of mass, and the centre in the frame."""
+    """Moments of inertia of a shape about its centre of mass, and that centre.
+
+    Both are in the axes of the body's frame.
+    """
 
     inertia: Value
     centre: Vector
@@ -141,7 +144,11 @@ _HOW = "write {mass: m, at: [x, y, z], frame: f, inertia: J}, or `shape` for `in
 
 
 class _Body(NamedTuple):
-    """Body as the file declares it, for one member."""
+    """Body as the file declares it, for one member.
+
+    `what` is its name in messages, `below` has the values of the entry by key, and
+    `indices` the values of the member's indices.
+    """
 
     what: str
     name: str
@@ -150,7 +157,10 @@ class _Body(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Shape of a body: its name, kind with sizes, origin, and frame."""
+    """Shape of a body, to be drawn: name, kind with sizes, origin, and frame.
+
+    `indices` are the values of the member's indices.
+    """
 
     name: str
     kind: Entry

@@ -108,7 +108,11 @@ def _all_parsed(some: Iterable[Tree]) -> tuple[Parsed, ...]:
 
 
 class _DeclaredFrame(NamedTuple):
-    """Frame as the file declares it, for one member: values by their keys."""
+    """Frame as the file declares it, for one member.
+
+    `key` is the key of the entry, `below` has its values by key, and `indices` the
+    values of the member's indices.
+    """
 
     key: Scalar
     below: dict[str, Node]

@@ -64,7 +64,7 @@ class Lookup(NamedTuple):
 
 
 class Range(NamedTuple):
-    """Index of a sum, and the trees of its first and last values."""
+    """Index `word` of a sum, and the trees of its first and last values."""
 
     word: str
     first: Tree
@@ -79,7 +79,10 @@ class Sum(NamedTuple):
 
 
 class GatheredTerms(NamedTuple):
-    """Term and its members, as a column (members,) for each index."""
+    """Term of a sum, with the number of its members and their indices.
+
+    `columns` has, for each index, the value of the index in each member, (members,).
+    """
 
     term: Tree
     columns: Columns

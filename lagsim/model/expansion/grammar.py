@@ -57,7 +57,11 @@ class Inner(NamedTuple):
 
 @dataclass(slots=True)
 class _Over(Pending):
-    """Sum that is not closed yet: its index, and the first step of its terms."""
+    """Sum, minimum or maximum over a range that is not closed yet.
+
+    `index` is its index, `begin` the number of the first step of its terms, and
+    `ranged` whether the range has been read.
+    """
 
     index: str = ""
     ranged: bool = False
@@ -185,7 +189,10 @@ def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Pa
 
 
 class Subscript(NamedTuple):
-    """Range `index = first..last`, or a single subscript."""
+    """Range `index = first..last`, or a single subscript `first`.
+
+    `runs` is the index of a range, "" for a single subscript; `token` its place.
+    """
 
     runs: str
     first: Steps
@@ -194,7 +201,7 @@ class Subscript(NamedTuple):
 
 
 class Key(NamedTuple):
-    """Name with subscripts and a component, as in a key or a list."""
+    """Name with subscripts and a component `letter`, as in a key or a list."""
 
     name: str
     subscripts: tuple[Subscript, ...] = ()

@@ -44,7 +44,7 @@ class UnfitError(Exception):
 
 
 class Tree(NamedTuple):
-    """Number, name with its offset in the text, or operation with arguments."""
+    """Number, name with its offset in the text, or operation `op` with `args`."""
 
     op: str
     value: float | str = 0.0
@@ -224,7 +224,7 @@ ZERO, ONE = number(0.0), number(1.0)
 
 
 class Frame(NamedTuple):
-    """Frame: the rows of R, and the angular velocity in components of the frame.
+    """Frame: the rows of R, and the angular velocity `omega` in its components.
 
     `angle` is the angle of a frame in the plane, `number` the index of a frame in
     space among those of the file; -1 for space itself.
@@ -334,7 +334,11 @@ OF_A_FRAME: dict[str, Callable[..., Value]] = {
 
 
 class Chart(NamedTuple):
-    """Rotation relative to another frame: the rows of E, and the angular velocity e."""
+    """Rotation relative to another frame: the rows of E, and `omega`.
+
+    `omega` is the angular velocity e relative to that frame, in components of the
+    rotated frame.
+    """
 
     rows: tuple[Vector, ...]
     omega: Vector

@@ -409,9 +409,11 @@ def _bounds_of(c: Constraint, g: Graph, velocities: Collection[str]) -> bool:
 
 
 class _Bound(NamedTuple):
-    """Limit or friction coefficient: its nodes in the graph, and its node in the file.
+    """Limit or friction coefficient at a key: nodes of the graph, and of the file.
 
-    `resting` is None where one expression holds at rest and while sliding.
+    `sliding` and `resting` are nodes of the graph; `resting` is None where one
+    expression holds at rest and while sliding. `of` and `of_resting` are the nodes of
+    the file.
     """
 
     key: str
@@ -594,10 +596,10 @@ class _ConstraintReader:
         return OneSided(e or 0.0, sliding, slips, None, varies, law == "poisson")
 
     def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
-        """Build the bound at `key`, of friction or of a multiplier.
+        """Build the bound at `key`: a friction coefficient, or a limit of a multiplier.
 
-        It has expressions while sliding and at rest. known : keys of a mapping that has
-        both. speed : name of the sliding speed, if the bound may depend on it.
+        known : keys of a mapping that states the bound while sliding and at rest. speed
+        : name of the sliding speed, if the bound may depend on it.
         """
         node, of = self.below.value(key), f"the {key} of {self.what}"
         if not isinstance(node, Mapping):

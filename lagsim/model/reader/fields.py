@@ -238,7 +238,8 @@ def scalar_items(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[S
 class Fields:
     """Mapping of the file with its known and unknown keys; `what` is its name.
 
-    `sound` is False where the node is no mapping.
+    `found` has the entries with known keys, by key; `sound` is False where the node is
+    no mapping.
     """
 
     what: str

@@ -91,7 +91,11 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
 
 
 class _Entry(NamedTuple):
-    """Entry `name: expression`, or a mapping that has the expression as its `value`."""
+    """Entry `name: expression`, or a mapping that has the expression as its `value`.
+
+    Further keys of the mapping are its unit, description (`about`), uncertainty and
+    range.
+    """
 
     value: Node
     unit: str = ""

@@ -75,7 +75,7 @@ FEW_POINTS, MOST_PUSHES = 24, 64
 
 
 class Track(NamedTuple):
-    """Position and velocity of a point, each (frames, components)."""
+    """Position `place` and velocity `rate` of a point, each (frames, components)."""
 
     place: Floats
     rate: Floats

@@ -73,7 +73,10 @@ AN_ANSWER = 0.1
 
 
 class ChartedCurves(NamedTuple):
-    """Curves to draw, and relative costs of other curves, by method and formulation."""
+    """Curves to draw, and the relative costs of curves left out.
+
+    Both by method and formulation; see `_times` for relative costs.
+    """
 
     curves: dict[Key, list[Row]]
     left_out: dict[Key, float]

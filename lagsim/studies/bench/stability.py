@@ -87,8 +87,16 @@ class MapCell(NamedTuple):
 
     Attributes
     ----------
+    verdict : str
+        HOLDS, DECAYS, GROWS, or the kind of failure.
     growth : float or None
         The growth rate of the energy without a force, per unit of time.
+    evaluations, rejections : int or None
+        Numbers of evaluations, and of rejected steps.
+    smallest_step, duration : float or None
+        The shortest step, and the time that was integrated.
+    reason : str
+        The reason of a failure.
     """
 
     verdict: str

@@ -95,7 +95,10 @@ class NoReferenceError(LagsimError):
 
 
 class ReferenceSolution(NamedTuple):
-    """Rows of a solution with their columns, method and setting."""
+    """Rows of a solution with their columns and events.
+
+    `how` is a text on method and setting, `value` the tolerance or the step.
+    """
 
     how: str
     method: str
@@ -158,7 +161,7 @@ def _by_own(
 def _others(
     case: Case, first: ReferenceSolution, patience: Patience
 ) -> Iterator[ReferenceSolution]:
-    """Yield solutions by other methods; if there is none, by the method of `first`."""
+    """Yield solutions by other methods; without any, by the method of `first`."""
     found = _by_own(case, (x for x in SECOND if x != first.method), patience)
     own = index_one(case)
     if not scipy_refusal(own):
@@ -318,7 +321,7 @@ def make_reference(
     Parameters
     ----------
     seconds : float
-        The time limit for all solutions. It is exceeded only until there are two.
+        The time limit for all solutions, which is exceeded only until two are found.
     progress : callable, optional
         Called with the part of the time that has passed.
 

@@ -391,7 +391,10 @@ class Ensemble:
 
 
 class Judged(NamedTuple):
-    """Result of a run: values of each column, and the estimated error or None."""
+    """Result of a run: the values of each column, and the estimated error or None.
+
+    `cells` has the values that a row of the sweep contains.
+    """
 
     cells: Floats
     error: float | None
