@@ -159,7 +159,7 @@ class StartReport(NamedTuple):
 
     @property
     def thin(self) -> ThinSet | None:
-        """The set on which rows lose their rank at all points, or None."""
+        """The set of states at which the rows lose rank; None if the start is on none."""
         return self.ranks.thin
 
     @property
@@ -552,7 +552,7 @@ class _Examiner:
     def _rest(self, positions: Sequence[int], states: Sequence[int]) -> AtRest | None:
         """Return a state of rest, found by variation of the given positions and states.
 
-        positions, states : indices of the unknowns. None if there is no rest.
+        positions, states : indices of the unknowns. None if no rest is found.
         """
         from lagsim.admissibility.rest import find_rest
 
@@ -579,7 +579,7 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=True, states=True)
 
     def _guesses(self, relations: Relations) -> NewtonResult:
-        """Solve for guesses; of several roots select the nearest, and warn.
+        """Solve relations for guesses; of several roots select the nearest, and warn.
 
         A guess that no relation determines keeps its value.
         """

@@ -51,9 +51,9 @@ class Reach(NamedTuple):
         Number of independent holonomic combinations of the velocity constraints; None
         if undecided.
     entering : tuple of str
-        The velocity constraints in these combinations.
+        The names of the velocity constraints in these combinations.
     reason : str
-        Why the result is undecided.
+        The reason why the result is undecided; else empty.
     """
 
     dimension: int | None

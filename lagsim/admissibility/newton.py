@@ -124,7 +124,10 @@ class Relations:
 
     @cached_property
     def _second(self) -> list[tuple[int, int, int, int]]:
-        """The second derivatives that do not vanish: row, two unknowns, node."""
+        """The second derivatives of r that do not vanish identically.
+
+        Each as row, two unknowns, and node.
+        """
         g, found = self.point.g, []
         place = {g.variable(x): k for k, x in enumerate(self.names)}
         for i, row in enumerate(self.slopes):
@@ -213,7 +216,10 @@ class Relations:
 
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
-    """Return the equations `rows` as relations between positions, or velocities."""
+    """Return the equations `rows` as relations between positions, or velocities.
+
+    velocities : whether the unknowns are velocities.
+    """
     wanted = implied_conditions(rows, velocities=velocities)
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
@@ -316,6 +322,7 @@ class NewtonResult(NamedTuple):
     converged : bool
         Whether the relations hold at x.
     trouble : Trouble
+        Reason of a failure, or a peculiarity of the root.
     reason, least : str
         If not converged: the reason, and the least residual, in words.
     """
@@ -656,7 +663,10 @@ class _Slope:
 
 
 def descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
-    """Move a solution x along the relations to the point nearest to x0."""
+    """Return the solution nearest to x0, by descent along the relations from x (k,).
+
+    metric : (k, k), in which the distance is measured.
+    """
     try:
         here = _Slope(relations, x0, x, metric)
         for _ in range(MOST_STEPS):

@@ -221,7 +221,7 @@ class Point:
         )
 
     def jacobian(self, rows: Sequence[Row], *, rounded: bool = False) -> Floats:
-        """Return A (m, n) of `rows`; if `rounded`, entries within rounding are 0."""
+        """Return A (m, n) of `rows`; if `rounded`, with 0 for entries of rounding."""
         found = self.jacobian_entries(rows, rounded=rounded)
         return found.dense(len(rows), self.n)
 
@@ -322,7 +322,10 @@ def implied_conditions(rows: Iterable[Row], *, velocities: bool) -> list[Conditi
 
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
-    """Return derivatives of a node: index among positions, then velocities -> node."""
+    """Return the derivatives of a node by positions and velocities.
+
+    As index among positions, then velocities -> node.
+    """
     places, variables = point.places
     found = slopes(point.g, node, variables)
     return {places[x]: slope for x, slope in found.items()}
@@ -430,7 +433,7 @@ def shape_of(
 
 
 class Lengths:
-    """The lengths of conditions at a state."""
+    """The lengths of conditions at a state, see the module docstring."""
 
     def __init__(self, point: Point, asked: Sequence[Condition]) -> None:
         self.point, self.asked = point, asked

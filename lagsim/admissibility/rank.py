@@ -114,6 +114,7 @@ class RankReport(NamedTuple):
     Attributes
     ----------
     rank : int
+        The number of independent rows.
     smallest : float
         The smallest nonzero singular value of the scaled rows (1 if there is none).
     generic_rank, generic_smallest : int, float
@@ -123,7 +124,7 @@ class RankReport(NamedTuple):
     not_unique : tuple of str
         The constraints whose multipliers are not determined.
     thin : ThinSet or None
-        The rows without finite multipliers.
+        The rows without finite multipliers, if there are any.
     """
 
     rank: int
@@ -399,9 +400,9 @@ class Neighbourhood:
     Attributes
     ----------
     metric : ndarray, shape (n, n)
-        Metric of projections onto the rows.
+        Metric in which states are projected onto the rows.
     spreads : list of ndarray, shape (n,)
-        Variation of positions and of velocities.
+        Variation of positions, and of velocities.
     """
 
     def __init__(

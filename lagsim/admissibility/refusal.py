@@ -164,7 +164,7 @@ class _Source(NamedTuple):
 
 
 def _sources(point: Point) -> list[_Source]:
-    """Return the expressions of the file that are not finite, in order of use."""
+    """Return the expressions of the file that are not finite, in order of their use."""
     e, model = point.e, point.e.model
     energies = {
         "kinetic": model.kinetic,
@@ -689,7 +689,7 @@ def _terms(
 
 
 def _is_of_degrees(value: float) -> bool:
-    """Whether a number is likely to be an angle in degrees, such as 30 or 90."""
+    """Whether a number looks like an angle in degrees, such as 30 or 90."""
     size = abs(value)
     return _LEAST <= size <= _TURN and not all(size % whole for whole in _WHOLE)
 
@@ -791,8 +791,8 @@ def suggestion(model: Model, relation: str) -> str:
 def beyond_state(equations: Equations) -> Iterator[Caution]:
     """Yield warnings on the model that do not depend on the state.
 
-    On unused parameters, angles in degrees, inconsistent units, relations that are
-    powers and are replaced by their simple roots, and reactions that are 0.
+    They concern unused parameters, angles in degrees, inconsistent units, relations
+    that are powers and are replaced by their simple roots, and reactions that are 0.
     """
     model, g = equations.model, equations.graph
     for stem, found in groupby(model.unused, lambda name: name.partition(".")[0]):

@@ -86,7 +86,8 @@ class RestCorner(NamedTuple):
     Attributes
     ----------
     equations : Equations
-        The equations of both sides, with the shares that balance there as numbers.
+        The equations of both sides, with the shares with which forces balance as
+        numbers.
     rows : tuple of Row
         Equalities that hold the state on the surfaces.
     """
@@ -557,7 +558,7 @@ def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
 
 
 def _by_gap(point: Point) -> list[int]:
-    """Return the indices of contacts, ordered by their scaled gaps."""
+    """Return the indices of the laws that are contacts, by increasing scaled gap."""
     contacts = [k for k, x in enumerate(point.e.laws) if x.kind is Kind.CONTACT]
     rows = [point.e.laws[k].row for k in contacts]
     lengths = np.linalg.norm(point.jacobian(rows) / point.sizes, axis=1)

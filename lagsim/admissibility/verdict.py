@@ -236,7 +236,7 @@ def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
 
 
 def _of_size(residual: Residual, own: float) -> Residual:
-    """Return the residual with a scale of at most `own`, the relation's own size."""
+    """Return the residual with its scale limited to `own`, the relation's own size."""
     if not np.isfinite(own):
         return residual
     residual = residual._replace(floor=float(RESIDUAL_ROUNDOFF * own))
@@ -584,6 +584,7 @@ class LawsAtStart(NamedTuple):
     rows : sequence of Row
         Rows that may act.
     multipliers : ndarray, shape (rows,)
+        The multipliers of these rows.
     v : ndarray, shape (n,)
         The velocities after the impact.
     """
@@ -602,7 +603,10 @@ class LawsAtStart(NamedTuple):
 
 
 def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
-    """Determine the modes of the laws whose verdicts are active."""
+    """Determine the modes of laws at the start, and impacts.
+
+    Only the laws act whose verdicts are `active`.
+    """
     laws, sliders = point.e.laws, _sliders(point)
     active = {v.name for v in verdicts if v.active}
     chosen = [
@@ -712,7 +716,10 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
 def _with_mode(
     verdict: RelationResiduals, found: LawsAtStart, point: Point
 ) -> RelationResiduals:
-    """Return the verdict on a law with its mode at the start in words."""
+    """Return the verdict on a law with its mode at the start, in words.
+
+    found : the modes of the laws.
+    """
     if verdict.active is None or verdict.mode:
         return verdict
     laws = point.e.laws

@@ -343,8 +343,8 @@ def on(
 ) -> Callable[[Interval], Interval]:
     """Return the rule of a monotone function f on the interval [`least`, `most`].
 
-    Zeros are exact. open_end : whether f is unbounded at its ends, which do not belong
-    to the domain.
+    f : the function on arrays. Values 0 are exact. open_end : whether f is unbounded at
+    the ends of the interval, which do not belong to the domain.
     """
 
     def rule(x: Interval) -> Interval:

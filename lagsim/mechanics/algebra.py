@@ -298,8 +298,8 @@ def multiple_of(x: Floats, y: Floats) -> float:
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
     """Return an orthonormal basis (k, k - rank) of the null space of J (m, k).
 
-    Singular values up to `cutoff` count as zero. Its default is DEPENDENT_ROWS times
-    the largest.
+    Singular values up to `cutoff` count as zero. The default of `cutoff` is
+    DEPENDENT_ROWS times the largest singular value.
     """
     if not J.size:
         return np.eye(J.shape[1])

@@ -387,7 +387,10 @@ class Chains(NamedTuple):
         return [*found, *(([node], [first[i], first[j]]) for (i, j), node in pairs)]
 
     def neighbours(self) -> list[set[int]]:
-        """Return the sparsity pattern of M: the coupled velocities of each velocity."""
+        """Return the sparsity pattern of M.
+
+        It has, for each velocity, the velocities that are coupled with it.
+        """
         reach = [{j} for j in range(self.size)]
         for form in self.sums:
             reach.append(set().union(*(reach[i] for i in form)))
@@ -631,7 +634,7 @@ class ChainedMass:
     found : Chains
         The factors of M, of which there are O(n).
     rows : callable
-        Derives the rows of M.
+        Function that derives the rows of M.
     """
 
     def __init__(

@@ -139,7 +139,7 @@ class ComplementarityProblem:
         return [[self.pairs.item(k), k] for k in some]
 
     def bounds(self, p: Floats) -> tuple[Floats, Floats]:
-        """Return the lower (r,) and upper bounds (r,) at multipliers p (r,)."""
+        """Return the lower and the upper bounds, each (r,), at multipliers p (r,)."""
         if self.own.all():
             return self.low[0], self.high[0]
         push = p[self.normals]

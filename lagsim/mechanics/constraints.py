@@ -334,7 +334,7 @@ class Law(NamedTuple):
 
     @property
     def given(self) -> tuple[int, ...]:
-        """The nodes of bounds and restitution, which the model file gives."""
+        """The nodes of bounds and restitution, as the model file states these."""
         bounce = () if self.bounce is None else (self.bounce,)
         return (self.bound, self.static, *bounce)
 
@@ -433,7 +433,11 @@ def pieces_of(
 def _slips(
     g: Graph, name: str, law: OneSided, flow: Flow, normal: int
 ) -> Iterator[Law]:
-    """Derive the slips of the contact with index `normal` among the laws."""
+    """Derive the laws of the slips of a contact.
+
+    name, law : the contact, and its law in the model. normal : its index among the
+    laws.
+    """
     count = len(law.slips)
     if not count or law.friction is None:
         return

@@ -186,7 +186,7 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
 
 
 def may_branch(g: Graph, nodes: Iterable[int]) -> bool:
-    """Whether an expression has a jump or a kink."""
+    """Whether one of the expressions `nodes` has a jump or a kink."""
     rows = (OPERATIONS.get(g.ops[n]) for n in g.cone(nodes))
     return any(row is not None and (row.switch or row.branches) for row in rows)
 
@@ -307,7 +307,7 @@ def _energy(
 def reactions(e: Equations) -> dict[str, int]:
     """Return the reaction R_x of each definition named in `output.reactions`.
 
-    Each R_x is that of the model in which x alone is separated.
+    Each R_x is the reaction in the model in which x alone is a separate coordinate.
 
     Returns
     -------

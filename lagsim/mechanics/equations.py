@@ -229,7 +229,7 @@ class Equations:
 
     @property
     def is_set(self) -> bool:
-        """Whether events change the energy: whether its expression contains modes."""
+        """Whether events change the energy, as its expression contains modes."""
         modes = self.model.modes
         return bool(modes) and not modes.isdisjoint(self.graph.depends([self.energy]))
 
@@ -408,7 +408,7 @@ def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Foun
 
 
 def pushes(e: Equations) -> list[int]:
-    """Return the sums of magnitudes of the terms of `f` and `other_rates`, as nodes.
+    """Return, for each node of `f` and `other_rates`, the sum of its |terms| (node).
 
     Terms that depend on multipliers or accelerations are left out.
     """

@@ -67,7 +67,10 @@ def lost_impulses(e: Equations) -> list[Problem]:
 
 
 def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:
-    """Return the components (n,) of forces, or impulses, along the coordinates."""
+    """Return the components (n,) of forces, or impulses, along the coordinates.
+
+    Each force acts along the gradient of its direction.
+    """
     Q = [g.zero] * len(flow.rates)
     for force in forces:
         by_rates = force.level is not Level.POSITION

@@ -74,8 +74,8 @@ class TreeOfFrames(NamedTuple):
         """Return bounds of the roundoff of the entries of frames' matrices, as nodes.
 
         Rotations keep the lengths of vectors, so that errors add up along the tree, and
-        independent ones by their squares; bounds by the entries' magnitudes would grow
-        by a factor with each frame.
+        independent errors by their squares. Bounds from the magnitudes of entries would
+        grow by a factor with each frame.
 
         moving, state : see `evaluate.roundings`.
         """

@@ -38,6 +38,7 @@ class Impact:
     Attributes
     ----------
     impulses : ndarray, shape (r,)
+        The impulses of the rows.
     after : ndarray, shape (r,)
         The rates of the rows after the impact.
     open : bool

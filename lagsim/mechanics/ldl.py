@@ -55,7 +55,10 @@ class Scaled(NamedTuple):
 
 
 def without_content(x: Collected, row: Row) -> Scaled:
-    """Return the row divided by the most frequent numeric factor of its entries."""
+    """Return the row divided by the numeric factor that most of its entries contain.
+
+    x : rewriter of the graph. The weight of the result is the inverse of the factor.
+    """
     g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
@@ -96,7 +99,10 @@ def affordable(n: int, m: int) -> int:
 
 
 def dense_operations(n: int, m: int) -> int:
-    """Estimate the multiplications of `dense`: factors of M, rows of A, and QR."""
+    """Estimate the multiplications of `dense`: factors of M, rows of A, and a QR.
+
+    n, m : numbers of coordinates and rows.
+    """
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
@@ -194,7 +200,7 @@ class Elimination:
 
     @cached_property
     def collected(self) -> Collected:
-        """Rewriter of sums of products on the graph."""
+        """Rewriter of sums of products on the graph, see `Collected`."""
         return collected_along(self.equations)
 
     def _unit(self) -> int:
@@ -301,7 +307,10 @@ class Elimination:
         return x.sum(terms)
 
     def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
-        """Return M^-1 (f + A^T lam), for L^-1 f and lam in the unit of mass."""
+        """Return M^-1 (f + A^T lam), from L^-1 f.
+
+        f : L^-1 f, from `Factorisation.forward`. lam : multipliers in the unit of mass.
+        """
         g, x, mass = self.g, self.collected, self.mass
         terms: dict[int, list[tuple[int, ...]]] = {}
         for i, multiplier in sorted(lam.items()):

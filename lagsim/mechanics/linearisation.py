@@ -68,7 +68,7 @@ class Eigenmodes(NamedTuple):
     left: Complexes
 
     def amplitudes(self, rates: Floats) -> Complexes:
-        """Return the amplitude of each mode (k,) in the vector `rates` (size,)."""
+        """Return the amplitude (k,) of each mode in a vector of rates (size,)."""
         # Left and right vectors of equal eigenvalues need not come in pairs.
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
@@ -392,13 +392,13 @@ class BoundedEigenvalues(NamedTuple):
 
     @property
     def growing(self) -> Flags:
-        """Whether each real part is positive beyond rounding, shape (k,)."""
+        """Return marks (k,) of real parts that are positive beyond rounding."""
         flags: Flags = self.values.real > self.errors
         return flags
 
     @property
     def decaying(self) -> Flags:
-        """Whether each real part is negative beyond rounding, shape (k,)."""
+        """Return marks (k,) of real parts that are negative beyond rounding."""
         flags: Flags = self.values.real < -self.errors
         return flags
 
@@ -456,9 +456,9 @@ class EigenMode(NamedTuple):
     shape : ndarray of complex, shape (n,)
         Amplitudes of the coordinates; the largest is 1.
     states : ndarray of complex, shape (l,)
-        Amplitudes of the first-order states beside these.
+        Amplitudes of the first-order states, in the scale of `shape`.
     stable : bool
-        Whether the real part is not positive beyond rounding.
+        Whether the real part of the eigenvalue is not positive beyond rounding.
     """
 
     eigenvalue: complex

@@ -56,7 +56,7 @@ class Cost(NamedTuple):
     Attributes
     ----------
     operations
-        In operations of straight-line code.
+        The cost, in operations of straight-line code.
     loop
         Whether the code is a loop over the order.
     """

@@ -276,7 +276,7 @@ class _Pieces:
     # Kinks of any other kind: both sides near them, and a line
 
     def _apart(self, n: int, way: int) -> list[Piece]:
-        """Return two pieces of node n, by the sides of its innermost kink, or n.
+        """Return two pieces of node n, by the sides of its innermost kink, or n alone.
 
         way : as in `of`. The derivative with respect to the kinked expression is
         evaluated on the present side of the kink: on the other side it may have no

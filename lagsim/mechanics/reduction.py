@@ -57,7 +57,10 @@ NODES = {
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
-    """Return the equations with variables replaced in every expression."""
+    """Return the equations with variables replaced in every expression.
+
+    new : node of a variable -> node that replaces it.
+    """
     nodes: list[int] = []
 
     def noted(node: int) -> int:
@@ -322,7 +325,10 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
 
 
 def with_lengths(e: Equations) -> Equations:
-    """Return equations with inertia along the constant lengths of quaternions."""
+    """Return equations with inertia along the lengths of quaternions.
+
+    These lengths are constant.
+    """
     rows = [row for row in e.rows if row.name.startswith(UNIT_LENGTH)]
     return augmented(e, rows) if rows else e
 
@@ -360,7 +366,7 @@ class Reduction(NamedTuple):
         Eliminated variables (q_e, its rates, its multiplier) -> expressions of the
         integrated variables, with their accelerations and multipliers.
     eliminated : tuple of (str, str)
-        Coordinates, each with the constraint that determines it.
+        The eliminated coordinates, each with the constraint that determines it.
     """
 
     equations: Equations
@@ -398,7 +404,10 @@ class Reduction(NamedTuple):
         return full[[places[name] for name in self.equations.q]]
 
     def state(self, start: Instant, blocks: Blocks) -> Floats:
-        """Return y, shape (size,), at a full initial state; works start at 0."""
+        """Return y, shape (size,), at a full initial state; the works start at 0.
+
+        blocks : the places of the parts of y.
+        """
         y = np.zeros(blocks.size)
         y[blocks.positions] = self.kept(start.q)
         y[blocks.velocities], y[blocks.first_order] = self.kept(start.v), start.s

@@ -53,11 +53,11 @@ class RowModes:
     Attributes
     ----------
     mode : tuple of Mode, length r
-        Held rows are linearly independent.
+        The mode of each row. Held rows are linearly independent.
     direction : ndarray, shape (r,)
-        Of a sliding row: its multiplier divided by its bound (with two slips: a
-        component of a unit vector). Of a redundant row with a multiplier: the
-        multiplier divided by the static bound. Of other rows: 0.
+        The multiplier of a sliding row divided by its bound (with two slips: a
+        component of a unit vector); the multiplier of a redundant row divided by its
+        static bound; 0 for other rows.
     multipliers : ndarray, shape (r,)
     paradox : bool
         Painlevé's paradox: no solution, or a sliding contact under pressure whose
@@ -170,7 +170,7 @@ class _Edges(NamedTuple):
 
     @property
     def closed(self) -> Closed:
-        """The rows."""
+        """The rows of the problem."""
         return self.rows.closed
 
     def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:

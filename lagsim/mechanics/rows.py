@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class Mode(IntEnum):
-    """Mode of a row."""
+    """Mode of a row; see the module docstring for the ends of modes."""
 
     OFF = 0  # the multiplier is 0
     HELD = 1  # in force as an equality
@@ -111,7 +111,7 @@ class RowTable:
 
     @classmethod
     def of(cls, laws: Sequence[Law]) -> RowTable:
-        """Return the columns of laws."""
+        """Return the columns of the rows of laws."""
         return cls(
             np.array([law.kind.low for law in laws]),
             np.array([law.kind.high for law in laws]),
@@ -140,7 +140,7 @@ class RowTable:
         return found
 
     def held(self, rows: Sequence[int]) -> RowTable:
-        """Return the columns with some rows without bounds: held as equalities."""
+        """Return the columns with the rows `rows` without bounds, as equalities."""
         if not len(rows):
             return self
         low, high, gapped = self.low.copy(), self.high.copy(), self.gapped.copy()

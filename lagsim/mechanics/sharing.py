@@ -125,7 +125,7 @@ class ContactRows:
         return least_squares(Q @ K, Q @ (self.closed.columns @ p + self.forces))
 
     def disc(self, k: int) -> list[int]:
-        """Return [k], or both rows of the disc of row k, in ascending order."""
+        """Return both rows of row k's disc, in ascending order; [k] without a disc."""
         pair = self.closed.table.pairs.item(k)
         return [k] if pair < 0 else [min(k, pair), max(k, pair)]
 
@@ -136,7 +136,7 @@ class ContactRows:
 
     @cached_property
     def regular(self) -> bool:
-        """Whether all rows are independent by a margin."""
+        """Whether all rows are linearly independent by a margin."""
         return self.closed.pushes is None and is_regular(self.closed.D)
 
     @cached_property
@@ -183,7 +183,7 @@ class Independent(Span):
         return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
-        """Whether column `row` of Y is independent of the span, which is unchanged."""
+        """Whether column `row` of Y is independent of the span; it is not added."""
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 

@@ -92,7 +92,7 @@ class StateSpace(NamedTuple):
 def inputs_of(names: Sequence[str], orders: Sequence[int]) -> tuple[str, ...]:
     """Return names of inputs, each followed by the names of its rates: c, c', c''.
 
-    orders : the order of the highest rate of each.
+    orders : for each input, the order of its highest rate.
     """
     pairs = zip(names, orders, strict=True)
     return tuple(name + "'" * k for name, order in pairs for k in range(order + 1))

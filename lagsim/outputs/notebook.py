@@ -91,7 +91,7 @@ def framed(html: str, name: str, height: int) -> str:
     name : str
         The title of the frame.
     height : int
-        In pixels.
+        The height of the frame, in pixels.
     """
     style = f"width: 100%; height: {height}px; border: 0"
     return (

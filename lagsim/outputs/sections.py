@@ -121,9 +121,9 @@ def without_noise(
 def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     """Return the two columns that the picture of a section shows.
 
-    The first two columns that vary on the section; with fewer, time comes first.
-    Energies and columns of constraints are not considered. Arguments are as for
-    `without_noise`.
+    These are the first two columns that vary on the section; if only one varies, time
+    comes first. Energies and columns of constraints are not considered. Arguments are
+    as for `without_noise`.
     """
     motion = [
         n for n in names[1:] if n not in ENERGIES and not made(n, *OF_CONSTRAINTS)

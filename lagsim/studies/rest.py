@@ -798,7 +798,7 @@ def tables(found: Sequence[Equilibrium]) -> dict[str, bytes]:
 
 
 def _rank(one: Equilibrium) -> tuple[float, int]:
-    """Return the key of the order of rests: the distance, then whether it is stable."""
+    """Return the sort key of rests: the distance, then stable before unstable."""
     stability = {True: 0, None: 1, False: 2}
     return float(f"{one.distance:.9g}"), stability[one.stable]
 

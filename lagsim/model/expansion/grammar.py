@@ -126,7 +126,10 @@ class _Extended(Parser):
         return True
 
     def _name_frame(self, top: Pending | None) -> None:
-        """Store the steps of the first argument of a function of frames."""
+        """Store the steps of the first argument of a function of frames.
+
+        top : the innermost open operation, if it is such a function.
+        """
         if isinstance(top, _OfFrame) and not top.frame:
             top.frame = self._cut(top.begin)
 

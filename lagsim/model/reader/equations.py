@@ -360,7 +360,7 @@ def laws_at_values(
 def _with_limits(
     found: SequenceType[Constraint | None], readers: SequenceType[_ConstraintReader]
 ) -> tuple[Constraint, ...]:
-    """Return constraints with their bounds while held and while sliding.
+    """Return constraints with the bounds of their multipliers, held and sliding.
 
     Two relations that share a limit have a slip of two components.
     """
