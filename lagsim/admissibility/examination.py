@@ -159,7 +159,7 @@ class StartReport(NamedTuple):
 
     @property
     def thin(self) -> ThinSet | None:
-        """The set of states at which the rows lose rank; None if the start is on none."""
+        """The set of states at which rows lose rank; None if the start is on none."""
         return self.ranks.thin
 
     @property

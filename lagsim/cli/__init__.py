@@ -43,7 +43,7 @@ COMMANDS = (
 
 
 def main() -> int:
-    """Run the command line; return the exit code."""
+    """Run the command line with the arguments of the process; return the exit code."""
     from lagsim.cli import _shared
 
     _shared.prepare()

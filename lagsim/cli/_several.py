@@ -58,7 +58,7 @@ class Done(NamedTuple):
     code : int
         The exit code.
     documents : sequence
-        The first is run.json, unless the code is in REFUSED.
+        The documents of the run; the first is run.json, unless the code is in REFUSED.
     printed : str
         The text printed on stderr.
     """
@@ -184,7 +184,7 @@ def _report(
 ) -> int:
     """Print the stderr text of models from `first` on, in their order.
 
-    Printing ends before the first model without a result, except the `final` time.
+    Printing ends before the first model without a result, unless it is `final`.
 
     Returns
     -------

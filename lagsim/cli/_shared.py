@@ -45,7 +45,7 @@ class PictureFormat(Enum):
 def flag(name: str, text: str) -> Any:
     """Return the declaration of an option without a value.
 
-    text : its help.
+    name : of the option. text : its help.
     """
     return typer.Option(False, name, help=text)
 
@@ -113,7 +113,7 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
     Raises
     ------
     InputError
-        Where there is no `=`, or a name stands twice.
+        Where there is no `=`, or a name is given twice.
     """
     found: dict[str, str] = {}
     problems = Problems()
@@ -603,7 +603,10 @@ def report_stdout_failure(error: OSError) -> int:
 
 
 def complain(text: str, *, again: bool = False) -> None:
-    """Print text for a person on stderr."""
+    """Print text for a person on stderr.
+
+    again : whether a worker process has already added annotations.
+    """
     _report(without_controls(text, sys.stderr, again=again))
 
 
@@ -621,7 +624,7 @@ def _report(text: str) -> None:
 
 
 def _mute(stream: TextIO) -> None:
-    """Redirect a stream to nowhere, so that the flush at exit does not fail."""
+    """Redirect a stream to a null device, so that the flush at exit does not fail."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

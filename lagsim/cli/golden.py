@@ -168,7 +168,7 @@ def _task(path: str, folder: Path | None) -> _Task:
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
-    """Raise an error if the goldens of two models would be one file."""
+    """Raise an error if two models would have one golden file."""
     first: dict[tuple[Path, str], str] = {}
     problems = Problems()
     for task in tasks:

@@ -171,7 +171,10 @@ def encoded_figure(figure: Figure, form: str = "png") -> bytes:
 def legend(
     of: Figure | SubFigure | Axes, entries: Sequence[Entry], width: float, **more: Any
 ) -> Legend:
-    """Add a legend, by default in as many columns as fit into `width` inches."""
+    """Add a legend, by default in as many columns as fit into `width` inches.
+
+    of : where it is added. entries : names with pens.
+    """
     names, columns = in_columns(entries, width)
     # Where there is no pen there is no line; a broad one keeps to its place.
     pens = (pen or {"linestyle": "none"} for _, pen in entries)
@@ -269,9 +272,9 @@ class Picture(Figure):
 def header(
     of: Figure | SubFigure, entries: Sequence[Entry], width: float, title: str = ""
 ) -> int:
-    """Add a title and a legend above all panels.
+    """Add a title and a legend above all panels; return the legend's number of lines.
 
-    Return the legend's number of lines.
+    of : the figure, or a part of it. width : in inches.
     """
     if title or entries:
         legend(
@@ -395,7 +398,7 @@ def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
 
 
 def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
-    """Draw values against time: as a curve, or as a band where they swing fast."""
+    """Draw values against time: as a curve, or as a band if they oscillate fast."""
     if not len(t) or ink(*inches(axes, t, values)) < BAND:
         curve(axes, t, values, pen)
         return
@@ -602,7 +605,10 @@ def figure(
 
 @in_house_style
 def crossed(title: str, x: PlottedColumn, y: PlottedColumn, kind: str) -> Picture:
-    """Draw points: the states of a section; `kind` is written after their number."""
+    """Draw the states of a section as points in the plane of two columns.
+
+    kind : words after the number of states.
+    """
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} {kind}")
     axes = found.subplots()
     axes.plot(x.values, y.values, **marker_pen(".", 3.0, PENS[0]["color"]))

@@ -46,7 +46,7 @@ def text_block(head: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def paragraphs(*parts: str) -> str:
-    """Return the non-empty parts, each on lines of its own."""
+    """Return the parts that are not empty, separated by line breaks."""
     return "\n".join(part for part in parts if part)
 
 

@@ -216,7 +216,7 @@ def in_pairs(
 
 
 def _is_pair(one: str, other: str) -> bool:
-    """Whether two names differ in one letter: x in the first, y in the second."""
+    """Whether two names differ in one letter only: x in `one`, y in `other`."""
     differ = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
     return len(one) == len(other) and differ in ([("x", "y")], [("X", "Y")])
 
@@ -240,7 +240,7 @@ class Panels:
     Attributes
     ----------
     height : float
-        Of the grid with its labels, in inches.
+        Height of the grid with its labels, in inches.
     """
 
     def __init__(self, data: PlotData, groups: Sequence[tuple[str, ...]]) -> None:
@@ -321,7 +321,10 @@ def against_time(
     pens: Iterable[Pen],
     draw: Callable[[Axes, Array, Array, Pen], None] = series,
 ) -> None:
-    """Draw columns (times, values) against time, and mark the events."""
+    """Draw columns (times, values) against time, and mark the events.
+
+    pens : of the columns. draw : function that draws one column.
+    """
     mark_events(data, axes)
     for (t, values), pen in zip(drawn, pens, strict=False):
         draw(axes, t, values, pen)

@@ -113,7 +113,7 @@ class Results:
             raise
 
     def drop(self, name: str) -> None:
-        """Remove a file that was begun."""
+        """Remove a temporary file of the run."""
         self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
@@ -184,7 +184,7 @@ class Results:
             _sync(self.folder, os.O_RDONLY)
 
     def discard(self) -> None:
-        """Remove temporary files of this run or of a killed run."""
+        """Remove the temporary files of this run, or those of a killed run."""
         for path in self.folder.glob(PART.format("*")):
             if path.name != LOCK:
                 with contextlib.suppress(OSError):

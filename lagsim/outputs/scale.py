@@ -129,7 +129,10 @@ def per_inch(axes: Axes, ends: Ends) -> float:
 
 
 def put_around(axes: Axes, ends: Ends, each: float) -> None:
-    """Set both axes to `each` data units per inch, centred on the given ranges."""
+    """Set both axes to `each` data units per inch, centred on given ranges.
+
+    ends : the ranges.
+    """
     across, up = (
         Scale(middle - half, middle + half)
         for (low, high), side in zip(ends, size_of(axes), strict=True)
@@ -142,8 +145,8 @@ def put_around(axes: Axes, ends: Ends, each: float) -> None:
 def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -> None:
     """Label an axis with name, unit, power of ten and offset of its numbers.
 
-    The name is cut to the length of the axis. `text` is the Text to write to, above the
-    panel; by default it is the label of the axis.
+    The name is cut to the length of the axis. text : the Text above the panel that is
+    set; by default the label of the axis.
     """
     width, height = size_of(axis.axes)
     across = text is not None or axis is axis.axes.xaxis
@@ -286,7 +289,10 @@ def time_scale(t: Array) -> Scale:
 
 
 def noise_scale(values: Array, size: float) -> Scale:
-    """Return a scale for residuals of a quantity that has the given size."""
+    """Return a scale for residuals of a quantity, on which rounding errors are small.
+
+    size : the size of the quantity.
+    """
     low, high = finite_range(values)
     low, high = min(low, 0.0), max(high, 0.0)
     if high - low < FAINT:

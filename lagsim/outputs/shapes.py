@@ -83,7 +83,7 @@ class Body(NamedTuple):
 
 
 def moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
-    """Return the names of columns on which nodes depend."""
+    """Return the names of the columns on which some nodes depend."""
     fixed = {p.name for p in model.parameters} - model.modes | {CURVE}
     return model.graph.depends(nodes) - fixed
 

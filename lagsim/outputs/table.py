@@ -92,7 +92,7 @@ class Writer:
             left = left[self._file.write(left) :]
 
     def begin_anew(self) -> None:
-        """Remove all rows."""
+        """Remove all rows written so far."""
         self._file.seek(self._head)
         self._file.truncate()
         self.rows, self.last = 0, None
@@ -116,7 +116,7 @@ class Writer:
             self.last = float(written[-1, 0])
 
     def _text(self, block: Floats) -> bytes:
-        """Return rows as bytes in the format of the table."""
+        """Return a block of rows as bytes in the format of the table."""
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:
@@ -197,7 +197,7 @@ def guarded(text: str) -> str:
 
 
 def unguarded(cell: str) -> str:
-    """Return the text of a field that `guarded` has returned."""
+    """Return the text of which a field is the result of `guarded`."""
     return cell[1:] if cell.startswith("'") and guarded(cell[1:]) == cell else cell
 
 
@@ -295,6 +295,7 @@ def check_format(form: TableFormat, *, show_units: bool) -> None:
     Raises
     ------
     InputError
+        For such an option, or if pyarrow is missing.
     """
     if show_units:
         text = f"a table in the format {form} has no line of units"

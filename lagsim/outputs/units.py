@@ -167,7 +167,8 @@ def _of_differences(
 ) -> str:
     """Return the unit of a sensitivity or of a standard deviation, "" if unknown.
 
-    columns, named : units of columns; of parameters, coordinates and states.
+    name : of such a column. columns : units of columns. named : units of parameters,
+    coordinates and states.
     """
     kind, rest = parsed_column(name) or (RESIDUAL, "")
     if kind is DEVIATION:
@@ -214,7 +215,10 @@ def _consistent(
 
 
 def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Return the terms of a sum whose unit differs from `wanted`."""
+    """Return the terms of the sum `node` whose unit differs from `wanted`.
+
+    A term of unknown unit does not differ.
+    """
     graph, below, terms = dimensions.graph, [node], list[int]()
     while below:
         k = below.pop()

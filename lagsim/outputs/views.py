@@ -446,7 +446,10 @@ def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
 
 
 def _spring(a: Array, b: Array, inch: float) -> Array:
-    """Return a zigzag (n, 2) from a to b."""
+    """Return a zigzag (n, 2) from a to b.
+
+    inch : data units per inch.
+    """
     length, u, left = _along(a, b)
     along = np.concatenate(([0.0], np.linspace(0.12, 0.88, 2 * TURNS + 2), [1.0]))
     aside = np.zeros(len(along))

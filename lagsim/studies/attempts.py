@@ -278,7 +278,7 @@ def evaluation_cost(system: System, method: str) -> float:
 
 
 def own_cost(system: System, trajectory: Trajectory) -> float:
-    """Return the cost of the evaluations of a run, in operations."""
+    """Return the cost of a run, in operations: that of its evaluations of y'."""
     return trajectory.statistics.evaluations * evaluation_cost(
         system, system.plan.method
     )
@@ -292,7 +292,7 @@ class Repeat(NamedTuple):
 
     @property
     def evaluation(self) -> float:
-        """The cost of an evaluation, in operations."""
+        """The cost of an evaluation of y', in operations."""
         return evaluation_cost(self.session.system, self.session.plan.method)
 
     @property
@@ -310,7 +310,7 @@ class Repeat(NamedTuple):
 
 
 class Allowance:
-    """Remaining budget of operations for the verification of a run."""
+    """Budget of operations that repeats and second attempts of a run have left."""
 
     def __init__(self, system: System, trajectory: Trajectory) -> None:
         arcs = ARC * trajectory.statistics.arcs
@@ -343,7 +343,10 @@ class Allowance:
 
 
 def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
-    """Yield other means of integration than those of a run, the best first."""
+    """Yield other means of integration than those of a run, the best first.
+
+    They are sessions with another method, formulation or tolerance.
+    """
     plan, system, settings = session.plan, session.system, session.case.settings
     span = trajectory.end - trajectory.start
 
@@ -496,7 +499,10 @@ class Attempt(Evidence):
         timings: Mapping[str, float],
         files: Sequence[str],
     ) -> dict[str, Any]:
-        """Return the content of run.json."""
+        """Return the content of run.json.
+
+        cautions : all warnings. timings : seconds by stage. files : names of the files.
+        """
         return manifest(
             self.session, self.trajectory, self.residuals, constraint_residual(self),
             self.bar, cautions,
@@ -505,7 +511,7 @@ class Attempt(Evidence):
 
 
 def _means(plan: Plan) -> str:
-    """Return the text of a method with its tolerance or its step."""
+    """Return a text with the method of a plan, and its tolerance or step."""
     own = f"step {plan.step:.3g}" if plan.rtol is None else f"rtol {plan.rtol:.2g}"
     return f"{plan.method} at {own}"
 

@@ -163,7 +163,7 @@ class RestCurve:
 
     @property
     def held(self) -> list[str]:
-        """Names of the active rows."""
+        """Names of the rows in force."""
         return [row.name for row in self._held]
 
     def visible(self, y: Floats) -> Floats:
@@ -182,7 +182,7 @@ class RestCurve:
         return np.asarray(y * other._sizes / self._sizes)
 
     def value(self, y: Floats) -> float:
-        """Return the parameter at scaled unknowns."""
+        """Return the value of the parameter at scaled unknowns y (k + 1,)."""
         return float(y[-1] * self._sizes[-1])
 
     def _model_at(self, value: float) -> Any:
@@ -201,7 +201,7 @@ class RestCurve:
         return self._bound[value]
 
     def _at(self, y: Floats) -> tuple[Floats, Floats]:
-        """Return the residuals F (k,) at scaled unknowns, and slopes (k, k + 1)."""
+        """Return F (k,) at scaled unknowns y (k + 1,), and dF/dy (k, k + 1)."""
         value = self.value(y)
         x = (y * self._sizes)[:-1]
         r, J = self._model_at(value)[1].looked_at(x)
@@ -319,7 +319,10 @@ class RestCurve:
         return found
 
     def holds(self, place: BranchPoint) -> bool:
-        """Whether contacts in force push, and no other contact is penetrated."""
+        """Whether contacts in force push, and no other contact is penetrated.
+
+        place : the point of the curve.
+        """
         return min(self._margins(place), default=0.0) >= 0.0
 
     def _edge(self, here: BranchPoint, there: BranchPoint) -> Special | None:
@@ -345,9 +348,9 @@ class RestCurve:
     def followed(
         self, first: BranchPoint, interrupt: Interrupt | None = None
     ) -> Iterator[BranchPoint]:
-        """Generate the points of the curve from one on, to the ends of the range.
+        """Generate the points of the curve from `first` on, to the ends of the range.
 
-        After an interrupt no more are generated.
+        After an interrupt no further points are generated.
         """
         here, step = first, FIRST
         if self._leaves(first):
@@ -385,7 +388,7 @@ class RestCurve:
         return edge.place
 
     def _leaves(self, first: BranchPoint) -> bool:
-        """Whether the curve leaves the range at once, from a point at its end."""
+        """Whether the curve leaves the range at once, from a point at an end of it."""
         value, rate = self.value(first.y), float(first.tangent[-1])
         low, high = self.ends
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
@@ -487,6 +490,7 @@ class Branches:
         """Follow the branches through the rests, and return the rests of the file.
 
         Rests are searched at the value of the file, and at both ends of the range.
+        starts : number of other starts of each search.
         """
         own = {p.name: p.value for p in self.model.parameters}
         own |= {x.name: x.value for x in self.model.initial}
@@ -601,7 +605,7 @@ class Branches:
         )
 
     def _is_known(self, curve: RestCurve, y: Floats) -> bool:
-        """Whether a point of a curve lies on a branch that has been followed."""
+        """Whether a point y of a curve lies on a branch that has been followed."""
         given = y
         for places, own in zip(self.branches, self.curves, strict=True):
             if own.held != curve.held:
@@ -647,7 +651,10 @@ def _alone(found: Sequence[Special]) -> list[Special]:
 
 
 def _described(special: Special) -> dict[str, Any]:
-    """Return the entries of a special point in documents: kind, contact if any."""
+    """Return the entries of a special point in documents: its kind, and a contact.
+
+    The contact is left out unless one opens or closes.
+    """
     found = {"kind": special.kind}
     return found | ({"constraint": special.law.constraint} if special.law else {})
 

@@ -72,7 +72,8 @@ def within(t: Floats, pairs: Floats) -> Flags:
 def on_grid(rows: Floats, settings: Settings) -> Floats:
     """Return one row for each output time, and the last row.
 
-    At the time of an impact the row is the one after the impact.
+    At the time of an impact the row is that after the impact. rows : (k, columns), the
+    first column is the time.
     """
     places = grid_numbers(rows[:, 0], settings.start, settings.output_step)
     kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
@@ -373,13 +374,14 @@ class Verdict:
     Attributes
     ----------
     worst : tuple of Deviation
-        One for each common column (and each invariant), by falling ratio.
+        The largest deviation of each common column (and each invariant), by falling
+        ratio.
     missing, extra : tuple of str
         Columns that only the golden has, and that only the new run has.
     faults : tuple of str
         Other differences that make the comparison fail.
     of : callable
-        Returns the `ComparedColumn` of a column.
+        Maps the name of a column to its `ComparedColumn`.
     rows : Matched, optional
         The matched rows of two tables.
     notes : tuple of str

@@ -87,7 +87,7 @@ class Continuum:
         self._weights = 1.0 / lengths[self._rows]
 
     def _slopes(self, z: Floats) -> Floats:
-        """Return the slopes of the equations of rest (m, k) at scaled unknowns (k,)."""
+        """Return the derivatives (m, k) of the equations of rest at unknowns (k,)."""
         return np.asarray(self._rest.looked_at(z * self._sizes)[1] * self._sizes)
 
     def _equations(self, z: Floats) -> Floats:
@@ -158,7 +158,7 @@ class Continuum:
         return float(away @ away)
 
     def nearest(self) -> Instant | None:
-        """Return the nearest state to the start; None if none is found."""
+        """Return the rest of the region nearest to the start; None if none is found."""
         from scipy.optimize import minimize
 
         z = self._start
@@ -208,7 +208,7 @@ class Continuum:
         return z if self._is_inside(z) else None
 
     def _is_inside(self, z: Floats) -> bool:
-        """Whether unknowns satisfy the equations of rest and the limits."""
+        """Whether unknowns z (k,) satisfy the equations of rest and the limits."""
         left = np.max(np.abs(self._equations(z)), initial=0.0)
         kept = np.all(self._limits(z) >= -COMPUTED_ZERO)
         return bool(left <= COMPUTED_ZERO and kept)

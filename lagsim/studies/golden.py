@@ -291,7 +291,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 
 
 def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
-    """Return lower limits (k, columns) of the bounds: tolerance plus rounding."""
+    """Return the least bounds (k, columns) of errors: tolerance plus rounding."""
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations)
     alone = scales(base.columns, rows.T, of)
@@ -504,7 +504,7 @@ def table(golden: Golden) -> bytes:
 
 
 def certain(value: float, bound: float) -> str:
-    """Return the shortest decimal within a tenth of `bound` of a value."""
+    """Return the shortest decimal that differs from a value by at most `bound`/10."""
     if not (bound > 0.0 and math.isfinite(value)):
         return repr(value)
     last = math.floor(math.log10(DIGITS * bound))
@@ -567,7 +567,10 @@ def document(golden: Golden) -> bytes:
 
 
 def _lines(name: str, entries: Document, depth: int) -> bytes:
-    """Return a JSON object as text with one line for each entry, for human readers."""
+    """Return a JSON object as text with one line for each entry, for human readers.
+
+    depth : the depth at which an entry is written on one line.
+    """
     margin = depth * b"  "
     lines = (
         b"%b  %b: %b" % (margin, orjson.dumps(k), orjson.dumps(x))

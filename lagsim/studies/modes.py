@@ -84,7 +84,7 @@ class Small:
     setting : Setting
     steady : Steady
     modes : tuple of EigenMode
-        By increasing natural frequency.
+        The modes, by increasing natural frequency.
     """
 
     def __init__(self, model: Model, at: str = REST) -> None:

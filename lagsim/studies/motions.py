@@ -53,6 +53,7 @@ class SampledMotion:
     Attributes
     ----------
     columns : tuple of str
+        Names of the columns of the table.
     rows : ndarray, shape (k, columns)
     scales : dict of str to float
         The largest scale of each residual, by column.

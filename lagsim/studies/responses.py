@@ -81,7 +81,7 @@ class Response(NamedTuple):
 
     @property
     def record(self) -> Document:
-        """The entry in the JSON of a golden; an infinite ratio is written as null."""
+        """The entry of the response in the JSON of a golden; inf is written as null."""
         found: Document = {"change": float(f"{self.change:.3g}")}
         if self.refused:
             return found | {"refused": self.refused}
@@ -248,7 +248,10 @@ class _Changes:
     # Runs with rounding errors alone
 
     def _against_rounding(self, case: Case) -> float:
-        """Return the largest change of the motion in units of its rounding errors."""
+        """Return the largest change of the motion, relative to its rounding errors.
+
+        case : the changed case.
+        """
         if self._exact is None:
             self._exact = self._rounding()
         exact, noise = self._exact

@@ -104,13 +104,13 @@ class Setting(NamedTuple):
 
     @property
     def start(self) -> Instant:
-        """The nearest admissible state to the start, or the start as stated."""
+        """The nearest admissible state to the start; without one, the stated state."""
         at = self.report.state
         return Instant(at.t, at.q, at.v, at.s)
 
     @property
     def point(self) -> Point:
-        """The positions of the start, without velocities."""
+        """The positions of the start, with velocities 0."""
         at = self.start
         still = Instant(at.t, at.q, np.zeros_like(at.v), at.s)
         return Point(self.equations, still)
@@ -127,7 +127,7 @@ class Setting(NamedTuple):
 
 
 def setting_of(model: Model) -> Setting:
-    """Derive the equations of a model with standing constraints; examine its start.
+    """Derive the equations of a model with frozen constraints; examine its start.
 
     Raises
     ------
@@ -459,7 +459,7 @@ class Search:
 
     @cached_property
     def angles(self) -> Flags:
-        """Whether each coordinate is an angle, shape (n,)."""
+        """Marks (n,) of the coordinates that are angles."""
         return turning(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
@@ -481,7 +481,10 @@ class Search:
             return None
 
     def others(self, count: int) -> Iterator[AtRest | None]:
-        """Generate the rests found from `count` other starts, two from each."""
+        """Generate the rests found from `count` other starts, two from each start.
+
+        None takes the place of a rest where a search fails.
+        """
         q0, random = self._point.q, np.random.default_rng(SEED)
         sizes = np.where(self.angles, math.pi, self.extent)
         for _ in range(count):
@@ -525,7 +528,7 @@ class Search:
         return float(np.max(np.abs(self.unwound(q) - q0) / sizes, initial=0.0))
 
     def unwound(self, q: Floats) -> Floats:
-        """Return positions with each angle within half a turn of the start."""
+        """Return positions q (n,) with each angle within half a turn of the start."""
         turns = np.rint((q - self._point.q) / TURN) * self.angles
         return np.asarray(q - TURN * turns)
 

@@ -360,7 +360,7 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
 
 
 def _observers(run: Run, relay: Relay) -> list[Any]:
-    """Return the observers of rows, and the records of events and sections."""
+    """Return the observers of rows, and the recorders of events and sections."""
     noted = run.corners, run.sections
     return [*relay.others, *(x for x in noted if x is not None)]
 
@@ -375,7 +375,7 @@ _OF_RUN = (
 
 
 def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
-    """Return by name the objects that are equal in all runs of a session."""
+    """Return, by name, the objects that every run of a session creates alike."""
     case = session.case
     found = {"session": session, "relay": relay}
     found |= {name: attrgetter(name)(run) for name in _OF_RUN}

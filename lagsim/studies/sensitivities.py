@@ -178,7 +178,7 @@ class _Runs:
     known: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
     def trial(self, j: int, power: int) -> Trial:
-        """Return the run at `j` steps of the size unit*FACTOR**power."""
+        """Return the run at j steps of size unit*FACTOR**power from the value."""
         while j and j % int(FACTOR) == 0:
             j, power = j // int(FACTOR), power + 1
         key = (j, power) if j else (0, 0)
@@ -190,7 +190,10 @@ class _Runs:
         return self.known[key]
 
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
-        """Return the rows at several offsets, shape (offsets, k, columns)."""
+        """Return the rows of runs at several offsets, shape (offsets, k, columns).
+
+        offsets : numbers of steps. power : see `trial`.
+        """
         return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
 
     def usable(self, side: int) -> bool:
@@ -492,7 +495,7 @@ class _Search:
 
     @property
     def count(self) -> int:
-        """The number of runs."""
+        """The number of runs made so far."""
         return len(self.runs.known)
 
     @property

@@ -82,7 +82,7 @@ class Track(NamedTuple):
 
 
 class Push(NamedTuple):
-    """The force of a constraint on a point (frames, components)."""
+    """The force of a constraint on a point, (frames, components), with both names."""
 
     constraint: str
     point: str
@@ -95,9 +95,11 @@ class ConstraintPoints(NamedTuple):
     Attributes
     ----------
     constraint, multiplier : str
+        Name of the constraint, and column of the multiplier.
     row : mapping of int to int
         Index of a coordinate -> node of the row.
     points : tuple of str
+        Names of the points.
     """
 
     constraint: str
@@ -808,7 +810,10 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
 
 
 def page_part(name: str) -> str:
-    """Return the text of a file that pages consist of."""
+    """Return the text of a file that is a part of pages.
+
+    name : of a file in this package.
+    """
     return (Path(__file__).parent / name).read_text("utf-8")
 
 

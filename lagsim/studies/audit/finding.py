@@ -64,7 +64,7 @@ class Finding(NamedTuple):
 
 
 def up_to(session: Session, time: float) -> Session:
-    """Return the session ended at the last output time before `time`."""
+    """Return the session with its end at the last output time before `time`."""
     settings = session.case.settings
     start, step = settings.start, settings.output_step
     last = math.ceil((time - start) / step - SAME_ROW) - 1

@@ -179,7 +179,10 @@ LOOK = 64
 
 
 def index_one(case: Case) -> Own:
-    """Return a solver for q'' with lambda eliminated (index 1), without projection."""
+    """Return a solver for q'' with lambda eliminated (index 1), without projection.
+
+    Its solution can drift off the constraints.
+    """
     return Own(case, "dop853", DRIFT if case.equations.rows else "full")
 
 
@@ -214,7 +217,8 @@ class Scipy:
     Parameters
     ----------
     own : Own
-        The solver whose right-hand side is used, and which computes columns of states.
+        The solver of lagsim whose right-hand side is used, and by which columns are
+        computed.
     rows : ndarray, shape (k, columns)
         Rows of a known solution. Output is computed at their times, and atol is rtol
         times the largest absolute values of the components of y, as in lagsim.
@@ -231,7 +235,10 @@ class Scipy:
     def _derivative(
         self, look: Callable[[], None]
     ) -> Callable[[float, Floats], Floats]:
-        """Return the compiled function y'(t, y), which calls `look` periodically."""
+        """Return the compiled function y'(t, y), which calls `look` now and then.
+
+        look : raises an exception once the time limit has passed.
+        """
         system, size = self.own.system, self.own.system.size
         runner = system.link(self.own.method)
         runner.prepare()

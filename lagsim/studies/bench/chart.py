@@ -196,7 +196,7 @@ def curve_style(colour: int, turn: int = 0, kind: int = 0) -> Look:
 
 
 def drawable_errors(errors: Iterable[float]) -> Array:
-    """Return errors for a logarithmic axis, at least LEAST."""
+    """Return errors for a logarithmic axis; errors below LEAST are set to LEAST."""
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
@@ -217,7 +217,11 @@ def cost_panel(
     floor: float,
     front: tuple[Array, Array] | None = None,
 ) -> None:
-    """Draw curves of cost against error; errors below `floor` are not resolved."""
+    """Draw curves of cost against error; errors below `floor` are not resolved.
+
+    across : the scale of errors. costs : the curves. of : name of the cost. front :
+    errors and costs of the front, if it is drawn.
+    """
     known = [c.costs for c in costs if len(c.costs)]
     across.put(axes, "x")
     log_scale(*known, margin=0.05, least=0.08).put(axes, "y")
@@ -642,7 +646,10 @@ def cell_borders(places: Sequence[float]) -> tuple[Scale, Floats]:
 
 
 def _work(part: SubFigure, document: Document) -> None:
-    """Draw the work of methods with step control against the varied parameter."""
+    """Draw the work of methods with step control against the varied parameter.
+
+    The work is in evaluations, rejected steps, and least steps.
+    """
     varied = _varied(document)
     across, _ = cell_borders(varied.values.tolist())
     asked: list[tuple[str, Callable[[Document], float | None]]] = [

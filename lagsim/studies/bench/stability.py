@@ -188,7 +188,10 @@ class Subject:
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
-        """Compute eigenvalues along a motion, and excite each mode at the start."""
+        """Compute eigenvalues along a motion, and excite each mode at the start.
+
+        motion : rows (t, q, q', s).
+        """
         n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)
         states = max(10, min(STATES, MOST_NODES // linearisation.nodes))
@@ -522,7 +525,7 @@ class _Map:
         return Subject(case, self.interrupt, self.subject.compiled)
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
-        """Return least and greatest number of steps per run, for `count` runs."""
+        """Return least and greatest number of steps of a run, for `count` runs."""
         subject, steps = self.subject, self.steps
         pilot = subject.run(name, steps[len(steps) // 2], PILOT)
         evaluations = (pilot.evaluations or PILOT) / PILOT
@@ -535,7 +538,7 @@ class _Map:
         return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
 
     def length(self, name: str, step: float) -> int:
-        """Return the number of steps of a run."""
+        """Return the number of steps of a run with a method and a step."""
         least, most = self.lengths[name]
         return min(most, max(least, math.ceil(self.subject.span / step)))
 
@@ -657,10 +660,10 @@ class _Map:
 
 
 def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
-    """Return the range of steps around the predicted borders.
+    """Return the least and the largest step of a map, around the predicted borders.
 
     Steps longer than the period of an event are all equal, since each ends at the
-    event.
+    event; such steps are left out.
     """
     borders = [
         predicted(method_named(name).amplification, eigenvalues, 10.0 * subject.span)
@@ -762,7 +765,7 @@ def _positions(rest: Steady) -> dict[str, float]:
 
 
 def _is_start(rest: Steady, subject: Subject) -> bool:
-    """Whether the model starts at a rest."""
+    """Whether the start of the model is at a rest."""
     start, at = subject.case.start, rest.state
     far = np.abs(np.concatenate([at.q - start.q, at.s - start.s]))
     size = np.max(np.abs(np.concatenate([at.q, at.s])), initial=0.0)

@@ -263,7 +263,7 @@ class Reference:
         return apart
 
     def against(self, second: ReferenceSolution) -> Reference:
-        """Return the reference with the agreement to a second solution."""
+        """Return the reference with its agreement to a second solution set."""
         count = min(len(self.rows), len(second.rows))
         apart = self.apart(second.rows, count, second.events)
         known = _known(np.max(apart[:, self.state], axis=1))
@@ -486,10 +486,10 @@ def curves(rows: Iterable[Row]) -> dict[Key, list[Row]]:
 
 
 def is_answer(row: Row) -> bool:
-    """Whether a row is an answer that other rows are compared with.
+    """Whether a row is an answer, with which other rows are compared.
 
-    Rows with an error as large as the range are none, and neither are rows with drift
-    off the constraints, which `auto` does not select.
+    Rows with an error as large as the range are no answers, and neither are rows with
+    drift off the constraints, which `auto` does not select.
     """
     known = row["error"] is not None and row["error"] < 1.0
     return known and row["formulation"] != DRIFT
@@ -532,7 +532,10 @@ def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[fl
 
 
 def longest(case: Case, rtol: float) -> float:
-    """Return the time limit of a solve, from the time of `auto` at a tolerance."""
+    """Return the time limit of a solve, a multiple of the time of `auto`.
+
+    rtol : the tolerance of `auto`.
+    """
     own, seconds = Own(case, "auto", "auto", rtol), PATIENCE_SECONDS
     value = own.plan.rtol if own.plan.step is None else own.plan.step
     assert value is not None
@@ -569,9 +572,11 @@ def _curves(
     chosen: Mapping[Key, list[float]],
     refused: list[Row],
 ) -> Iterator[PrecisionCurve]:
-    """Yield the curves of a bench: a solver and its settings.
+    """Yield the curves of a bench, each with a solver and its settings.
 
-    refused : receives the solvers that cannot handle the model.
+    wish : options of the bench. reference : the solution for errors. chosen : settings
+    that `auto` selects. refused : list to which the solvers are added that cannot
+    handle the model.
     """
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)

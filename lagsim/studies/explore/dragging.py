@@ -70,7 +70,7 @@ class _Place(NamedTuple):
     slopes: Sequence[Mapping[int, int]]
 
     def at(self, x: Point) -> tuple[Floats, Floats]:
-        """Return the position (d,) of the place, and its derivatives (d, n)."""
+        """Return the position (d,) of the place at x, and its derivatives (d, n)."""
         return x.array(self.nodes), _dense(self.slopes, x)
 
 
@@ -100,7 +100,7 @@ class ConstrainedStart:
 
     @property
     def is_free(self) -> bool:
-        """Whether there is no constraint and no contact."""
+        """Whether the model has no constraint and no contact."""
         return not (self._rates or self._gaps or self._ways)
 
     def dragged(
@@ -174,7 +174,7 @@ class ConstrainedStart:
         return v
 
     def _towards(self, place: _Place, x: Point, target: Floats) -> Point:
-        """Return the state after steps that bring a place near a target."""
+        """Return the state after steps that bring a place near a target, (d,)."""
         x = self._on(x, self._closed(x))
         far = self._far(place, x, target)
         if not np.isfinite(far):
@@ -369,9 +369,9 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
 
 
 def _solved(held: Sequence[Condition], x: Point) -> Point:
-    """Return the state with conditions on positions solved by least change.
+    """Return the state at which conditions on positions hold, reached by least changes.
 
-    All steps are in the metric of the first state.
+    All steps are measured in the metric of the first state x. held : the conditions.
     """
     metric = x.mass_matrix if held else None
     for _ in range(MOST_CORRECTIONS) if held else ():

@@ -423,17 +423,17 @@ class Explorer:
 
     @property
     def session(self) -> Session:
-        """The session of the values of the file."""
+        """The session with the values of the file."""
         return self._session({})
 
     @property
     def overridden(self) -> list[str]:
-        """The names with values of `--set`."""
+        """The names of parameters and start values that `--set` replaces."""
         return list(self._overrides)
 
     @property
     def varied(self) -> list[str]:
-        """The names of `--vary`."""
+        """The names that `--vary` selects."""
         return list(self._vary)
 
     def _followed(
@@ -488,15 +488,17 @@ class Explorer:
 
 
 class _Limits(threading.Thread):
-    """Ends of the sliders of numbers of members, within which the file can be read.
+    """Ends of the sliders that count members of families, found in a thread.
 
-    The number is fixed in a file that lists a value for each member.
+    Within the ends the file can be read with each number. The number is fixed in a file
+    that lists a value for each member.
 
     Parameters
     ----------
     content : bytes
         The pickled Model.
     given : list of Slider
+        The sliders without these ends.
     """
 
     def __init__(self, content: bytes, given: list[Slider]) -> None:
@@ -683,7 +685,11 @@ def _of_parameter(p: Parameter) -> Slider:
 
 
 def _angles(session: Session) -> set[str]:
-    """Return the coordinates that are angles: not lengths that no force depends on."""
+    """Return the names of coordinates that are angles of period 2 pi.
+
+    These have the unit rad; or no unit, if points of the scene and definitions have
+    that period, too.
+    """
     e = session.equations
     model, point = session.case.model, Point(e, session.case.start)
     units = {c.name: c.unit for c in model.coordinates}

@@ -286,7 +286,7 @@ def _problem(session: Session, explorer: Explorer) -> Document:
 
 
 def _shapes_of_rows(e: Equations) -> Iterator[Document]:
-    """Yield the gradient of each row with its first and second derivatives."""
+    """Yield, for each row, the gradient with its first and second derivatives."""
     positions = positions_of(e)
     for row in e.rows:
         columns = list(row.A.entries)
@@ -307,7 +307,7 @@ def _slopes(entries: Mapping[int, int]) -> list[Any]:
 
 
 def _defined(e: Equations, point: Point) -> Iterator[Document]:
-    """Yield the start values of definitions, as conditions."""
+    """Yield the stated start values of definitions as conditions, in documents."""
     n, velocities = len(e.q), frozenset(e.velocities)
     for x in e.model.initial:
         if x.node is None:
@@ -335,7 +335,7 @@ def _states(e: Equations) -> Iterator[Document]:
 
 
 def _finite(e: Equations) -> Iterator[Document]:
-    """Yield the nodes that are finite at an admissible start, with their names."""
+    """Yield the nodes that must be finite at an admissible start, with names."""
     model = e.model
     energies = {"kinetic": model.kinetic, "potential": model.potential}
     if model.kinetic is None:
@@ -417,7 +417,7 @@ def _columns(session: Session, frames: Frames, about: Mapping[str, str]) -> Docu
 
 
 def _places(model: Model) -> Document:
-    """Return the text of the model file with the places of its numbers."""
+    """Return the text of the model file, and the places of its numbers."""
     text, spans, added = model.stated.places()
     given = list(spans.values())
 

@@ -54,7 +54,7 @@ MOST_LETTERS = 64
 
 
 class RefusedError(Exception):
-    """A request that is not answered, with its HTTP status."""
+    """Signal that a request is refused, with the HTTP status of the answer."""
 
     def __init__(self, status: HTTPStatus) -> None:
         super().__init__(status.phrase)
@@ -62,7 +62,7 @@ class RefusedError(Exception):
 
 
 def require(status: HTTPStatus, *, unless: bool) -> None:
-    """Raise RefusedError unless a condition holds."""
+    """Raise RefusedError with a status unless the condition `unless` holds."""
     if not unless:
         raise RefusedError(status)
 
@@ -214,7 +214,7 @@ class _Reader(io.RawIOBase):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """Answers to the requests of a page."""
+    """Handler of the requests of a page on one connection."""
 
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "lagsim", ""
@@ -222,7 +222,7 @@ class Handler(BaseHTTPRequestHandler):
     server: Server
 
     def setup(self) -> None:
-        """Begin a connection."""
+        """Begin a connection: set its time limits."""
         super().setup()
         self._reader = _Reader(self.connection)
         self.rfile = io.BufferedReader(self._reader)
@@ -384,7 +384,7 @@ class Handler(BaseHTTPRequestHandler):
             server.closed()
 
     def _ignore(self) -> None:
-        """Read the rest of a refused request, within limits."""
+        """Read the rest of a refused request, up to a limit of bytes and time."""
         end, count = time.monotonic() + LINGERING, 0
         with suppress(OSError):
             self.connection.shutdown(socket.SHUT_WR)
@@ -444,7 +444,7 @@ def _is_value(value: object) -> bool:
 
 
 def _number(value: object) -> float:
-    """Return a finite number of a request."""
+    """Return a number of a request; refuse other values, inf and nan."""
     if not isinstance(value, float) or not math.isfinite(value):
         raise RefusedError(HTTPStatus.BAD_REQUEST)
     return value

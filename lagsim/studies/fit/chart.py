@@ -121,7 +121,7 @@ def _chart(fit: Fit, found: Found, drawn: Sequence[_Drawn]) -> Picture:
 
 
 def _scaled(axes: Axes, values: Sequence[Floats], *, zero: bool = False) -> None:
-    """Set the scale of values; with `zero` it is symmetric, with a line at 0."""
+    """Set the scale of a panel for values; with `zero` symmetric, with a line at 0."""
     if zero:
         size = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in values)
         values = [np.array([-size, size])]

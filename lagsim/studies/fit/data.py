@@ -68,6 +68,7 @@ class Match(NamedTuple):
     Attributes
     ----------
     column : str
+        The column of the data.
     text : str
         The expression.
     deviation : float

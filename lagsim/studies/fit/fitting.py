@@ -101,7 +101,7 @@ RETURNS, RETURNED = 8, 1e-5
 
 
 class StoppedError(Exception):
-    """Error raised by an interrupt within an iteration."""
+    """Signal that an interrupt has ended an iteration."""
 
 
 # --- The fit
@@ -349,7 +349,10 @@ class Fit:
         return self._known[1]
 
     def _values(self, number: int, x: Floats) -> dict[str, float]:
-        """Return the values of the names in the runs of a record, at x (p,)."""
+        """Return the values of the names in the runs of a record.
+
+        number : of the record, from 0. x : (p,).
+        """
         values = dict(self.own[number])
         for one, value in zip(self.names, x.tolist(), strict=True):
             if number in concerned(one, self.names, self.own):
@@ -682,7 +685,7 @@ class Fit:
         return best[0], len(same), len(results), best[2]
 
     def _drawn(self, random: np.random.Generator) -> Floats:
-        """Return random start values of the names, shape (p,)."""
+        """Return random start values of the varied names, shape (p,)."""
         return np.array([drawn_start(one, random) for one in self.names])
 
     def _restarts(self, weights: Floats, loss: str) -> Iterator[Floats]:
@@ -721,8 +724,9 @@ class Fit:
     def _noise(self, raw: Floats, estimate: Estimate, given: Floats) -> Floats:
         """Return the standard deviation of each column (m,), given or estimated.
 
-        Residuals `raw` (n,) are counted with their degrees of freedom, 1 less the
-        leverage; a robust loss uses the median of their sizes.
+        raw : residuals (n,), each of which counts with 1 less its leverage as degrees
+        of freedom; a robust loss uses the median of |residual|. given : (m,), 0 where
+        not given.
         """
         found = given.copy()
         for k in np.flatnonzero(given == 0.0):
@@ -813,7 +817,11 @@ class Fit:
         return Found(x, raw, noise, outcome, found, active, *starts, cautions)
 
     def of_file(self, found: Found) -> dict[str, float]:
-        """Return the values for the model file: of starts those of the first record."""
+        """Return the fitted values for the model file.
+
+        Of start values that each record has of its own, those of the first record are
+        used.
+        """
         values = self._values(0, found.x)
         if self.setup.clocked:
             values.pop(CLOCK, None)

@@ -193,9 +193,9 @@ def start_within(low: float, high: float, value: float) -> float:
 
 
 def near_bounds(one: Varied) -> tuple[float, float]:
-    """Return bounds of a name within a factor NEAR of its start.
+    """Return bounds of a name within a factor NEAR of its start value.
 
-    A name without a start value other than 0 keeps its bounds.
+    A name with the start value 0 keeps its bounds.
     """
     ends = sorted((one.start / NEAR, one.start * NEAR))
     if not one.start:

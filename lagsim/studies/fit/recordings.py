@@ -144,7 +144,7 @@ class Task(NamedTuple):
 
 
 def _differentiated(task: Task, interrupt: Interrupt) -> Derivative | LagsimError:
-    """Return the derivatives of a task, or the error that ends their computation."""
+    """Return the derivatives of a task, or the error that ended the computation."""
     try:
         recording = Recording(
             task.setup, task.values, task.times, centre=task.centre,

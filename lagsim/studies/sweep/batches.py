@@ -121,7 +121,7 @@ def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
 
 
 class Batch:
-    """Runs of one form, many at once.
+    """Runs of a sweep with equal compiled functions, many at once.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ class Axis(NamedTuple):
         The values as numbers, with all other names as in the file.
     unit : str
     drawn : str
-        The distribution that the values are a sample of, or "".
+        The distribution from which the values were drawn, or "".
     """
 
     name: str
