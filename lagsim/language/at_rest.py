@@ -75,7 +75,10 @@ class _SlipPoint(NamedTuple):
     ways: list[dict[str, float]]
 
     def beside(self, *slip: float) -> Values:
-        """Return the values of all variables at another slip."""
+        """Return the values of all variables at another slip.
+
+        slip : components of the other slip.
+        """
         found = dict(self.values)
         for part, way in zip(slip, self.ways, strict=True):
             for name, change in way.items():

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 
 class Owner(Enum):
-    """The names that a kind of column is made of."""
+    """Kind of the names from which names of columns are made."""
 
     CONSTRAINT = "a constraint"
     COORDINATE = "a coordinate"
@@ -154,7 +154,7 @@ def made(name: str, *kinds: ColumnKind) -> bool:
 
 
 def base(name: str) -> str:
-    """Return the name from which a column's name is made, or the name itself."""
+    """Return the name from which the name of a column is made; else the name itself."""
     found = parsed(name)
     return name if found is None else found[1] or name
 

@@ -171,7 +171,7 @@ class _Reverse:
         ]
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
-        """Return the active nodes below `nodes`, last first.
+        """Return the active nodes below `nodes`, in reverse order of evaluation.
 
         Nodes are active if they depend on the variables. Arguments of selections are
         left out.
@@ -217,7 +217,8 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
 def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
     """Return the rate of node `n` by the chain rule.
 
-    rates : node -> rate of its arguments; absent ones are constant.
+    rates : node -> its rate, for the arguments of n; arguments without an entry are
+    constant.
     """
     args = g.args[n]
     if g.ops[n] == ELEMENTS:

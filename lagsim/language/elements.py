@@ -195,7 +195,7 @@ class Elements:
 
     @property
     def couples_most(self) -> bool:
-        """Whether most pairs of arguments occur together in the term of a member."""
+        """Whether most pairs of arguments occur together in a member's term."""
         coupled = np.zeros((self.count, self.count), bool)
         read = [x for x in self.slots if len(x.places) and x.column != SHARED]
         for one in read:
@@ -480,7 +480,8 @@ class Elements:
     ) -> tuple[Floats, Floats]:
         """Return the results (size,), and bounds of their errors.
 
-        arguments : values with errors. unit : error of an operation, relative to it.
+        arguments : values with errors. unit : error of an operation, relative to its
+        result.
         """
         everything = frozenset(range(self.count))
         made = self.derived("bounded", everything, frozenset())

@@ -271,7 +271,7 @@ def _of_sums(
 
 
 def addends(g: Graph, node: int) -> list[int]:
-    """Return the terms of the sum `node`, through differences and signs."""
+    """Return the nodes of which `node` is a sum, with any signs."""
     stack, found = [node], set()
     while stack:
         n = stack.pop()
@@ -308,9 +308,10 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
 
 
 def _of_root(g: Graph, root: int, error: int) -> int:
-    """Return the error of a square root from its argument's error.
+    """Return the node of the error bound of a square root.
 
-    At 0 it is the square root of the argument's error.
+    root : its node. error : the error bound of its argument. At 0 the bound is the
+    square root of `error`.
     """
     if error == g.zero:
         return g.zero

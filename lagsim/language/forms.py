@@ -38,7 +38,7 @@ Terms = dict[int, Any]
 class Products(Generic[Atom]):
     """Powers of atoms encoded as integers: the code of a product is the sum of codes.
 
-    The code of 1 is 0. The caller keeps exponents within `largest`.
+    The code of 1 is 0. Exponents must stay within `largest`, which callers ensure.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Return a sum as integer multiples of its addends: node -> integer."""
+    """Return a node as a sum of integer multiples of other nodes: node -> integer."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -458,7 +458,7 @@ def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list
 
 
 def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
-    """Return the common factor of all nonzero `nodes`, and the quotients."""
+    """Return the common factor of all `nodes` that are not 0, and the quotients."""
     nodes, form = list(nodes), _Form(g)
     for n in g.cone(nodes):
         form.sums[n] = form.of(n)
@@ -608,11 +608,11 @@ class Collected:
         self._still: dict[tuple[int, ...], int] = {}
 
     def moves(self, n: int) -> bool:
-        """Whether `n` depends on a moving variable."""
+        """Whether `n` depends on a variable that changes in a run."""
         return self.parts(n)[1] != self.g.one
 
     def sum(self, products: Iterable[Sequence[int]]) -> int:
-        """Return the sum of products of nodes."""
+        """Return the node of a sum of products, given by their factors."""
         g, total = self.g, self.g.zero
         alike, given = self._alike(products)
         for still, group in alike.items():
@@ -676,7 +676,7 @@ class Collected:
         return alike, given
 
     def scaled(self, node: int, factor: int) -> int:
-        """Return node * factor, with constant factors multiplied into a short sum.
+        """Return node * factor, with the factor multiplied into a short sum.
 
         m (a + ...) - k b times 1/m is a + ... - (k/m) b.
         """
@@ -763,7 +763,7 @@ class Collected:
         return found
 
     def parts(self, n: int) -> tuple[int, int]:
-        """Return a constant and a moving node whose product is `n`."""
+        """Return two nodes whose product is `n`: a constant and a moving one."""
         known = self._parts
         found = known.get(n)
         if found is not None:

@@ -120,7 +120,7 @@ class Function(NamedTuple):
         return g.call(kept, self.branches(g, a), x, y)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Return the value at float `arguments`, as IEEE 754 has it."""
+        """Return the value at float arguments, nan or inf as in IEEE 754."""
         try:
             return self.value(*arguments)
         except ValueError:
@@ -217,7 +217,7 @@ JUMPS = (
 
 
 def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
-    """Return sympy's selection, without its costly rewriting of nested conditions."""
+    """Return sympy's selection, without costly rewriting of nested conditions."""
     if condition in (s.true, s.false) or x == y:
         return x if condition != s.false else y
     return s.Piecewise((x, condition), (y, True), evaluate=False)
@@ -341,7 +341,7 @@ def _operator(
 ) -> Function:
     """Return the table's row of an operator; `value` applies to sympy's numbers, too.
 
-    sign : its sign. binds : its binding power.
+    sign, binds : sign and binding power of the operator.
     """
     usual = {"sympy": lambda _, x, y: value(x, y)}
     return Function(
@@ -593,7 +593,10 @@ POWERS = (
 
 
 def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
-    """Return the row of a function of `data` arrays of a table and some numbers."""
+    """Return the row of a function of `data` arrays of a table and of numbers.
+
+    numbers : count of the numbers.
+    """
     kernel, arity = getattr(tables, f"table_{name}"), data + numbers
     kinds = ["ptr"] * data + ["double"] * numbers
     return Function(

@@ -61,10 +61,7 @@ class Degrees(NamedTuple):
     most: float
 
     def __or__(self, other: Degrees) -> Degrees:
-        """Return the degrees of a sum of two polynomials.
-
-        Least and greatest of both.
-        """
+        """Return the degrees of a sum of two polynomials: least and greatest."""
         return Degrees(min(self.least, other.least), max(self.most, other.most))
 
 
@@ -100,7 +97,7 @@ def _degrees_of(
 
 
 class TooMuchError(InputError):
-    """Work on a graph would exceed `limits.WORK`."""
+    """Signal that work on a graph would exceed `limits.WORK`."""
 
 
 class Leaves(NamedTuple):
@@ -267,7 +264,7 @@ class Graph:
         return self.kept(VARIABLE, payload=name) if known is None else known
 
     def variables(self) -> Mapping[Any, int]:
-        """Return the node of each variable by name."""
+        """Return the nodes of all variables, by name."""
         return self._known[VARIABLE]
 
     def value(self, node: int) -> float | None:
@@ -313,9 +310,9 @@ class Graph:
         return self.sum(self.call("mul", a, b) for a, b in pairs)
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
-        """Return `nodes` and all nodes below them, in order of evaluation.
+        """Return `nodes` and all nodes below, in order of evaluation.
 
-        Nodes in `ends` are included where they are reached; the nodes below are not.
+        Nodes in `ends` are included where they are reached; nodes below these are not.
         """
         roots, args = frozenset(nodes), self.args
         known: dict[object, list[int]] = self.memoized.setdefault(CONES, {})
@@ -366,7 +363,7 @@ class Graph:
         return made
 
     def _leaves(self, names: Collection[str]) -> Leaves:
-        """Return the nodes of variables; those of a frozenset are memoized."""
+        """Return the nodes of variables by their names; memoized for a frozenset."""
         known, kept = self._known[VARIABLE], isinstance(names, frozenset)
         found: Leaves | None = self.memoized.get((Leaves, names)) if kept else None
         if found is None or found.variables != len(known):
@@ -423,7 +420,10 @@ class Graph:
         return found
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
-        """Return `nodes` with each key of `new` replaced by its value."""
+        """Return `nodes` with nodes replaced.
+
+        new : node -> node that replaces it.
+        """
         nodes = list(nodes)
         done: dict[int, int] = {}  # those that are not themselves
         cone = self.cone(nodes, range(min(new, default=len(self))))

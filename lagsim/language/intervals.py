@@ -219,7 +219,10 @@ def div(x: Interval, y: Interval) -> Interval:
 
 
 def over_argument(rule: Callable[[Interval], Interval]) -> Callable[..., Interval]:
-    """Return the rule that encloses f(x)/x, from the rule that encloses f(x)."""
+    """Return the rule that encloses f(x)/x.
+
+    rule : the one that encloses f(x).
+    """
     return lambda x: div(rule(x), x)
 
 
@@ -377,9 +380,9 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
 
 
 def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
-    """Return the rule of a periodic function with values in [-1, 1].
+    """Return the rule of a function f of period 2 pi with values in [-1, 1].
 
-    crest, trough : arguments of a maximum and of a minimum.
+    crest, trough : an argument at which f is 1, and one at which f is -1.
     """
 
     def rule(x: Interval) -> Interval:
@@ -466,7 +469,7 @@ def table_knot(axis: Data, x: Interval) -> Interval:
 
 
 def table_rate(axis: Data, x: Interval) -> Interval:
-    """Enclose the slope of `table_knot`: of one cell, or of two."""
+    """Enclose the slope of `table_knot` over the cells that x meets."""
     (first, last) = _cells(_each("table.knot", axis, x))
     own = _each("table.rate", axis, x)
     far = last - first > 1.0

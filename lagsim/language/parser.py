@@ -74,7 +74,7 @@ def silent() -> ExpressionError:
 
 
 class Token(NamedTuple):
-    """Token of a text: its kind, and its offset."""
+    """Token of a text: kind, text and offset."""
 
     kind: str  # number, name, function, operator, open, close, comma, relation, end
     text: str
@@ -319,7 +319,7 @@ class Parser:
         self.pending: list[Pending] = []
 
     def parse(self, *, conditional: bool = False) -> Parsed:
-        """Parse all tokens; `conditional`: into a condition."""
+        """Parse all tokens into an expression, or a condition if `conditional`."""
         operand_next = True
         while self.at < len(self.part):
             token = self.part[self.at]
@@ -549,7 +549,7 @@ def relation(
 def _sides(
     text: str, found: list[Token]
 ) -> tuple[list[Token], list[Token] | None, str]:
-    """Return the tokens of both sides of a relation, and its sign.
+    """Return the tokens of the left and the right side of a relation, and its sign.
 
     The right side is None for a bare expression.
     """

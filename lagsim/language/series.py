@@ -81,7 +81,7 @@ class Recurrence(NamedTuple):
 
 
 class Coefficients:
-    """Taylor coefficients of order k, a variable, along a motion.
+    """Taylor coefficients of order k along a motion, where k is a variable.
 
     The coefficients of order 0 are the nodes themselves.
 
@@ -167,7 +167,7 @@ class Coefficients:
         return self._twins[n]
 
     def extend(self, nodes: Iterable[int]) -> None:
-        """Compute the coefficients of `nodes` and of all nodes below them."""
+        """Compute the coefficients of order k of `nodes` and of all nodes below."""
         cone = self.g.cone(nodes, self._extended)
         for n in cone:
             if self.g.ops[n] not in _CONDITIONS:
@@ -192,7 +192,7 @@ class Coefficients:
         return self._variables[key]
 
     def _coefficient(self, n: int) -> int:
-        """Return the coefficient of an operation from its arguments' coefficients."""
+        """Return the coefficient of order k of an operation, from its arguments'."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Builder(Protocol):
-    """A graph; see `Graph`."""
+    """Interface of a graph for these functions; see `Graph`."""
 
     ops: list[str]
     args: list[tuple[int, ...]]
@@ -456,7 +456,7 @@ def cube_root(g: Builder, x: int) -> int | None:
 
 
 def _multiple(g: Builder, x: int) -> tuple[float, int]:
-    """Return c and u of x = c u, with a number c; u is 1 where x is a number."""
+    """Return c and u with x = c u, where c is a number; u is 1 if x is a number."""
     op, args, number = g.ops[x], g.args[x], g.value(x)
     if number is not None:
         return number, g.one
@@ -520,7 +520,7 @@ _TERMS = 13
 
 
 def cardinal_sine(g: Builder, x: int) -> int:
-    """Return the node of sinc(x) = sin(x)/x, a Taylor polynomial near 0."""
+    """Return the node of sinc(x) = sin(x)/x; near 0 it is a Taylor polynomial."""
     square = g.call("mul", x, x)
     near = g.constant(1.0)
     for k in range(_TERMS - 1, 0, -1):
@@ -533,7 +533,7 @@ def cardinal_sine(g: Builder, x: int) -> int:
 def remainder(g: Builder, x: int, y: int) -> int:
     """Return the node of mod(x, y), which has the sign of y.
 
-    It is written with `floor`, at whose jumps it jumps.
+    It contains `floor`, at whose jumps it jumps.
     """
     whole = g.call("floor", g.call("div", x, y))
     return g.call("sub", x, g.call("mul", y, whole))

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 class SparseVector:
     """Vector of nodes that stores only entries that do not vanish identically.
 
-    An algorithm whose cost must not grow with the length iterates over `entries`.
+    Algorithms whose cost must not grow with the length of the vector iterate over
+    `entries`.
 
     Attributes
     ----------
@@ -45,7 +46,7 @@ class SparseVector:
 
 
 class TooLongError(Exception):
-    """The elimination would exceed its budget of operations."""
+    """Signal that an elimination would exceed its budget of operations."""
 
 
 class Budget:

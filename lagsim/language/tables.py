@@ -32,7 +32,7 @@ BELOW, TINY, FAR = 1.5 * 2.0**-53, 2.0**-1000, 1e300
 
 
 class Data:
-    """Array of numbers that operations read; equal to one of equal name and bits.
+    """Array of numbers that operations read; two are equal if name and bits are equal.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def table_row(axis: Floats, cell: int) -> int:
 
 
 def table_from(axis: Floats, x: float, cell: int) -> float:
-    """Return the distance of x from the origin of a cell's polynomial, a knot."""
+    """Return x less the knot from which a cell's polynomial is measured."""
     m = int(axis[0])
     if axis[2] > 0.0:
         x = x - floor(cell / m) * axis[2]
@@ -111,8 +111,8 @@ def table_from(axis: Floats, x: float, cell: int) -> float:
 def table_knot(axis: Floats, x: float) -> float:
     """Return a knot number in [k, k + 1) for x in cell k, increasing with x.
 
-    Past the ends it changes by less than 1. Its whole part is exact: a knot is passed
-    at one double, whatever the number of knots.
+    Past the ends of the table the number changes by less than 1. Its whole part is
+    exact: it increases at one double, whatever the number of knots.
     """
     m = int(axis[0])
     cell = table_cell(axis, x)
@@ -264,7 +264,7 @@ def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> in
 
 
 def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
-    """Return the node of a table's value at `args`."""
+    """Return the node of a table's value at the nodes `args`."""
     chosen = [
         g.call("floor", g.call("table.knot", g.data(axis), x))
         for axis, x in zip(axes, args, strict=True)
@@ -293,7 +293,7 @@ def is_smooth(g: Builder, discrete: int) -> bool:
 
 
 def at_ends(g: Builder, axis: Data, x: int) -> int:
-    """Return the node of a step function that changes only at the ends of a table."""
+    """Return the node of a function of x that steps only at the ends of a table."""
     ends = _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
     return g.call("floor", g.call("table.knot", g.data(ends), x))
 

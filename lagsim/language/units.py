@@ -66,7 +66,7 @@ def parsed(text: str) -> Unit | None:
 
 
 def times(one: Unit, other: Unit, power: float = 1.0) -> Unit:
-    """Return one unit times a power of another."""
+    """Return the unit `one` times a power of the unit `other`."""
     found = dict(one)
     for symbol, exponent in other.items():
         found[symbol] = found.get(symbol, 0.0) + power * exponent
@@ -74,7 +74,7 @@ def times(one: Unit, other: Unit, power: float = 1.0) -> Unit:
 
 
 def written(unit: Unit | None, names: Iterable[str] = ("N", "J", "W")) -> str:
-    """Return the text of a unit, by one of `names` where it fits; "" for none."""
+    """Return the text of a unit, with one of `names` where it fits; "" for None."""
     if not unit:
         return ""
     for name in names:
@@ -92,7 +92,7 @@ def _power(symbol: str, exponent: float) -> str:
 
 
 class Quantity(NamedTuple):
-    """Unit of an expression: its powers, or None if unknown, and its text.
+    """Unit of an expression: the powers of symbols (None if unknown), and a text.
 
     The text is the unit in the file's notation; sums and numeric factors keep it.
     `free` marks an expression of numbers alone, which fits any unit in a sum.

@@ -178,7 +178,7 @@ class _Builder:
         self.nodes = 0
 
     def run(self) -> Node | None:
-        """Return the root node, or None; append faults to `problems`."""
+        """Return the root node, or None without one; append faults to `problems`."""
         for event in yaml.parse(self.source.text, Loader=_LOADER):
             if isinstance(event, yaml.DocumentStartEvent):
                 self.documents += 1
@@ -439,7 +439,7 @@ class _Case:
     Attributes
     ----------
     line, character : str
-        The line in which the parser stopped, and the character before which it did.
+        The line in which the parser stopped, and the character before which it stopped.
     indent : int
         The count of blanks at the beginning of the line.
     above : int
@@ -664,7 +664,7 @@ def _beginning(case: _Case) -> Diagnosis | None:
 
 
 def _is_expression(text: str) -> bool:
-    """Whether a text is an expression or a relation once it is quoted."""
+    """Whether a text would be an expression or a relation if it were quoted."""
     for parser in (parse, parse_relation):
         with suppress(ExpressionError):
             return bool(parser(text))

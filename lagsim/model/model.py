@@ -112,9 +112,9 @@ class Settings(NamedTuple):
 class Parameter(NamedTuple):
     """Parameter of the model; an input of every compiled function.
 
-    `follows`: its expression in the file uses other parameters. Events set a `mode`,
-    whose value here is that at the start. `uncertainty` is one standard deviation,
-    `range` the least and the greatest value of its slider.
+    `follows`: whether its expression in the file contains other parameters. Events set
+    a `mode`, whose value here is that at the start. `uncertainty` is one standard
+    deviation, `range` the least and the greatest value of its slider.
     """
 
     name: str
@@ -212,7 +212,7 @@ class OneSided(NamedTuple):
 
 
 class Constraint(NamedTuple):
-    """Relation with its law; `law` is None for an equality.
+    """Relation with the law of its multiplier; `law` is None for an equality.
 
     `limit` is the largest multiplier of an equality of velocities; for two equalities
     that share a limit, the largest norm of both multipliers, and `pair` is the offset
@@ -546,9 +546,9 @@ class Stated(Protocol):
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Return `model` with the definitions in `output.reactions` as coordinates.
 
-        The new model is on the graph of `model`. It has no constraint between these
-        definitions and their expressions; the second result has these expressions,
-        which may depend on each other.
+        The new model is on the graph of `model`. In it no constraint relates these
+        definitions to their expressions. The second result has these expressions by
+        name; they may depend on each other.
 
         Raises
         ------
@@ -706,7 +706,7 @@ class Model:
 
     @property
     def kicks(self) -> bool:
-        """Whether events give impulses."""
+        """Whether events of the file have impulses."""
         return any(event.impulses for event in self.events)
 
     @property

@@ -73,7 +73,10 @@ class Reading(Protocol):
     size: int
 
     def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
-        """Return the parsed expression of this member, without families."""
+        """Return the expression that a text is for this member, without families.
+
+        parser : the function that parses the text.
+        """
 
     def words(self, text: str) -> Collection[str]:
         """Return the names in the expression."""
@@ -250,7 +253,7 @@ def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
 
 
 def words_below(*roots: Node) -> set[str]:
-    """Return the words of all expressions below some nodes."""
+    """Return the words of all expressions at and below some nodes."""
     return {
         word
         for root in roots

@@ -207,7 +207,7 @@ class Expansion:
         return value._replace(text=name), value
 
     def _sections(self) -> dict[str, Node]:
-        """Return the sections of the file that are expanded, each with its node."""
+        """Return the sections of the file that were expanded, by name, as nodes."""
         given: dict[str, list[_Given]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
@@ -262,7 +262,7 @@ class Expansion:
             self.scope.frame = self.frames.named_by
 
     def _energy(self) -> list[Entry]:
-        """Return the energies, in which the word `bodies` is replaced by its tree."""
+        """Return the entries of `energy`; the word `bodies` is replaced by its tree."""
         node = self._top.get("energy")
         found = [(key, self.bound(value)) for key, value in entries_of(node)]
         given = [self._top.get(key) for key in ("bodies", "gravity")]
@@ -486,7 +486,7 @@ class Expansion:
     # Values
 
     def _parameters(self) -> Iterator[Entry]:
-        """Return the entries of parameters and modes, expanded.
+        """Yield the entries of parameters and modes, one for each member and component.
 
         The values of parameters are stored first, for use in ranges and subscripts.
         """
@@ -657,9 +657,10 @@ class Expansion:
     def _is_one_vector(
         self, inner: Node, letters: tuple[str, ...], one: _Given
     ) -> TypeGuard[Sequence]:
-        """Whether the list beside a range of members is one vector common to all.
+        """Whether the list given for a range of members is one vector for all members.
 
-        inner : the list. letters : names of the components.
+        Otherwise it has a value for each member. inner : the list. letters : names of
+        the components. one : the entry.
         """
         if not (letters and one.parsed.ranged and isinstance(inner, Sequence)):
             return False

@@ -77,7 +77,8 @@ def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
 def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vector:
     """Return the principal moments of a body of revolution about z.
 
-    own : the factor of m r^2 in the moment about z; across : `_of`'s terms for x and y
+    m, r : mass and radius. own : the factor of m r^2 in the moment about z. across :
+    terms of the moments about x and y, see `_of`.
     """
     return (_of(m, *across),) * 2 + (_of(m, (own, r)),)
 
@@ -369,10 +370,10 @@ class Bodies(SectionReader):
 
 
 class Shapes(SectionReader):
-    """Expansion of the section `shapes`, and the shapes of bodies."""
+    """Expansion of the section `shapes`, to which the shapes of bodies are added."""
 
     def given(self, section: Node | None) -> Iterator[Entry]:
-        """Return the shapes of the section `shapes`, one entry per member."""
+        """Yield the shapes of the section `shapes`, one entry for each member."""
         for key, node in entries_of(section):
             if "(" not in key.text:
                 yield key, self._written(node, self.x.plain)
@@ -415,7 +416,7 @@ class Shapes(SectionReader):
         return self.x.bound(node, reading)
 
     def _point(self, node: Node, reading: MemberReading) -> Node:
-        """Return the position of a shape: a point, a family's point, or a vector."""
+        """Return the position of a shape as a node: of a point, or of a vector."""
         name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
         if name in self.x.points:
             return self.x.denoted(node, self.x.points, reading.indices)[0]

@@ -163,8 +163,8 @@ class SectionReader:
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
         """Add a hidden definition with the expression `tree`; return a reference to it.
 
-        Unlike other hidden definitions it has a rate, which energies use. hidden : its
-        name. at : the scalar of the file from which it stems.
+        Unlike other hidden definitions it has a rate, which energies use. hidden : name
+        of the definition. at : the scalar of the file from which it stems.
         """
         found = scalar(self.x.hide(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
@@ -277,7 +277,10 @@ class FrameReader(SectionReader):
     # Frames by their names
 
     def named(self, node: Scalar, indices: Indices) -> Frame:
-        """Return the frame whose name is the expression `node`, such as `arm(i)`."""
+        """Return the frame whose name is the expression `node`, such as `arm(i)`.
+
+        indices : values of the member's indices.
+        """
         try:
             return self.named_by(self.scope.source(node.text, parse).postfix, indices)
         except ExpressionError as fault:
@@ -403,9 +406,10 @@ class FrameReader(SectionReader):
         return self.number(given.below[key], given.indices, what)
 
     def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
-        """Return an angle or component, and its rate, as trees that energies can use.
+        """Return an angle or component, and its rate, as trees for energies.
 
-        An expression becomes a hidden definition, see `Section.moved`.
+        An expression becomes a hidden definition, see `SectionReader.moved`. hidden :
+        name of that definition. at : scalar of the expression.
         """
         if tree.op == "number":
             return tree, ZERO
@@ -458,7 +462,7 @@ class FrameReader(SectionReader):
     def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
         """Return the number that `tree` is, an expression of parameters.
 
-        at : its scalar. what : its name in messages.
+        at : the scalar of the expression. what : name in messages.
         """
         found = parsed(tree, at.text)
         for used in found.names:

@@ -111,12 +111,14 @@ def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -
 
 
 def has(tree: Tree, *ops: str) -> bool:
-    """Whether a tree contains an operation with one of the names `ops`."""
+    """Whether a tree contains an operation of the given names."""
     return tree.op in ops or any(has(a, *ops) for a in tree.args)
 
 
 def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
     """Return a sum as a tree with elements, and the number of its terms.
+
+    See `language.elements`.
 
     Raises
     ------
@@ -247,7 +249,12 @@ def _wholes(tree: Tree, columns: Columns, members: int, known: Lookup) -> Ints:
 
 
 def _numbers(tree: Tree, columns: Columns, known: Lookup | None) -> Any:
-    """Return the values of a tree of indices, numbers and, with `known`, parameters."""
+    """Return the values of a tree of numbers, indices and parameters.
+
+    The values are an array, or a number if no index occurs. columns : values (members,)
+    of each index. known : source of parameters; without it parameters are not
+    permitted.
+    """
     if tree.op == "number":
         return float(tree.value)
     if tree.op == INDEX:
@@ -325,7 +332,7 @@ class _Writer:
         self.table: dict[object, tuple[int, Ints, list[tuple[int, ...]]]] = {}
 
     def tree(self) -> Tree:
-        """Return the tree of the sum: a part of a vector of sums."""
+        """Return the tree of the sum: a component of the vector of sums of elements."""
         node = self._node(self.group.term)
         g = self.graph
         for n in g.cone([node]):
@@ -432,7 +439,7 @@ class _Writer:
 
 
 def _words(tree: Tree) -> set[str]:
-    """Return the indices in a tree."""
+    """Return the names of the indices in a tree."""
     if tree.op == INDEX:
         return {str(tree.value)}
     return set().union(*map(_words, tree.args)) if tree.args else set()

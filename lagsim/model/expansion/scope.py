@@ -134,7 +134,7 @@ def _called(name: str, member: Member) -> str:
 
 
 class UnresolvedError(Exception):
-    """The size of a definition is needed and not determined yet."""
+    """Signal that the size of a definition is needed before it has been determined."""
 
 
 class Scope:
@@ -169,7 +169,7 @@ class Scope:
 
     @property
     def structural(self) -> set[str]:
-        """Return the parameters on which ranges and subscripts depend."""
+        """Return the parameters on which ranges and subscripts of the file depend."""
         found, new = set[str](), set(self._asked)
         while new:
             found |= new
@@ -269,7 +269,10 @@ class Scope:
         return self.run(steps, indices).pop()
 
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
-        """Return the stack of values after the postfix `steps`, for a member."""
+        """Return the stack of values after the postfix `steps`, for a member.
+
+        indices : values of the member's indices.
+        """
         stack: list[Value] = []
         for op, payload, token in steps:
             if op == "number":
@@ -545,7 +548,10 @@ class Scope:
         return stack.pop()
 
     def _check_number(self, name: str, offset: int) -> None:
-        """Raise an ExpressionError if a name has no value that ranges can use."""
+        """Raise an ExpressionError if a parameter has no value for ranges.
+
+        offset : of the name in the text.
+        """
         if name in self.numbers:
             return
         if name in self.of_tables:
@@ -727,7 +733,7 @@ class MemberReading:
 
 
 class HiddenReading(MemberReading):
-    """Reading of a hidden definition: its tree as it was created."""
+    """Reading of a hidden definition, whose expression is a tree and no text."""
 
     __slots__ = ("_parsed",)
 

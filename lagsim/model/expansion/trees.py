@@ -35,7 +35,10 @@ ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 class UnfitError(Exception):
-    """Operands whose sizes an operation does not support, with a text and a hint."""
+    """Signal that an operation does not support operands of these sizes.
+
+    It has a text and a hint.
+    """
 
     def __init__(self, text: str, hint: str = "") -> None:
         super().__init__(text)
@@ -96,7 +99,7 @@ def said(value: Value) -> str:
 def scalar(value: Value, what: str) -> Tree:
     """Return `value` if it is a number; else raise an UnfitError.
 
-    what : its name in the message.
+    what : name of the value in the message.
     """
     if isinstance(value, Tree):
         return value
@@ -107,7 +110,7 @@ def scalar(value: Value, what: str) -> Tree:
 def vector(value: Value, what: str) -> Vector:
     """Return `value` if it is a vector of 2 or 3 components; else raise an UnfitError.
 
-    what : its name in the message.
+    what : name of the value in the message.
     """
     if isinstance(value, Tree) or len(value) == len(ENTRIES):
         raise UnfitError(
@@ -207,7 +210,7 @@ def choice(condition: Value, a: Value, b: Value) -> Value:
 
 
 def parsed(tree: Tree, text: str) -> Parsed:
-    """Return the postfix of a tree; the offsets of its names refer to `text`."""
+    """Return a tree as postfix; the offsets of its names refer to `text`."""
     items: list[tuple[str, Any, Token]] = []
     stack = [tree]
     while stack:
@@ -345,7 +348,10 @@ class Chart(NamedTuple):
 
 
 def about(axis: Vector, angle: Tree, speed: Tree) -> Chart:
-    """Return the rotation by an angle about an axis of length 1 (Rodrigues)."""
+    """Return the rotation by an angle about an axis of length 1 (Rodrigues' formula).
+
+    speed : the rate of the angle.
+    """
     c, s = call("cos", angle), call("sin", angle)
     rest = call("sub", ONE, c)
 

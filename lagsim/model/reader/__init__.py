@@ -462,7 +462,10 @@ class File:
         return found
 
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
-        """Return a model of this file with a point of a table moved, see `Stated`."""
+        """Return a model of this file with one value of a table changed.
+
+        See `Stated`.
+        """
         again = self._read_again({})
         again.shifts = {table: (point, part)}
         return again.read(model.sha256)
@@ -562,7 +565,7 @@ class File:
     # model, and where it has the expression of `x`, so has the separated model.
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
-        """Return `model` in further coordinates, see `Stated.separated`."""
+        """Return `model` with definitions as coordinates, see `Stated.separated`."""
         old = self.x
         held = dict.fromkeys(model.output.reactions, NameKind.COORDINATE)
         names = replace(old.names, variables={**old.names.variables, **held})
@@ -592,7 +595,7 @@ class File:
 
 
 def _frames(given: Iterable[TurnedFrame], x: Expressions) -> tuple[TurningFrame, ...]:
-    """Return the frames in space with their expressions as nodes."""
+    """Return the frames in space, with nodes in place of expressions."""
 
     def built(some: tuple[Parsed, ...]) -> tuple[int, ...]:
         return tuple(map(x.build, some))
@@ -710,7 +713,7 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
 def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
     """Move the entries `names` of the file into a section, created if it is absent.
 
-    Return False if the section is no mapping or has one of the names.
+    Return False if the section is no mapping, or already has one of the names.
     """
     first = top[names[0]][0]
     new = first._replace(text=section, style=""), Mapping((), first.place)

@@ -85,7 +85,7 @@ _SUM = "write a sum of velocities with factors that depend on positions"
 
 
 class Energies(NamedTuple):
-    """Nodes of the energies; None where the file has none, or a faulty one."""
+    """Nodes of the energies; None for an energy that is missing or faulty."""
 
     lagrangian: int | None
     kinetic: int | None
@@ -517,7 +517,7 @@ class _ConstraintReader:
                 self.x.faults.add(code, text, self.below.place_of(key), hint)
 
     def _when(self) -> int | None:
-        """Return the node of the condition `when`: 1 or 0; None without it."""
+        """Return the node of the condition `when`, of value 1 or 0; None without it."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
@@ -752,7 +752,7 @@ _ROOTS = {"sqrt": 1.0 / 2.0, "cbrt": 1.0 / 3.0}
 
 
 def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
-    """Return a node that vanishes where `node` does, with each factor once.
+    """Return a node that vanishes where `node` does, with each moving factor once.
 
     The result is `node` itself where no factor that depends on `moving` is repeated, or
     raised to a power, or inside `abs`.

@@ -361,10 +361,10 @@ class Expressions:
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
-        """Whether a rule allows all names of an expression.
+        """Whether a rule permits all names of an expression.
 
-        rule : (name, scalar) -> whether the name is allowed; it reports names that are
-        not. Each name is checked once.
+        used : the names. rule : (name, scalar) -> whether the name is permitted; it
+        reports names that are not. Each name is checked once.
         """
         first: dict[str, Name] = {}
         for one in used:

@@ -93,7 +93,7 @@ class Faults:
         return next(alike, "") or nearest(word, among)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
-        """Return a hint that names the most similar candidate, or no hint."""
+        """Return a hint that names the most similar candidate; "" without one."""
         near = self.guess(word, candidates)
         return f"did you mean `{in_file(near)}`?" if near else ""
 
@@ -188,7 +188,7 @@ def quoted_list(names: Iterable[str]) -> str:
 
 
 def _is_given(node: Node | None) -> TypeGuard[Scalar | Mapping | Sequence]:
-    """Whether a node has a readable content."""
+    """Whether a node exists and could be read."""
     if isinstance(node, Scalar):
         return not node.empty
     return node is not None and not isinstance(node, Broken)
