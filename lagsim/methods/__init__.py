@@ -90,7 +90,7 @@ def names() -> tuple[str, ...]:
 def method(name: str) -> ModuleType:
     """Return the module of the method `name`, as `names` lists it.
 
-    Its attributes are
+    The attributes of the module are
 
     - NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, HANDLES, and a docstring that is its
       page in `lagsim methods`;

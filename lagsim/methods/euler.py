@@ -41,7 +41,10 @@ STATE = Fixed
 
 
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     s.new[:] = s.y + h * s.k
     return conclude(s, p, after, h)
 

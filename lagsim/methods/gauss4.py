@@ -127,7 +127,10 @@ def start(s: Gauss, p: Parameters) -> None:
 
 
 def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     predict(s)
     if solve_stages(s, p, h) == 0:
         return at.NEWTON_FAILED

@@ -61,8 +61,8 @@ RESOLVED = 0.5
 def amplification(z: complex, radius: float = RADIUS) -> float:
     """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
-    It is the radius of the matrix (3, 3) that advances (q, q', a) (Chung and Hulbert,
-    section 3). radius : the method's `spectral_radius`.
+    The result is the spectral radius of the matrix (3, 3) that advances (q, q', a)
+    (Chung and Hulbert, section 3). radius : the method's `spectral_radius`.
     """
     import numpy as np
 
@@ -138,10 +138,10 @@ def start(s: GeneralizedAlpha, p: Parameters) -> None:
 def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     """Set the first acceleration `a` of the method, at the time to which it belongs.
 
-    This time differs from the start by alpha_m - alpha_f steps; the acceleration at the
-    start would reduce the order of the first step by one (Arnold and Bruels, section
-    3). If the step does not resolve the fast motion, the slope of the acceleration is
-    of no use, and is omitted.
+    The time of `a` differs from the start by alpha_m - alpha_f steps; the acceleration
+    at the start would reduce the order of the first step by one (Arnold and Bruels,
+    section 3). If the step does not resolve the fast motion, the slope of the
+    acceleration is of no use, and is omitted.
     """
     n, y, k, z, h = s.n, s.y, s.k, s.new, s.fixed_step
     radius = s.spectral_radius
@@ -162,7 +162,10 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
 
 
 def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     code = balance(s, p, after, h)
     if code != DONE:
         return code

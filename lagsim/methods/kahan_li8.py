@@ -174,7 +174,11 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Store the residuals of the rates of the quadratures at four nodes of the step."""
+    """Store h times the rates of the quadratures, less the slopes of their cubics.
+
+    The cubics are Hermite polynomials, see `steepness`. The differences, at four nodes
+    of the step, are stored in `residuals`.
+    """
     h = s.step_h
     first = s.quadratures.start
     for j in unrolled(4):
@@ -189,7 +193,7 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 def correct(s: Composition, first: int, end: int) -> None:
     """Compute the corrections r of components first ... end - 1 of the dense output.
 
-    They follow from the `residuals` at the four nodes.
+    The corrections follow from the `residuals` at the four nodes.
     """
     for i in range(first, end):
         for m in unrolled(4):

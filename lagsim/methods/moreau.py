@@ -134,7 +134,7 @@ PARAMETERS = Impulses
 def amplification(z: complex) -> float:
     """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
-    It is the radius of the matrix (2, 2) that advances (q, q').
+    The result is the spectral radius of the matrix (2, 2) that advances (q, q').
     """
     import numpy as np
 
@@ -156,7 +156,10 @@ def start(s: Moreau, p: Impulses) -> None:
 
 
 def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     if attempt(s, p, h) == 0:
         s.unsettled += 1.0
     return DONE if is_finite(s.size, s.new) else NOT_FINITE
@@ -597,8 +600,9 @@ def satisfy_disc(
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
     """Return the largest |impulse| of row k, a slip or a limited row, in a step h.
 
-    It follows from the static bound if the row was at rest before the step (velocities
-    v (n,)) and the impulse `asked` is within that bound; else from the dynamic bound.
+    The limit follows from the static bound if the row was at rest before the step
+    (velocities v (n,)) and the impulse `asked` is within that bound; else from the
+    dynamic bound.
     """
     normal = int(p.row_normal[k])
     factor_of = h

@@ -116,12 +116,12 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
 
 
 def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
-    """Whether the step is over or from a loss of rank, or fails just before a loss.
+    """Whether a step begins at a loss of rank, passes one, or fails just before one.
 
-    rejected : whether an attempt at this step was rejected. The accelerations off the
-    constraints, and their derivatives, grow with the inverse of sigma: Newton's method
-    for the stages finds a false solution, or none. An explicit method has its stages at
-    a distance from the loss.
+    rejected : whether an attempt at this step was rejected. Near a loss of rank the
+    accelerations off the constraints, and their derivatives, grow with the inverse of
+    sigma: Newton's method for the stages finds a false solution, or none. An explicit
+    method has its stages at a distance from the loss.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
         return constraints.time_to_loss(s, p, s.sigma / s.falling) > 0.0
@@ -243,7 +243,7 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
 def accept(s: Radau, p: SparseNewton, h: float) -> None:
     """Accept the new state after a step h; keep the polynomial through the slopes.
 
-    It is the dense output, through the slopes of the stages.
+    The polynomial is the dense output, through the slopes of the stages.
     """
     size, slope, new = s.size, s.slope, s.new
     for i in range(size):
@@ -274,7 +274,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    These are the components of y' after q'.
+    The components written are those of y' after q'.
     """
     for i in range(s.n, s.size):
         slope = 0.0

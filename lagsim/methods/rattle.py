@@ -84,7 +84,10 @@ def refusal(scene: Structure) -> str:
 
 
 def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     n, y, slope, new = s.n, s.y, s.slope, s.new
     v = new[s.velocities]
     new[s.velocities] = y[s.velocities] + 0.5 * h * s.k[s.velocities]

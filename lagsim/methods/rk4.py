@@ -62,7 +62,10 @@ STATE = Rk4
 
 
 def make(s: Rk4, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     size, k, t = s.size, s.stages, s.t
     k[:size] = s.k
     for stage in unrolled(1, 4):

@@ -244,7 +244,7 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    These are the components of y' after q'.
+    The components written are those of y' after q'.
     """
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     slope(x * s.step_h, before, out)
@@ -368,8 +368,8 @@ def bound(term: float, shrink: float, k: int) -> float:
 def rough_log2(x: float) -> float:
     """Return log2 x of a normal number x > 0, with an error of 1.2e-4.
 
-    It is computed from the exponent, and a polynomial of the significand that is exact
-    at both ends.
+    The result is computed from the exponent, and a polynomial of the significand that
+    is exact at both ends.
 
     Examples
     --------
@@ -400,7 +400,7 @@ def rough_power_of_two(x: float) -> float:
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
     """Write y_0 + sum_k |y_k| h^k (size,), a bound of the motion of the series c.
 
-    It is written to out (size,).
+    The bound is written to out (size,).
     """
     order = int(c[0])
     for i in range(size):

@@ -158,7 +158,10 @@ def start(s: Symplectic, p: Parameters) -> None:
 
 
 def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
-    """Compute one step, see `fixed.make`."""
+    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+
+    See `fixed.make`.
+    """
     s.new[:] = s.y
     s.slope[:] = s.k
     kick(s, p, s.t, s.kicks[0] * h)

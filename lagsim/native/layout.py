@@ -146,7 +146,8 @@ def part(whole: str, length: Length, first: Length = "") -> Any:
 def after(other: str, length: Length) -> Any:
     """Declare an array that begins at the end of the array `other`.
 
-    Both lie within one array that is declared by `array`. length : as for `array`.
+    Both arrays lie within one array that is declared by `array`. length : as for
+    `array`.
     """
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 

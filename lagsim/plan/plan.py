@@ -473,7 +473,8 @@ def _check_straight(
 ) -> None:
     """Refuse the method `name` if it needs y' as nodes, but loops solve for q''.
 
-    It is also refused if its series would be too long; else a choice is appended.
+    The method is also refused if its series would be too long; else a choice is
+    appended.
     """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED
@@ -633,7 +634,8 @@ def singular_value_of(
 ) -> float:
     """Return an estimate of the smallest singular value of the scaled rows at a start.
 
-    It is computed from the pivots of `elimination`. lengths : of the rows (m,).
+    The estimate is computed from the pivots of `elimination`. lengths : of the rows
+    (m,).
     """
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
@@ -761,7 +763,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _with_switches(
     equations: Equations, settings: Settings
 ) -> tuple[Equations, Switches]:
-    """Return equations and switches, with forces at corners of equalities added."""
+    """Return equations and switches.
+
+    To the equations, forces at corners of equalities are added.
+    """
     switches = model_switches(equations, located=locates(settings.method))
     bent = corners(equations, switches)
     if not bent:

@@ -537,10 +537,10 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
     """Set the Newton step (n,) to 0 if, rounded, the step reduces no residual.
 
-    This happens far from the origin, or at high speeds, where some components of the
-    step are below the spacing of doubles; the other components would drift with each
-    projection. x : positions, or velocities, in its first n elements. residuals : (m,),
-    before the step.
+    Far from the origin, or at high speeds, some components of the step are below the
+    spacing of doubles; the other components would drift with each projection. x :
+    positions, or velocities, in its first n elements. residuals : (m,), before the
+    step.
     """
     n, lost = p.n, 0.0
     for j in range(n):
@@ -596,10 +596,10 @@ def residual_left(
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
-    """Store the Newton step -M^-1 A^T S^-1 residuals (n,), S = A M^-1 A^T, in out.
+    """Store the Newton step -M^-1 A^T S^-1 residuals, with S = A M^-1 A^T, in out.
 
-    After the step out has the largest residual relative to its size. residuals, sizes :
-    (m,).
+    out : (n + 1,), the step and, as the last element, the largest |residual|/size.
+    residuals, sizes : (m,), the residuals of the rows, and the sizes of their terms.
     """
     if LAWS:
         hold(p)

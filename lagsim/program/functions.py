@@ -186,9 +186,9 @@ def _offset(e: Equations, row: Row) -> int:
 def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     """Return, for each surface, whether its expression contains rates that jump.
 
-    These are velocities, and first-order states whose rates are discontinuous. The rate
-    of such a surface jumps where the surface is reached. Sides of other surfaces are
-    constants.
+    Such rates are velocities, and first-order states whose rates are discontinuous. The
+    rate of such a surface jumps where the surface is reached. Sides of other surfaces
+    are constants.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}

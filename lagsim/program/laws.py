@@ -92,8 +92,8 @@ def couple(p: Parameters, sliding: int) -> None:
 def note_column(p: Parameters, k: int, i: int) -> None:
     """Store the column of row i, with place k, if the row has a single column.
 
-    Its elements of A and Z are stored, too; kernels then need not read these matrices
-    for the row. A row that may reach several columns has -1.
+    The column's elements of A and Z are stored, too; kernels then need not read these
+    matrices for the row. A row that may reach several columns has -1.
     """
     n = p.n
     e = mass.first_range(p, i)
@@ -387,9 +387,9 @@ def products(p: Parameters) -> int:
 def share_by(p: Parameters, count: int, y: Floats) -> float:
     """Compute multipliers within their bounds in p.share_found (laws,).
 
-    They are the projection onto the bounds of a combination of the `count` rows stored
-    in p.free, with the factors y (count,). Return the value of the convex function
-    whose minimum over y is the solution.
+    The multipliers are the projection onto the bounds of a combination of the `count`
+    rows stored in p.free, with the factors y (count,). Return the value of the convex
+    function whose minimum over y is the solution.
     """
     laws = p.laws
     found = 0.0
@@ -680,7 +680,7 @@ def elapsed_part(t: float, p: Parameters, k: int) -> float:
 def way(t: float, p: Parameters, k: int) -> float:
     """Return component k of the direction of a slip on a disc during its transition.
 
-    It is the component at the beginning plus a polynomial in `elapsed_part`.
+    The result is the component at the beginning plus a polynomial in `elapsed_part`.
     """
     x = elapsed_part(t, p, k)
     turn = 0.0
@@ -829,10 +829,11 @@ def hold_left(p: Parameters, k: int) -> float:
 def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     """Return the event function of sliding law k: its speed in the sliding direction.
 
-    Two slips on a disc have one event function, stored for the first; it also ends the
-    mode where their direction has turned by more than `TURNED`. In the transition after
-    their beginning it is the least of the margin to the final speed, the time that is
-    left, and the speed in the initial direction. speed : the rate of the row, signed.
+    Two slips on a disc have one event function, stored for the first; the function also
+    ends the mode where their direction has turned by more than `TURNED`. In the
+    transition after their beginning the function is the least of the margin to the
+    final speed, the time that is left, and the speed in the initial direction. speed :
+    the rate of the row, signed.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])

@@ -254,7 +254,7 @@ class _Search:
     def _product(self, n: int) -> list[Indicator]:
         """Return [indicator] for a product with factors exp or large powers; else [].
 
-        Its argument is the sum of the factors' logarithms.
+        The argument of the indicator is the sum of the factors' logarithms.
         """
         g, below = self.g, [(n, False)]
         terms: list[int] = []
@@ -284,8 +284,8 @@ class _Search:
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
         """Return an indicator of the zeros of a sum of two exponentials or constants.
 
-        Its argument is the difference of the logarithms of the two nodes `args`; [] for
-        other sums.
+        The argument of the indicator is the difference of the logarithms of the two
+        nodes `args`; [] for other sums.
         """
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:

@@ -224,8 +224,8 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 def share_corners(p: Parameters) -> None:
     """Convert the forces that act at corners into shares of the upper sides, p.share.
 
-    A share is 1/2 where no force acts on a corner; it is -1, which ends the mode, where
-    a force acts and the constraint transmits none.
+    A share is 1/2 where no force acts on a corner; the share is -1, which ends the
+    mode, where a force acts and the constraint transmits none.
     """
     width = 1 + p.m
     for k in range(p.surfaces):
@@ -390,8 +390,8 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 def share(size: int, rank: int, B: Floats, right: Floats) -> None:
     """Store the solution closest to (1/2, ..., 1/2) in the first column of `right`.
 
-    It solves the first `rank` rows of B x = right; B has `size` columns. These rows are
-    orthonormalised; the next row of B is workspace.
+    The solution satisfies the first `rank` rows of B x = right; B has `size` columns.
+    These rows are orthonormalised; the next row of B is workspace.
     """
     shares = B[rank * size :]
     shares[:size] = 0.5

@@ -276,7 +276,7 @@ class System:
 
     @property
     def _manner(self) -> Manner:
-        """How the code of the model's functions is generated."""
+        """Choices of how code of the model's functions is generated, see `Manner`."""
         matrices = (self.n + self.m) * self.n
         return MANNER._replace(blank=(("dynamics", matrices), ("geometry", matrices)))
 
@@ -304,7 +304,8 @@ class System:
     def watched_for(self, plan: Plan) -> list[Indicator]:
         """Return the indicators of all terms that end or change an arc under `plan`.
 
-        They belong to the equations of motion, to switches and events, and to sections.
+        The terms belong to the equations of motion, to switches and events, and to
+        sections.
         """
         equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
@@ -360,7 +361,7 @@ class System:
     def _fixed(self) -> list[str]:
         """Return the names of values that are constant in an arc.
 
-        They are parameters, modes of switches, and lengths of rows.
+        The values are parameters, modes of switches, and lengths of rows.
         """
         names = [p.name for p in self.equations.model.parameters]
         names += [mode.variable for mode in self.switches.modes]

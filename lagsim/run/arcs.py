@@ -241,7 +241,7 @@ class Run:
 
     @property
     def t(self) -> float:
-        """Current time."""
+        """Current time of the run."""
         return self.arc.t
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:

@@ -172,9 +172,9 @@ def could_push(
     """Return the largest forces on coordinates at rest, and possible displacements.
 
     The forces are sums of the magnitudes of their terms and intermediate results, whose
-    rounding errors could move a coordinate. They act during the whole motion; if a
-    force is elastic, during the inverse of its frequency; if a coordinate is moved only
-    through constraints, between two projections, which remove the rounding errors.
+    rounding errors could move a coordinate. The forces act during the whole motion; if
+    a force is elastic, during the inverse of its frequency; if a coordinate is moved
+    only through constraints, between two projections, which remove the rounding errors.
 
     Parameters
     ----------
@@ -230,7 +230,8 @@ def could_push(
 def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
     """Return displacements (l,) of first-order states that follow coordinates.
 
-    They are reached during the whole motion, or during the time constant of a state.
+    The displacements are reached during the whole motion, or during the time constant
+    of a state.
 
     Parameters
     ----------

@@ -21,8 +21,9 @@ CHUNK = 1000
 class EventStore:
     """Events in the order in which they were added, compressed in chunks.
 
-    Iteration yields the events in the order of time. Both orders differ at
-    accumulations, whose end is dated later than events that are added after it.
+    Iteration yields the events in the order of time. The order of addition and the
+    order of time differ at accumulations, whose end is dated later than events that are
+    added after it.
     """
 
     def __init__(self) -> None:

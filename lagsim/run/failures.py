@@ -341,7 +341,7 @@ class Stiffness(Source):
     def _considered(self, arc: Arc) -> Decision:
         """Return the decision after many steps at the stability bound.
 
-        It is a change of the method, a caution, or `GO_ON`.
+        The decision is a change of the method, a caution, or `GO_ON`.
         """
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
         # Forces of elements have no Jacobian.
@@ -350,7 +350,12 @@ class Stiffness(Source):
         return considered(arc)._replace(numbers=asked)
 
     def _of_elements(self, arc: Arc) -> Decision:
-        """Return a caution where work is done, since fast motion may have died out."""
+        """Return a caution that a stiff method may be faster; GO_ON without works.
+
+        Forces of elements have no Jacobian, from which eigenvalues could be computed.
+        Where work is done, fast motion may have died out, and a stiff method has longer
+        steps.
+        """
         if not arc.system.equations.works:
             return GO_ON
         return self._warning(arc, (), DIED_OUT)
@@ -407,10 +412,10 @@ class Stiffness(Source):
     def _series_reviewed(self, arc: Arc) -> Decision:
         """Return the decision on a change to the stiff method, for a Taylor series.
 
-        It is that of `_considered` (the stiff method or a caution) if the fastest
-        eigenvalues are damped, else `GO_ON`. The step of a Taylor series for accuracy
-        is close to its stability bound, so the steps do not show whether the bound
-        limits them.
+        The decision is that of `_considered` (the stiff method or a caution) if the
+        fastest eigenvalues are damped, else `GO_ON`. The step of a Taylor series for
+        accuracy is close to its stability bound, so the steps do not show whether the
+        bound limits them.
         """
         self._review_at = int(ASKED_AGAIN) * arc.steps
         state, equations = arc.state, arc.system.equations

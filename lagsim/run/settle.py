@@ -272,7 +272,7 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Compute the impacts of laws with the sides before the instant.
 
-    This is the first phase where the end of a law's mode was located.
+    This phase comes first where the end of a law's mode was located.
     """
     met = now.located.law
     return laws_struck(now.but(located=NOWHERE), by, met)
@@ -487,8 +487,9 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     """Decide everything at the start of a run.
 
-    The acts at the start have set the modes of the file before the first row, so only
-    their impulses are applied here, and conditions become true.
+    The acts at the start have set the modes of the file before the first row. Here
+    their impulses are applied, and the events act whose conditions become true at the
+    start.
     """
     switches = arc.system.switches
     jumps = by.jumping and (switches.modes or switches.corners)

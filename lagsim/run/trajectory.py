@@ -226,7 +226,8 @@ GO_ON = Decision()
 class Source:
     """Source of events that pause or end arcs, and of the modes after the events.
 
-    A source may store data about past events. It returns all changes in a `Decision`.
+    A source may store data about past events. A source returns all changes in a
+    `Decision`.
     """
 
     _warned: frozenset[str] = frozenset()

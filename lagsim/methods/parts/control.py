@@ -123,7 +123,8 @@ def record_sizes(s: Control, p: Parameters) -> None:
 def record_measured(s: Control, p: Parameters) -> None:
     """Update sizes and energy by the accepted state, with the energies stored last.
 
-    These are from the last call of `store_energies` (by `set_tolerances`, for one).
+    The energies are from the last call of `store_energies` (by `set_tolerances`, for
+    one).
     """
     record_extents(s)
     if s.spared > 0.0:
@@ -210,9 +211,9 @@ def is_within(s: Control, y: Floats) -> bool:
 def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
     """Return the length of steps up to which the tolerances hold unchanged, or 0.
 
-    They hold within the ranges if the ranges alone determine them, by far, and no
-    roundoff of rates is known: the roundoff of positions grows with the step. new :
-    (size,), the state after the step h for which the tolerances were computed.
+    The tolerances hold within the ranges if the ranges alone determine them, by far,
+    and no roundoff of rates is known: the roundoff of positions grows with the step.
+    new : (size,), the state after the step h for which the tolerances were computed.
     """
     if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:
         return 0.0
@@ -294,9 +295,9 @@ def slides_on_a_disc(p: Parameters) -> int:
 def share_tolerances(s: Control) -> None:
     """Raise tolerances that are much finer than those of coordinates coupled by rows.
 
-    They are compared in the metric of M, in which projection converts errors of one
-    coordinate into errors of another. A coordinate at rest by symmetry has no motion of
-    its own as a scale.
+    Tolerances are compared in the metric of M, in which projection converts errors of
+    one coordinate into errors of another. A coordinate at rest by symmetry has no
+    motion of its own as a scale.
     """
     n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
@@ -316,8 +317,8 @@ def share_tolerances(s: Control) -> None:
 def against(error: float, tolerance: float) -> float:
     """Return |error/tolerance|, at most SQUARABLE if the error is finite.
 
-    So its square is finite, also for a component at rest, whose error may be rounding
-    that far exceeds the tolerance.
+    Therefore the square of the result is finite, also for a component at rest, whose
+    error may be rounding that far exceeds the tolerance.
     """
     part = abs(error / tolerance)
     if abs(error) < OVERFLOW:
@@ -414,9 +415,9 @@ def bound_by_others(
 def foresee(s: Control, p: Parameters, k: Floats) -> None:
     """Compute the sizes that components at rest reach in the first instant of an arc.
 
-    They are stored in `foreseen`. A force that starts from 0, as a power of the time,
-    causes a motion without initial size, and one component may set the next in motion.
-    k : (size,), y' at the start.
+    The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
+    time, causes a motion without initial size, and one component may set the next in
+    motion. k : (size,), y' at the start.
     """
     n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes, accelerations = s.spare, k[s.velocities]
@@ -572,8 +573,8 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 def lead_positions(s: Control, h: float, k: Floats) -> None:
     """Store in `point` (size,) the state with the positions advanced by a time h.
 
-    They are advanced by the velocities in k = y' (size,), or by the accelerations from
-    rest.
+    The positions are advanced by the velocities in k = y' (size,), or by the
+    accelerations from rest.
     """
     accelerations = k[s.velocities]
     s.point[: s.size] = s.y
@@ -726,9 +727,9 @@ def add_exactly(
 def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
     """Add to the new state `new` (size,), in place, the terms too small for a step h.
 
-    These are `remainder`, the old state's `compensation`, and, where rtol < TIGHT, the
-    effect of the compensation on y'. k : (size,), y' at the start of the step. The part
-    that rounding leaves over is stored in `remainder`.
+    The terms are `remainder`, the old state's `compensation`, and, where rtol < TIGHT,
+    the effect of the compensation on y'. k : (size,), y' at the start of the step. The
+    part that rounding leaves over is stored in `remainder`.
     """
     s.remainder[:] += s.compensation
     if s.rtol < TIGHT:
@@ -741,8 +742,8 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
     """Compute the change of y' that the compensation term of the state y causes.
 
-    k : (size,), y' at y. The change is stored in out (size,); it is 0 with constraints
-    or switches.
+    k : (size,), y' at y. The change is stored in out (size,); the change is 0 with
+    constraints or switches.
     """
     size = s.size
     if CONSTRAINED or SWITCHES:

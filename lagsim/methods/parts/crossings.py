@@ -228,8 +228,8 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
 def store_last(s: Crossings, end: float) -> None:
     """Store values and slopes of the relations at the end of the last step.
 
-    They are in `starts`. end : the fraction up to which the step was searched; if it is
-    not 1, the values are not used for the next step.
+    The values and slopes are stored in `starts`. end : the fraction up to which the
+    step was searched; if it is not 1, the values are not used for the next step.
     """
     s.known_until = s.t if end == 1.0 else -inf
     for j in range(s.sections):
@@ -289,8 +289,8 @@ def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
 def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
     """Return the fraction in (low, x] at which the motion leaves section j, or inf.
 
-    The motion may return to the section very soon: the start of an arc is sampled
-    densely.
+    inf : the motion does not leave the section there. Since it may return to the
+    section very soon, the start of an arc is sampled densely.
     """
     know_bands(s, p)
     near = x
@@ -489,8 +489,8 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
 def band(s: Crossings, j: int) -> float:
     """Return the bound of |relation of section j| that counts as 0.
 
-    It is the rounding of the terms of the relation, plus the error of the state times
-    |`relation_slopes`|; 0 if this is not finite.
+    The bound is the rounding of the terms of the relation, plus the error of the state
+    times |`relation_slopes`|; 0 if this is not finite.
     """
     found = SUM_ROUNDOFF * abs(s.relation_slopes[j])
     slopes = s.relation_slopes[s.sections + j * s.size :]

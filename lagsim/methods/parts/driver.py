@@ -352,7 +352,7 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 def jump_along(p: Parameters, i: int) -> float:
     """Return the sum of the |jumps| of acceleration i at the surfaces of sliding.
 
-    These are the surfaces along which the motion slides. At a corner of an equality the
+    The surfaces are those along which the motion slides. At a corner of an equality the
     jump is the acceleration by the whole jump of the constraint force.
     """
     width = p.size + p.m

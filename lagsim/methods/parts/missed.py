@@ -125,7 +125,7 @@ class SearchTable(Rank):
 def events(s: SearchTable) -> int:
     """Return the number of event functions, of surfaces, laws and conditions.
 
-    These are the rows 0 ... events - 1 of the table.
+    Rows 0 ... events - 1 of the table belong to the event functions.
     """
     return s.surfaces + s.conditions
 
@@ -196,8 +196,8 @@ def shape_step(
 ) -> None:
     """Store polynomials of the state in the fraction u of a step h, in `shape`.
 
-    They are cubics between the states old and new, with the rates old_rates and
-    new_rates (size,) at the ends, and for positions also the terms that match the
+    The polynomials are cubics between the states old and new, with the rates old_rates
+    and new_rates (size,) at the ends, and for positions also the terms that match the
     second derivatives there.
     """
     shape = s.shape
@@ -228,8 +228,8 @@ def sample_roughly(
 ) -> None:
     """Estimate signals and their slopes at the fraction x of a step h, in out (2 R,).
 
-    They are evaluated on the polynomials of `shape_step`. beside : the distance over
-    which slopes are differenced, a power of 2.
+    The signals are evaluated on the polynomials of `shape_step`. beside : the distance
+    over which slopes are differenced, a power of 2.
     """
     z, shape, count = s.point, s.shape, rows(s)
     first = events(s)
@@ -394,8 +394,8 @@ def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
 def distance(kind: float, power: float, u: float) -> float:
     """Return -log of a term relative to 1, where its signal is u.
 
-    This is the distance of the signal from activity of the term. kind, power : see
-    `Indicator`. 0 for the kind FALLING.
+    The result is the distance of the signal from activity of the term. kind, power :
+    see `Indicator`. 0 for the kind FALLING.
     """
     if kind == FALLING:
         return 0.0
@@ -490,7 +490,11 @@ EXPECTED = 1e-2
 
 
 def find_defect(s: SearchTable, p: Parameters) -> float:
-    """Return the fraction of the last step at a row that has a defect, or 0."""
+    """Return the fraction of the last step at which a row has a defect; 0 if none has.
+
+    Of the rows of the output, every `APART`-th is examined, and the last one with a
+    defect again. In a step over a loss of rank no row is examined.
+    """
     s.defect_found = 0.0
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
@@ -564,10 +568,11 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone on a stretch.
 
-    x is the end of the stretch. The variation is compared with the change of the signal
-    if the time and the state at x are rounded and the state is moved by its tolerances.
-    Along a chain at rest, motion spreads with increasing powers of the time: at first
-    no step, however short, resolves the shape of the signal.
+    x : the end of the stretch, as a fraction of the step. The variation is compared
+    with the change of the signal if the time and the state at x are rounded and the
+    state is moved by its tolerances. Along a chain at rest, motion spreads with
+    increasing powers of the time: at first no step, however short, resolves the shape
+    of the signal.
     """
     z = s.point
     now = s.values[events(s) :]
@@ -643,7 +648,8 @@ def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
 def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect at the fraction x exceeds `most` tolerances; store both rates.
 
-    These are `point_rates`, of the dense output, and `exact_rates`, of the equations.
+    The rates are `point_rates`, of the dense output, and `exact_rates`, of the
+    equations.
     """
     interpolate_rates(s, x, s.point_rates)
     interpolate(s, p, x, s.point)

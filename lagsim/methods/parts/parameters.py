@@ -51,7 +51,7 @@ def each_coordinate(p: Parameters) -> int:
 
 
 def each_row(p: Parameters) -> int:
-    """Return the length of an array by constraint rows, m, or 0 without loops."""
+    """Return the length of an array with one entry per row, m; 0 without loops."""
     return p.m if p.loops else 0
 
 
@@ -61,7 +61,7 @@ def each_grouped(p: Parameters) -> int:
 
 
 def each_watched(p: Parameters) -> int:
-    """Return the length of an array by surfaces and laws, whose modes may end."""
+    """Return the length of an array with one entry per surface and per law."""
     return p.surfaces + p.laws
 
 

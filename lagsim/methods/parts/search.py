@@ -260,10 +260,11 @@ def unknown_up_to(
 ) -> float:
     """Return the width of a shorter stretch to examine than (low, x); 0 if not needed.
 
-    No shorter one is needed if rows on the stretch follow from values at its ends. For
-    events, no signal may approach its value inside either, since an event function made
-    of its term would be flat at every point; the shorter stretch then ends at the
-    closest approach.
+    A shorter one is not needed if the values and slopes at its ends determine what is
+    searched for, the `kind`, in between. For events, no signal may approach 0 inside
+    either, since an event function made of its term would be flat at every point; the
+    shorter stretch then ends at the closest approach. low, x, and the result are
+    fractions of the step.
     """
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
@@ -584,7 +585,7 @@ def follows(s: Events, k: int) -> bool:
 def least_allowed(s: Events, p: Parameters, k: int) -> float:
     """Return the value of event function k below which its mode ends.
 
-    It is 0 for a condition.
+    The value is 0 for a condition.
     """
     if SWITCHES and k < s.surfaces:
         return -max(float(p.slack[k]), float(p.band[k]))

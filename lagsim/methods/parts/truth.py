@@ -49,7 +49,8 @@ PLACES = 2.0**-40
 def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
     """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
 
-    These are the values, the sizes up to which a value counts as 0, and the rates.
+    The three arrays are the values, the sizes up to which a value counts as 0, and the
+    rates.
 
     Parameters
     ----------

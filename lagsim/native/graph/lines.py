@@ -83,8 +83,8 @@ class Code(NamedTuple):
 def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int]:
     """Return the operations of `roots` that depend on no `moving` node and are used.
 
-    They are used by an operation that depends on `moving` nodes, or are roots: their
-    values can be computed once.
+    An operation counts as used if an operation that depends on `moving` nodes uses the
+    value, or if it is a root. The values can be computed once.
     """
     used, varying = set(roots), set(moving)
     cone = g.cone(roots)

@@ -181,8 +181,8 @@ class _Orders:
     def _keep(self, k: int) -> None:
         """Write code that stores the factors of order k of all sums in memory.
 
-        They are stored in the memory of the series: in each vector one lane per sum,
-        first factors and second factors apart.
+        The factors are stored in the memory of the series: in each vector one lane per
+        sum, first factors and second factors apart.
         """
         w = self.w
         for first, width in self._vectors:

@@ -435,7 +435,7 @@ class _Function(Folding, ast.NodeVisitor):
     def _floored(self, node: ast.BinOp, left: Value) -> Value:
         """Translate `//` or `%` by a positive static divisor.
 
-        Both round towards minus infinity, as in Python. left : the dividend.
+        Both operators round towards minus infinity, as in Python. left : the dividend.
         """
         divisor = self.integer(node.right)
         a = self._cast(left, "int", node).text

@@ -118,8 +118,8 @@ def from_bits(k: int) -> float:
 def external(function: Callable[P, R]) -> Callable[P, R]:
     """Mark a function that is defined at link time, under its name.
 
-    Its annotations declare the kinds of parameters and result; its body is not
-    translated (mypy requires `raise NotImplementedError` where there is a result).
+    The function's annotations declare the kinds of parameters and result; its body is
+    not translated (mypy requires `raise NotImplementedError` where there is a result).
     """
 
     @functools.wraps(function)

@@ -127,8 +127,8 @@ def kernel_part(
 ) -> ProgramPart:
     """Return the program part of kernels.
 
-    They are translated unless the cache has the code. functions, statics : as for
-    `translation.translate`.
+    The kernels are translated unless the cache has the code. functions, statics : as
+    for `translation.translate`.
     """
     # The digest is computed once in a process: it takes nearly as long as a short run.
     known = *functions, repr(statics)

@@ -253,7 +253,7 @@ class Accumulation:
     def hurries(self, row: int) -> bool:
         """Whether the last `STUCK` events of a row follow each other almost at once.
 
-        They are on average at most `HURRIES` of the duration of the run apart.
+        The events are on average at most `HURRIES` of the duration of the run apart.
         """
         own = self.of(row).times
         least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))

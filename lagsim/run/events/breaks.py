@@ -66,7 +66,7 @@ class Values:
     ----------
     g : Graph
     nodes : sequence of int
-        Nodes to evaluate; they depend on t and on parameters only.
+        Nodes to evaluate; the nodes depend on t and on parameters only.
     values : mapping of str to float
         Values of the parameters.
     """
@@ -240,7 +240,7 @@ class Division:
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _look(self, cells: Cells) -> None:
-        """Enclose the values of each surface in the new cells; set their tasks."""
+        """Enclose the values of each surface in the new cells; set the cells' tasks."""
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
@@ -429,11 +429,10 @@ class TimedTable(NamedTuple):
     def knots(
         self, g: Graph, values: Mapping[str, float], start: float, end: float
     ) -> Iterator[tuple[float, int, int]]:
-        """Return the times of knots between `start` and `end`, with cells.
+        """Yield (time, cell before, cell after) of each knot from `start` to `end`.
 
-        The cells are those before and after each knot. values : of the parameters. The
-        times are exact to rounding. The iterator is lazy: each time is computed when it
-        is requested.
+        values : of the parameters. The times are exact to rounding. The iterator is
+        lazy: each time is computed when it is requested.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)

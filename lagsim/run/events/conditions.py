@@ -43,7 +43,7 @@ def located_within(arc: Arc) -> float:
 def is_postponed(arc: Arc) -> bool:
     """Whether the event of the located condition waits for that of another condition.
 
-    Both belong to one instant, see `truth.wait`.
+    Both events belong to one instant, see `truth.wait`.
     """
     truth = Truth(arc)
     return truth.run("wait", *truth.tolerances) > 0

@@ -77,7 +77,8 @@ def at_start(arc: Arc) -> Before:
 def _off(arc: Arc) -> Floats:
     """Return the error (n,) of velocities on the constraints, which is no impact.
 
-    It is 0 where each step is projected, else the Newton step onto the constraints.
+    The error is 0 where each step is projected, else the Newton step onto the
+    constraints.
     """
     if arc.plan.projected:
         return np.zeros(arc.system.n)

@@ -565,9 +565,10 @@ def laws_at(arc: Arc) -> LawsAt:
 def rest_soon(arc: Arc, within: float) -> None:
     """Raise the speed at which slips on discs count as stopped.
 
-    A slip that may stop within a time is then at rest. This applies where switches
-    accumulate: a slip whose direction turns with the switches vanishes at their limit,
-    and friction along the remaining slip would hide the effect of the switches.
+    A slip that may stop within a time is then at rest. The speed is raised where
+    switches accumulate: a slip whose direction turns with the switches vanishes at
+    their limit, and friction along the remaining slip would hide the effect of the
+    switches.
 
     Parameters
     ----------

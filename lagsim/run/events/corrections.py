@@ -99,8 +99,9 @@ def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
 def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
     """Set the velocities in y that laws hold from now on to exact values, in place.
 
-    These are velocities that a single law determines: a switch at 0 of such a velocity
-    is decided by 0, and not by the rounding of the time at which the velocity stopped.
+    The velocities set are those that a single law determines: a switch at 0 of such a
+    velocity is decided by 0, and not by the rounding of the time at which the velocity
+    stopped.
 
     Parameters
     ----------

@@ -271,7 +271,7 @@ def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
 def _pushes(modes: SurfaceModes) -> Floats:
     """Return J (q'', s') - b of all surfaces at later times, shape (SAMPLES, K).
 
-    These are the derivatives of the surfaces' rates by the forces. The times are
+    The results are the derivatives of the surfaces' rates by the forces. The times are
     distributed geometrically from now to the end of the run.
     """
     arc, rows = modes.arc, modes.rows()
@@ -506,9 +506,10 @@ class Crossing:
         return list(product(sides, repeat=count))
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
-        """Return an open surface whose gradient is parallel to that of surface k.
+        """Return an open surface with gradient parallel to that of surface k, or None.
 
-        With the factor between both gradients; None if there is no such surface.
+        The result is (j, factor): the number j of that surface, and the gradient of
+        surface k divided by the gradient of surface j.
         """
         J, b = rows.J, rows.b
         for j in self.open:
@@ -522,8 +523,8 @@ class Crossing:
     def _settle(self, corner: Sequence[int]) -> set[int]:
         """Store given sides of open surfaces, and the sides that follow from these.
 
-        Loose and hanging surfaces are put on the sides of their expressions' values. So
-        is an open surface whose expression leaves its level beside other open ones.
+        Loose and hanging surfaces are put on the sides of their expressions' values. An
+        open surface is, too, if its expression leaves its level beside other open ones.
 
         Parameters
         ----------
@@ -760,8 +761,8 @@ class Crossing:
     def _ahead(self, w: Floats, p: Floats) -> tuple[float, Floats]:
         """Return a short time, and the derivatives of all rates (k + r,) by time.
 
-        They are difference quotients over that time: the rates of the k open surfaces,
-        then the accelerations of the r laws.
+        The derivatives are difference quotients over that time: the rates of the k open
+        surfaces, then the accelerations of the r laws.
 
         Parameters
         ----------

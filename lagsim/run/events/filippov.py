@@ -86,10 +86,10 @@ class SideSolution(NamedTuple):
 class FilippovCone:
     """Filippov's conditions at a point on `count` surfaces.
 
-    They are a complementarity problem: with p = 1/2 - w the rates are rho_0 - B p, and
-    p is bounded like a friction force. Laws beside the surfaces are further rows of the
-    problem. Where switches multiply each other, the rates are not linear in the shares,
-    and Newton's method solves a linear problem in each step.
+    The conditions are a complementarity problem: with p = 1/2 - w the rates are rho_0 -
+    B p, and p is bounded like a friction force. Laws beside the surfaces are further
+    rows of the problem. Where switches multiply each other, the rates are not linear in
+    the shares, and Newton's method solves a linear problem in each step.
 
     Several solutions may exist where the rate of a surface is not less on its upper
     side than on its lower one, so that the surface does not attract. Such a surface
@@ -728,8 +728,8 @@ class SurfaceModes:
     def changes(self, time: float) -> Floats:
         """Return the largest changes (K,) of the surfaces' expressions in a short time.
 
-        They are computed from the present rates and from the terms of the forces. time
-        : in units of time.
+        The changes are computed from the present rates and from the terms of the
+        forces. `time` is the length of that time.
         """
         arc, n = self.arc, self.arc.system.n
         reach = time * np.nan_to_num(np.abs(self.rates(arc.t, arc.y)))
@@ -746,8 +746,8 @@ class SurfaceModes:
 
         Each component is changed by a part of its range so far, or of its expected
         range. At the start of a run all ranges are 0. There the change of a component
-        up to time t by its rate is used; it is iterated, since components at rest are
-        set in motion by others, or by forces that begin at 0.
+        up to time t by its rate is used; the computation is iterated, since components
+        at rest are set in motion by others, or by forces that begin at 0.
         """
         arc, state = self.arc, self.arc.state
         parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))

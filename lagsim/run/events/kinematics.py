@@ -335,8 +335,8 @@ class Kinematics:
     def _goes_below(self, k: int, met: Collection[int]) -> bool:
         """Whether the bound of law k is clearly negative, or falls below 0.
 
-        The bound of a law that was located (`met`) is 0 within rounding: it falls if it
-        is negative shortly after, on the sides that are selected now.
+        The bound of a law that was located (`met`) is 0 within rounding: a bound falls
+        if it is negative shortly after, on the sides that are selected now.
         """
         least, arc = self._bound_roundoff[k], self.arc
         if self.bounds[k] < -least or k not in met or not self.t < arc.settings.end:
@@ -363,8 +363,8 @@ class Kinematics:
     def _known(self) -> Floats:
         """Return the magnitudes (size,) of components that determine their rounding.
 
-        They include the sizes of the terms of the rows, within whose rounding a row in
-        force is satisfied. Rows of velocities have no terms of positions.
+        The magnitudes include the sizes of the terms of the rows, within whose rounding
+        a row in force is satisfied. Rows of velocities have no terms of positions.
         """
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]

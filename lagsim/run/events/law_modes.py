@@ -70,7 +70,7 @@ def ahead_of(
         Numbers of the laws.
     others : callable
         Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
-        which returns the rates (k,) of other rows. They come first in the result.
+        which returns the rates (k,) of other rows. These come first in the result.
     """
     moment = here.arc.moment
 

@@ -76,7 +76,7 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the distance of a force to its limit, over the limit, that counts as 0."""
+    """Return the distance of a force from its limit, over the limit, counted as 0."""
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
@@ -198,10 +198,10 @@ class _Sliders:
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
         """Return the sliders of `edge` that slide, now or at a time `later` from now.
 
-        A linear complementarity problem of r rows is solved. Its matrix D (r, r) is the
-        decrease of the rate of each row per unit slip of each slider against its force.
-        A slider in dampers has two rows, the margins of its force to both limits. Where
-        a limit is 0 the slip has either sign, which is stored.
+        A linear complementarity problem of r rows is solved. The problem's matrix D (r,
+        r) is the decrease of the rate of each row per unit slip of each slider against
+        its force. A slider in dampers has two rows, the margins of its force to both
+        limits. Where a limit is 0 the slip has either sign, which is stored.
         """
         slides, sticks = self._at(edge, later), self._at((), later)
         both = [k for k in edge if k in self.viscous]

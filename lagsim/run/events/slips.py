@@ -69,8 +69,9 @@ class Beginning(NamedTuple):
 def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) -> None:
     """Store the directions along which slips of two components begin.
 
-    They are stored in the parameters of the kernels, and only where all directions are
-    smooth and all speeds at the end of the interval reach the floors that are set.
+    The directions are stored in the parameters of the kernels, and only where all
+    directions are smooth and all speeds at the end of the interval reach the floors
+    that are set.
 
     Parameters
     ----------

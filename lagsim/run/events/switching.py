@@ -274,10 +274,10 @@ class Switching(Source):
     ) -> tuple[list[Event], frozenset[int]]:
         """Stop velocities that do not lead onto the sides selected at corners.
 
-        The velocities in y are projected onto the rows of both sides of a corner. So
-        are velocities that forces reverse before the position changes by more than
-        rounding. Return the events of rest by the latter, and the corners at which
-        velocities are stopped.
+        The velocities in y are projected onto the rows of both sides of a corner.
+        Velocities are also projected that forces reverse before the position changes by
+        more than rounding. Return the events of rest by the latter, and the corners at
+        which velocities are stopped.
 
         Parameters
         ----------
@@ -357,9 +357,10 @@ class Switching(Source):
     def _known(self, surfaces: SurfacesAt) -> dict[int, float]:
         """Return the surfaces known to be at their levels, with largest distances.
 
-        These are the surface reached last, with its distance then, and the surfaces at
-        whose levels constraints hold the motion, with the rounding of the constraints.
-        A surface whose expression has jumped since is farther off and not included.
+        The result contains the surface reached last, with its distance then, and the
+        surfaces at whose levels constraints hold the motion, with the rounding of the
+        constraints. A surface whose expression has jumped since is farther off and not
+        included.
         """
         modes, arc, held = self.modes, self.modes.arc, dict[int, float]()
         if self.resting:

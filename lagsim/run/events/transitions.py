@@ -73,8 +73,8 @@ class Transitions(Source):
     def start(self, arc: Arc) -> Decision:
         """Return the decision with the events that acted at the start.
 
-        They acted before the first row; the first arc has their modes. The impulses of
-        these events are applied here.
+        These events acted before the first row; the first arc has their modes. The
+        impulses of these events are applied here.
         """
         begun = arc.equations.begun_by
         events, state = arc.equations.model.events, arc.state

@@ -114,8 +114,8 @@ class Corners:
     """Rows just before and just after the first events, each in several variants.
 
     Exactly on the surface of a switch an expression may have an isolated value, as sign
-    has at 0. So each row is computed also for states slightly off the surface, on
-    either side. The variant that continues the neighbouring rows is the one to plot.
+    has at 0. Therefore each row is also computed for states slightly off the surface,
+    on either side. The variant that continues the neighbouring rows is the one to plot.
 
     Attributes
     ----------

@@ -42,8 +42,8 @@ class Checkpoints:
     """States at evenly spaced output times, and the ranges of the coordinates.
 
     Rows between two output times, such as rows of impacts, are not stored, except the
-    last row of the run. So the stored rows of two runs have the same times, whatever
-    events occurred between the times.
+    last row of the run. Therefore the stored rows of two runs have the same times,
+    whatever events occurred between the times.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def energy_in_play(
 ) -> float:
     """Return the energy in play of rows, from the extremes of their columns.
 
-    The energy in play is the largest energy that the motion exchanges, see
+    The energy in play is the size that a drift of the energy is compared with, see
     `EnergyMonitor.energy_in_play`.
 
     Parameters
@@ -191,7 +191,7 @@ def energy_in_play(
     places : mapping of str to int
         Columns, see `energy_parts`.
     low, high : ndarray, shape (columns,)
-        Least and greatest values.
+        Least and greatest value of each column.
     between_rows : float
         Largest energy at the ends of steps.
     """

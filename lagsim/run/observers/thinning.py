@@ -425,7 +425,7 @@ class Frames:
         self._keep(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Mark the rows (k,) of a block that are stored as rows of impacts."""
+        """Return a mask (k,) of a block's rows that are stored as rows of impacts."""
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
