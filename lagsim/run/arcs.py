@@ -360,7 +360,11 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Whether an interrupt ends the run, where this code alone would not."""
+        """Whether an interrupt ends the run after a return `code` of the kernel.
+
+        False where the run ends anyway: at its end time, by `until`, or after a cut
+        step.
+        """
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc

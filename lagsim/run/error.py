@@ -150,7 +150,7 @@ HIGHER = 16.0
 
 
 class Held(NamedTuple):
-    """Largest force on each coordinate (n,), and its displacement by this (n,)."""
+    """Largest force on each coordinate (n,), and displacement by this force (n,)."""
 
     forces: Floats
     reach: Floats

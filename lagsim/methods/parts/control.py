@@ -711,7 +711,7 @@ def scattered(i: int, way: int) -> float:
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
-    """Write y + h k (size,) to `new`, and add the rounding error of it to `left`."""
+    """Write y + h k (size,) to `new`, and add the rounding error of the sum to left."""
     for i in range(size):
         before = y[i]
         rate = k[i]

@@ -336,7 +336,7 @@ def take_cut(s: State, p: Parameters) -> None:
 
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Project y (size,) onto the surfaces along which it slides; store the distance.
+    """Project y (size,) onto the surfaces of sliding; store the distance.
 
     t : the time. The largest relative shift so far is `projected`.
     """

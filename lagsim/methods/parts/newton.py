@@ -224,7 +224,7 @@ def solve(
 
 
 def square(width: Static, g: Floats) -> None:
-    """Write g^2 behind the number g, into the elements that follow it."""
+    """Write g^2 into the elements that follow the number g in memory."""
     take(width, g, g[width:])
     multiply(width, g, g[width:])
 

@@ -526,7 +526,10 @@ class _Locator:
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Return [time of the step in the doubtful interval] or []; forget this."""
+        """Return the time of the step in the doubtful interval as a list, or [].
+
+        The interval is deleted; [] if there is none, or if it contains no step.
+        """
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful

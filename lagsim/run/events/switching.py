@@ -524,10 +524,10 @@ class Switching(Source):
         return self._reached(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return the next surface if it is reached already, and a time just before it.
+        """Return (the next surface, a time just before the motion reaches the surface).
 
-        The first is None if the surface is not reached. None alone where no surface is
-        near.
+        The surface is None unless it is reached already. The result is None, instead of
+        a pair, where no surface is near, or the approach has been tried too often.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:
