@@ -362,8 +362,8 @@ class Run:
     def _is_stopped(self, code: int) -> bool:
         """Whether an interrupt ends the run after a return `code` of the kernel.
 
-        False where the run ends anyway: at its end time, by `until`, or after a cut
-        step.
+        False without an interrupt, where the run ends anyway (at its end time, by
+        `until`), and while the last step is still to be cut.
         """
         if self.interrupt is None or not self.interrupt.asked:
             return False

@@ -219,7 +219,7 @@ class Unmet(Source):
         self._looks = 0
 
     def ask_at(self, arc: Arc) -> int:
-        """Return the step of the next check."""
+        """Return the number of steps at which the next check is due."""
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:

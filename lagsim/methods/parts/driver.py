@@ -336,9 +336,10 @@ def take_cut(s: State, p: Parameters) -> None:
 
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Project y (size,) onto the surfaces of sliding; store the distance.
+    """Project y (size,) onto the surfaces that the motion slides along, in place.
 
-    t : the time. The largest relative shift so far is `projected`.
+    t : the time. `projected` becomes the largest relative shift so far of the positions
+    or of the velocities.
     """
     if p.sliding == 0.0:
         return

@@ -430,7 +430,7 @@ class Contacts(Source):
         ends: dict[int, float],
         found: StateAfter,
     ) -> Kinematics:
-        """Compute and apply the impulses of some laws; return the laws after them.
+        """Compute and apply the impulses of some laws; return the laws afterwards.
 
         Parameters
         ----------
