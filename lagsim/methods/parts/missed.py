@@ -273,10 +273,10 @@ def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
 
 
 def may_approach(s: SearchTable, k: int, width: float) -> bool:
-    """Whether signal k may be closer to its value inside a stretch than at the ends.
+    """Whether signal k may be closer to activity of its term within than at the ends.
 
-    width : the length of the stretch, as a fraction of the step. Also true if values
-    and slopes at the ends do not determine the signal in between.
+    Within and ends : of a stretch of length width, a fraction of the step. Also true if
+    values and slopes at the ends do not determine the signal in between.
     """
     if not signal_is_known(s, k, width):
         return True

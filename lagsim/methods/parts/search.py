@@ -261,10 +261,10 @@ def unknown_up_to(
     """Return the width of a shorter stretch to examine than (low, x); 0 if not needed.
 
     A shorter one is not needed if the values and slopes at its ends determine what is
-    searched for, the `kind`, in between. For events, no signal may approach 0 inside
-    either, since an event function made of its term would be flat at every point; the
-    shorter stretch then ends at the closest approach. low, x, and the result are
-    fractions of the step.
+    searched for, the `kind`, in between. For events, no signal may approach the
+    activity of its term inside either, since an event function made of the term would
+    be flat at every point; the shorter stretch then ends at the closest approach. low,
+    x, and the result are fractions of the step.
     """
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
