@@ -101,7 +101,7 @@ class ConstrainedStart:
     @property
     def is_free(self) -> bool:
         """Whether the model has no constraint and no contact."""
-        return not (self._rates or self._gaps or self._ways)
+        return not (self.e.rows or self._gaps or self._ways)
 
     def dragged(
         self, state: Mapping[str, float], point: str, target: Floats
