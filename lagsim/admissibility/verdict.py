@@ -689,7 +689,7 @@ class _LawValues:
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
         """Return R q'' - b, rates, and rounding errors of the rows, each (r,).
 
-        The accelerations q'' are those without the forces of these laws.
+        q'' : the accelerations without the forces of these laws.
         """
         R, b = self.R, self.point.array([row.b for row in self.rows])
         a, terms, _ = accelerations(self.point)

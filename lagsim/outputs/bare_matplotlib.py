@@ -24,9 +24,9 @@ _OURS = ("MATPLOTLIBRC", "MPLBACKEND")
 
 @contextlib.contextmanager
 def _elsewhere() -> Iterator[None]:
-    """Context manager: work in matplotlib's data folder, without its variables.
+    """Context manager: work in matplotlib's data folder, without its own variables.
 
-    The variables are those of the environment.
+    `_OURS` names these variables of the environment, which are restored at the end.
     """
     found = find_spec("matplotlib")
     assert found is not None

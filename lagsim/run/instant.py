@@ -2,7 +2,8 @@
 
 A record is never changed: each phase returns the next one. The state (q, q', s), the
 modes of the file and the modes of rows and surfaces are in the memory of the arc, which
-compiled functions read; `settle` writes them there between two phases. Everything else
+compiled functions read. `settle` writes the state and the modes of rows and surfaces
+between two phases; an event writes its modes of the file as it acts. Everything else
 that is known of an instant is here, and nothing of it survives the instant: a record is
 handed on to the next call of `settle` only where no time has passed.
 """

@@ -162,7 +162,7 @@ class JumpImpulses(NamedTuple):
     ----------
     laws : ndarray, shape (L,)
     rows : ndarray, shape (E,)
-        Those of equalities, in a model whose events give impulses; else empty.
+        Impulses of equalities, in a model whose events give impulses; else empty.
     kicks : bool
         Whether an event has given an impulse.
     """

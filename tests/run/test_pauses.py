@@ -71,7 +71,7 @@ def test_a_run_ends_at_the_same_step_however_often_its_kernels_pause(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("rejected", "found"), [(1.0, pytest.approx(0.08388608)), (0.5, None)]
+    ("rejected", "found"), [(1.0, pytest.approx(1e-8 * 2**23)), (0.5, None)]
 )
 def test_steps_that_are_rejected_once_each_end_a_run(rejected, found):
     # Equal steps of 1e-8: 2^23 of these do not reach the end.

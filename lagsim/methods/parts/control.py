@@ -211,8 +211,8 @@ def is_within(s: Control, y: Floats) -> bool:
 def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
     """Return the length of steps up to which the tolerances hold unchanged, or 0.
 
-    The tolerances hold within the ranges if the ranges alone determine them, by far,
-    and no roundoff of rates is known: the roundoff of positions grows with the step.
+    Within the ranges the tolerances hold if the ranges alone determine the tolerances,
+    by far, and no roundoff of rates is known: that of positions grows with the step.
     new : (size,), the state after the step h for which the tolerances were computed.
     """
     if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:

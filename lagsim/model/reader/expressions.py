@@ -309,7 +309,7 @@ class Expressions:
     def value(self, found: int, what: str, place: Place) -> float | None:
         """Return the value of a node of parameters alone; None if it is not finite.
 
-        what, place : for the message.
+        what, place : the quantity and its place in the file, for the message.
         """
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
@@ -327,8 +327,8 @@ class Expressions:
     ) -> bool:
         """Whether a number lies in its range; if not, a fault is reported.
 
-        what, place : for the message. least, most : the range. positive : whether 0 is
-        excluded.
+        what, place : the quantity and its place in the file, for the message. least,
+        most : the range. positive : whether 0 is excluded.
         """
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
@@ -343,7 +343,7 @@ class Expressions:
     def is_finite(self, value: float, what: str, place: Place) -> bool:
         """Whether a value is finite; if not, a fault is reported.
 
-        what, place : for the message.
+        what, place : the quantity and its place in the file, for the message.
         """
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"

@@ -219,7 +219,7 @@ class Contacts(Source):
     def _report(
         self, found: StateAfter, code: WarningCode, some: list[int], **numbers: float
     ) -> None:
-        """Add a warning about some laws, once for each text.
+        """Add a warning about some laws, once for each code.
 
         Parameters
         ----------

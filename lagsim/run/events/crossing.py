@@ -600,7 +600,7 @@ class Crossing:
         i : int
             Index of the surface among the open ones.
         chosen : RowModes
-            Modes of all rows, those of the laws first.
+            Modes of all rows, the rows of the laws first.
         """
         self._share(w)
         if self.beside is not None:
@@ -715,7 +715,7 @@ class Crossing:
     def _put_laws(self, found: RowModes) -> None:
         """Store modes of the laws, so that the next evaluations include their forces.
 
-        found : the modes of rows, those of the laws first.
+        found : the modes of rows, the rows of the laws first.
         """
         here = Kinematics(self.modes.arc, self.modes.arc.y)
         put_modes(here.arc, Chosen.of(here, self.laws, found))
