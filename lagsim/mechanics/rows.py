@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import Metric, whitened_rows
+from lagsim.mechanics.algebra import Metric, cholesky, whitened_rows
 from lagsim.mechanics.complementarity import ComplementarityProblem
 from lagsim.tolerances import DEPENDENT_ROWS
 
@@ -289,6 +289,10 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:
         factor = (rows / np.sqrt(diagonal)).T
         return Delassus(factor.T @ factor, (rows / diagonal).T, factor)
+    if not len(A):
+        back = np.linalg.inv(cholesky(M).T)
+        factor = back.T @ rows.T
+        return Delassus(factor.T @ factor, back @ factor, factor)
     metric = Metric(M, A)
     factor = metric.free.T @ rows.T
     _, lengths = whitened_rows(rows, metric.L)
