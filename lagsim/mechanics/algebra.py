@@ -9,6 +9,7 @@ the rows.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
+
+
+# --- Vectors
+
+
+def largest(x: Floats) -> float:
+    """Return the largest |x_k| of a vector x (k,), k > 0; nan if an element is nan."""
+    return float(np.maximum.reduce(np.abs(x)))
+
+
+@lru_cache(maxsize=64)
+def identity(n: int) -> Floats:
+    """Return the identity matrix (n, n), which must not be changed; memoized."""
+    found = np.eye(n)
+    found.flags.writeable = False
+    return found
 
 
 # --- Metrics
@@ -174,9 +191,12 @@ def symmetric_band(D: Floats) -> Floats | None:
     Row k holds the k-th diagonal below the main one, as scipy's lower form has it. None
     where D is small, or its band is not narrow.
     """
-    r, left = len(D), np.count_nonzero(D)
+    r = len(D)
+    if r < BANDED:
+        return None
+    left = np.count_nonzero(D)
     rows: list[Floats] = []
-    if r < BANDED or left > r * r * NARROW:
+    if left > r * r * NARROW:
         return None
     while left > 0 and len(rows) <= r * NARROW:
         below = D.diagonal(-len(rows))

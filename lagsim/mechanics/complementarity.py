@@ -67,6 +67,8 @@ from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import (
     BANDED,
     BandFactor,
+    identity,
+    largest,
     least_squares,
     symmetric_band,
 )
@@ -132,18 +134,23 @@ class ComplementarityProblem:
         return self.normals < 0
 
     @cached_property
+    def is_constant(self) -> bool:
+        """Whether no bound depends on a contact."""
+        return bool(self.own.all())
+
+    @cached_property
     def discs(self) -> list[list[int]]:
         """Pairs of indices of the rows that share a disc, in ascending order."""
-        later = (self.pairs >= 0) & (self.pairs < np.arange(len(self.c)))
-        some = np.flatnonzero(later & ~self.fixed).tolist()
-        return [[self.pairs.item(k), k] for k in some]
+        some = [[j, k] for k, j in enumerate(self.pairs.tolist()) if 0 <= j < k]
+        return [rows for rows in some if not self.fixed[rows[1]]]
 
     def bounds(self, p: Floats) -> tuple[Floats, Floats]:
         """Return the lower and the upper bounds, each (r,), at multipliers p (r,)."""
-        if self.own.all():
+        if self.is_constant:
             return self.low[0], self.high[0]
         push = p[self.normals]
-        push[self.own | ((push < 0.0) & ~self.fixed)] = 0.0
+        push = np.where(self.fixed, push, np.maximum(push, 0.0))
+        push[self.own] = 0.0
         return self.low[0] + self.low[1] * push, self.high[0] + self.high[1] * push
 
     def limits(self, p: Floats) -> Floats:
@@ -301,7 +308,7 @@ def _solved(problem: ComplementarityProblem) -> Solution:
     unit, s = _scaled(problem)
     best, least = None, np.inf
     for point in _attempts(unit):
-        off = max(point.residual(), point.residual_of_discs())
+        off = max(point.residual, point.residual_of_discs())
         if off < least:
             best, least = point, off
         if least <= CONVERGED:
@@ -311,7 +318,7 @@ def _solved(problem: ComplementarityProblem) -> Solution:
     free = [k for rows in unit.discs for k in rows]
     p[free] = best.p[free]
     w = np.where(best.inside, 0.0, best.w)
-    return Solution(p * s, w / s, best.residual() < SOLVED_LAWS)
+    return Solution(p * s, w / s, best.residual < SOLVED_LAWS)
 
 
 def _solved_by_band(problem: ComplementarityProblem) -> Solution | None:
@@ -322,7 +329,7 @@ def _solved_by_band(problem: ComplementarityProblem) -> Solution | None:
     no narrow band, rows are nearly dependent, or the method does not converge.
     """
     D, c, r = problem.D, problem.c, len(problem.c)
-    if r < BANDED or not problem.own.all() or problem.discs:
+    if r < BANDED or not problem.is_constant or problem.discs:
         return None
     band, own = symmetric_band(D), D.diagonal()
     if band is None or not own.min() > 0.0:
@@ -360,17 +367,19 @@ def _scaled(problem: ComplementarityProblem) -> tuple[ComplementarityProblem, Fl
     The scales are powers of two. The multipliers of the given problem are those of the
     scaled problem times the scales. Rows without an entry in D have the bounds 0.
     """
-    D, pairs, n = problem.D, problem.pairs, problem.normals
-    own = D.diagonal()
-    # The two rows of a disc have one scale, between those of their inertias.
-    mean, most = np.sqrt(own * own[pairs]), np.maximum(own, own[pairs])
-    most = np.where(pairs >= 0, np.where(mean > 0.0, mean, most), own)
-    s = 2.0 ** -np.round(np.log2(np.where(most > 0.0, most, 1.0)) / 2.0)
-    present = D.any(axis=0) | D.any(axis=1)
-    by = np.where(present, np.stack([1.0 / s, np.where(n >= 0, s[n], 1.0) / s]), 0.0)
-    low, high = (
-        np.where(present, bound, 0.0) * by for bound in (problem.low, problem.high)
-    )
+    D, n, low, high = problem.D, problem.normals, problem.low, problem.high
+    most = D.diagonal()
+    if problem.discs:  # two rows have one scale, between those of their inertias
+        pairs = problem.pairs
+        mean, larger = np.sqrt(most * most[pairs]), np.maximum(most, most[pairs])
+        most = np.where(pairs >= 0, np.where(mean > 0.0, mean, larger), most)
+    own = most > 0.0
+    s = 2.0 ** -np.round(np.log2(np.where(own, most, 1.0)) / 2.0)
+    by = np.array([1.0 / s, np.where(problem.own, 1.0, s[n]) / s])
+    if not own.all():
+        present = D.any(axis=0) | D.any(axis=1)
+        low, high = (np.where(present, bound, 0.0) for bound in (low, high))
+    low, high = low * by, high * by
     D = D * s * s[:, None]
     return replace(problem, D=D, c=s * problem.c, low=low, high=high), s
 
@@ -396,7 +405,8 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
             yield from _beside_held(point)
         # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
         yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
-        if unit.own.all() and (unit.low[0] == -unit.high[0]).all() and _symmetric(unit):
+        symmetric = unit.is_constant and (unit.low[0] == -unit.high[0]).all()
+        if symmetric and _symmetric(unit):
             yield _descend(unit, _smoothed(unit))
         return
     yield _MultiplierPoint(unit, _by_pivots(unit))
@@ -456,7 +466,7 @@ def _proximal(
         firmer = replace(unit, D=D, c=unit.c - extra * p)
         p = _descend(firmer, p).p if discs else _by_pivots(firmer)
         found = _descend(unit, p)
-        if found.residual() <= RESIDUAL_ROUNDOFF:
+        if found.residual <= RESIDUAL_ROUNDOFF:
             break
     return found
 
@@ -471,7 +481,7 @@ def _start(unit: ComplementarityProblem) -> Floats:
     end at an arbitrary one of several solutions.
     """
     D, start = unit.D, np.zeros(len(unit.c))
-    plain = unit.own.all() and not unit.discs
+    plain = unit.is_constant and not unit.discs
     if not (plain and _symmetric(unit)):
         return start
     try:
@@ -558,7 +568,7 @@ FAR = 1e8
 def _descend(problem: ComplementarityProblem, p: Floats) -> _MultiplierPoint:
     """Iterate Newton's method from p (r,) as long as the size of F decreases."""
     here = _MultiplierPoint(problem, p)
-    least = TERM_ROUNDOFF * float(np.abs(problem.c).max())
+    least = TERM_ROUNDOFF * largest(problem.c)
     for _ in range(STEPS):
         if here.size <= least:
             break
@@ -583,7 +593,7 @@ def _regular(J: Floats, right: Floats) -> Floats | None:
         x = np.asarray(np.linalg.solve(J, right), float)
     except np.linalg.LinAlgError:
         return None
-    return None if np.abs(x).max() > FAR * np.abs(right).max() else x
+    return None if largest(x) > FAR * largest(right) else x
 
 
 class _MultiplierPoint:
@@ -619,10 +629,11 @@ class _MultiplierPoint:
             self.F[rows] = self.w[rows]
             if size > bound:
                 self.F[rows] = p[rows] - bound / size * z[rows]
-        self.size = float(np.abs(self.F).max())
+        self.size = largest(self.F)
 
+    @cached_property
     def residual(self) -> float:
-        """Return the largest |F| relative to the largest sum of |terms| of w."""
+        """The largest |F| relative to the largest sum of |terms| of w."""
         problem = self.problem
         terms = np.abs(problem.D) @ np.abs(self.p) + np.abs(problem.c)
         return self.size / (float(terms.max()) or 1.0)
@@ -642,13 +653,15 @@ class _MultiplierPoint:
     def slopes(self) -> Floats:
         """Return the generalized Jacobian dF/dp (r, r)."""
         problem, D, n = self.problem, self.problem.D, self.problem.normals
-        unit_rows = np.eye(len(n))
+        unit_rows = identity(len(n))
         J = np.where(self.inside[:, None], D, unit_rows)
-        at = (~(self.inside | problem.own)).nonzero()[0]
-        above = self.z[at] >= self.high[at]
-        slopes = np.where(above, problem.high[1, at], problem.low[1, at])
-        pushed = (self.p[n[at]] >= 0.0) | problem.fixed[at]
-        J[at, n[at]] -= np.where(pushed, slopes, 0.0)
+        if not problem.is_constant:
+            at = (~(self.inside | problem.own)).nonzero()[0]
+            of = n[at]
+            above = self.z[at] >= self.high[at]
+            slopes = np.where(above, problem.high[1, at], problem.low[1, at])
+            pushed = (self.p[of] >= 0.0) | problem.fixed[at]
+            J[at, of] -= np.where(pushed, slopes, 0.0)
         for rows in problem.discs:
             if self.inside[rows[0]]:
                 continue
