@@ -1,8 +1,8 @@
-"""Answers besides one motion: modes, sensitivities and fits as whole commands.
+"""Time modes, sensitivities and fits as whole commands, each beside a plain run.
 
-Each stands beside a run of the same model, by turns. The bounds are those that the
-commands are to keep; they are compared with processor time, which other programs on the
-machine change less than the time that passes.
+The command and a run of its model are timed in turn. The bounds are goals for the
+commands; they are compared with processor time, which depends less on other programs of
+the machine than elapsed time.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _fit(folder, turns):
 
 @dataclass
 class Command:
-    """The times of a command, turn by turn: those that passed, and on processors."""
+    """Elapsed and processor times of a command, one of each for every turn."""
 
     passed: Timed = field(default_factory=Timed)
     cpu: Timed = field(default_factory=Timed)

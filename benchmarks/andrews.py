@@ -19,7 +19,7 @@ TRIED = [10 ** (-k / 4) for k in range(20, 57)]
 
 
 def problem():
-    """Give the definition of the mechanism and its state at the end."""
+    """Return the entry of Andrews' mechanism in the list of problems."""
     listed = json.loads(PROBLEMS.read_text())["problems"]
     return next(p for p in listed if p["id"] == "andrews")
 
@@ -53,14 +53,14 @@ class Numpy:
         self.times = np.linspace(0.0, self.end, 1001)
 
     def rhs(self, _t, y):
-        """Give y' of y = (q, q')."""
+        """Return y' (14,) of y = (q, q')."""
         kkt, right = self.system(*y)
         return np.concatenate(
             [y[self.n :], np.linalg.solve(kkt, right[:, 0])[: self.n]]
         )
 
     def run(self, rtol):
-        """Integrate with 1001 rows; give the last state and the evaluations."""
+        """Integrate with 1001 rows; return last state and count of evaluations."""
         result = solve_ivp(
             self.rhs, (0.0, self.end), self.start, "DOP853",
             t_eval=self.times, rtol=rtol, atol=rtol,
@@ -81,17 +81,22 @@ class Ours:
         system.link = lambda _name: runner
 
     def add(self, rows):
-        """Take rows of the run."""
+        """Store the last of the rows (k, columns); an observer of the run."""
         self.last = rows[-1]
 
     def run(self):
-        """Integrate with rows, lambda and all; give the last state and evaluations."""
+        """Run the model; return the last state and the number of evaluations."""
         done = self.session.run([self])
         return self.last[1:15].copy(), done.statistics.evaluations
 
 
 def loosest(run, exact):
-    """Give the loosest tolerance at which the angles are right to WANTED, and what."""
+    """Return the loosest tolerance at which the error of the angles is at most WANTED.
+
+    The tuple also has the errors of angles and rates at that tolerance, and the number
+    of evaluations. run : rtol -> last state and evaluations. exact : the reference
+    state.
+    """
     for rtol in TRIED:
         y, evaluations = run(rtol)
         if (angles := errors(y, exact)[0]) <= WANTED:
@@ -100,13 +105,13 @@ def loosest(run, exact):
 
 
 def errors(y, exact):
-    """Give the largest error of an angle (rad), and of a rate (rad/s)."""
+    """Return the largest error of an angle (rad), and of a rate (rad/s)."""
     found = np.abs(y - exact)
     return float(found[:7].max()), float(found[7:].max())
 
 
 def tables(turns):
-    """Give the table."""
+    """Measure both programs; return the table of the report in a list."""
     given = problem()
     end = given["reference"][-1]
     names = given["coordinates"]

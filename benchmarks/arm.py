@@ -2,9 +2,9 @@
 
 
 def arm(duration):
-    """Give the model text of an arm whose joints turn about z and y by turns.
+    """Return the model text of an arm whose joints turn about z and y alternately.
 
-    Each link leads its joint's axes z by l and x by d, to a mass.
+    Each link leads along z by l and along x by d, in the axes of its joint, to a mass.
     """
     joints = range(1, 8)
     lines = [
@@ -56,7 +56,7 @@ def _pairs(columns, a, b):
 
 
 def _sum(*factors):
-    """Write the sum of products of two factors each, without what is 0."""
+    """Write the sum of products of two factors each; a factor 0 omits a product."""
     terms = [
         f"{x}*{y}"
         for x, y in zip(factors[::2], factors[1::2], strict=True)

@@ -21,7 +21,10 @@ COLUMNS = ["t", *STATE, "theta_ddot", "u_ddot", *SHOWN]
 
 
 def derived():
-    """Give the accelerations, and what the table shows, of the state."""
+    """Return two functions of the state: accelerations, and derived quantities.
+
+    Both are derived with sympy, for arguments theta, u and their rates.
+    """
     l, g, K, M = sp.symbols("l g K M")  # noqa: E741  as the notes name it
     t = sp.Symbol("t")
     theta, u = sp.Function("theta")(t), sp.Function("u")(t)
@@ -49,7 +52,7 @@ def derived():
 
 
 def integrate(accelerations, rtol):
-    """Give the times and the states (4, rows)."""
+    """Return the times (rows,) and the states (4, rows) by scipy's DOP853."""
 
     def rhs(_t, y):
         return [y[2], y[3], *accelerations(*y)]
@@ -63,7 +66,7 @@ def integrate(accelerations, rtol):
 
 
 def tabulate(t, y, accelerations, shown):
-    """Give the rows of the table."""
+    """Return the table's rows, with columns for time, state and derived quantities."""
     return np.column_stack([t, *y, *accelerations(*y), *shown(*y)])
 
 

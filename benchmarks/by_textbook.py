@@ -1,4 +1,4 @@
-"""A scene's textbook equations as nodes of a graph, and compiled: rivals call them."""
+"""A scene's textbook equations as graph nodes, and compiled for other solvers."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Functions:
 
 
 def nodes_of(model, names, velocities, parameters):
-    """Give a graph of its own, and y' of the scene on it."""
+    """Return a new graph, and the nodes of y' of the scene on it."""
     g = Graph()
     q, v = (
         [Node(g, g.variable(name)) for name in part] for part in (names, velocities)
@@ -93,7 +93,7 @@ class Compiled:
     Attributes
     ----------
     p : array
-        What it wants as parameters.
+        The memory of parameters that the function reads.
     """
 
     def __init__(self, g, nodes, names, beside=()):
@@ -110,7 +110,7 @@ class Compiled:
         self.evaluations = 0
 
     def __call__(self, t, y):
-        """Give y'."""
+        """Return y' (size,) at time t and state y (size,)."""
         self.evaluations += 1
         self._y[:] = y
         self._call(t, *self._at)

@@ -34,7 +34,7 @@ print(json.dumps(laps))
 
 
 def prepare(model, folder):
-    """Give the laps of a new process that makes a model ready to run, cache empty."""
+    """Prepare a model in a new process with an empty cache; return its laps."""
     shutil.rmtree(folder / "cache", ignore_errors=True)
     command = [sys.executable, "-c", PREPARE, model]
     found = process(command, LAGSIM_CACHE=folder / "cache")
@@ -141,5 +141,5 @@ def new(turns):
 
 
 def tables(turns):
-    """Give all tables."""
+    """Return all tables of the report."""
     return [ten(turns), forty(max(2, turns // 5)), new(max(3, turns // 3))]

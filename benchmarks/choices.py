@@ -1,13 +1,13 @@
-"""Is `auto` near the Pareto front? lagsim bench over the shipped models.
+"""Distance of `auto` from the Pareto front of `lagsim bench`, over the shipped models.
 
     python benchmarks/choices.py [--charts DIR] [--budget SECONDS] [MODEL ...]
     python benchmarks/choices.py --draw DIR [MODEL ...]
 
-By errors of 1e-6, 1e-9 and 1e-12: what the cheapest method costs, what `auto` costs,
-both read off their curves; and the same with what compiling the model takes when a
-machine sees it for the first time. scipy's solvers are left out, but for the charts: a
-step of theirs is a Python call, and none has ever been near. What charts show is kept
-in charts/ here; --draw draws them anew from there.
+For errors of 1e-6, 1e-9 and 1e-12: the costs of the cheapest method and of `auto`, both
+from their work-precision curves, with and without the time to compile the model on a
+machine that has not compiled it before. scipy's solvers are left out except in charts:
+each of their steps is a Python call, and none was ever near the front. The data of
+charts are stored in charts/ here; --draw draws the charts from these data.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ HIDDEN = ("reason", "error_lambda", "energy_drift", "constraint_residual")
 
 
 def costs_at(found, error):
-    """Give what each of lagsim's curves costs at an error: seconds."""
+    """Return the cost in seconds of each curve of lagsim at an error."""
     costs = {}
     for curve, rows in curves(found["rows"]).items():
         if curve[0].startswith("scipy:") or found["reference"]["floor"] > error:
@@ -66,7 +66,7 @@ def costs_at(found, error):
 
 
 def own_cost(found, error):
-    """Give what `auto` costs at an error, and the curve that it takes there."""
+    """Return the cost of `auto` at an error in seconds, and the curve of its choice."""
     chosen = [row for row in found["rows"] if row["chosen"]]
     chosen.sort(key=lambda row: -(row["error"] or 0.0))
     enough = [row for row in chosen if is_answer(row) and row["error"] <= error]
@@ -75,17 +75,17 @@ def own_cost(found, error):
 
 
 class Compiling:
-    """What compiling a model takes on a machine that never saw it.
+    """Time to compile a model on a machine that has not compiled it before.
 
-    Kernels of methods, which all models share, are there already: they are compiled
-    first, into a cache of its own, from which then the model's functions are removed.
+    The kernels of methods, which all models share, are compiled first into a separate
+    cache, from which the functions of the model are then removed.
     """
 
     def __init__(self, case):
         self.case, self.known = case, {}
 
     def seconds(self, curve):
-        """Give the seconds for a method in a formulation."""
+        """Return the seconds to compile for a curve: a method in a formulation."""
         if curve not in self.known:
             with tempfile.TemporaryDirectory() as folder:
                 before = os.environ.get(CACHE)
@@ -119,7 +119,7 @@ def points(rows):
 
 
 def rows_of(model, charts=None, budget=BUDGET):
-    """Give the rows of the table for one model; draw its chart where one is wanted."""
+    """Return the table's rows for one model; draw its chart if `charts` is given."""
     case = open_case(read_file(str(MODELS / f"{model}.yaml")))
     wish = BenchOptions(methods=None if charts else names(), budget=budget)
     try:
@@ -134,7 +134,7 @@ def rows_of(model, charts=None, budget=BUDGET):
 
 
 def keep(model, found):
-    """Keep what a chart shows."""
+    """Store the data of a model's chart in the folder of charts."""
     content = {k: v for k, v in found.items() if k != "parameters"}
     content["model"]["file"] = f"models/{model}.yaml"
     rows = [
@@ -148,7 +148,7 @@ def keep(model, found):
 
 
 def rounded(value):
-    """Give the same with few digits."""
+    """Return a JSON value with all floats rounded to a few digits."""
     if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}")
     if isinstance(value, list):
@@ -167,7 +167,7 @@ def draw(model, folder):
 
 
 def show(folder):
-    """Let the page beside the folder show every chart in it, where there is one."""
+    """List all charts of a folder in the page beside it, if there is such a page."""
     page = folder.parent / "charts.md"
     if not page.exists():
         return
@@ -209,7 +209,7 @@ def marked(factor):
 
 
 def tables(_turns, models=(), charts=None, budget=BUDGET):
-    """Give the table."""
+    """Bench the models; return the table of the report in a list."""
     rows = []
     for model in models or sorted(path.stem for path in MODELS.glob("*.yaml")):
         began = time.perf_counter()

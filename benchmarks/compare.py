@@ -26,7 +26,7 @@ for name, factor in (("golden.csv", 1.0), ("new.csv", 1.0 + 1e-12)):
 
 
 def tables(turns):
-    """Give the table."""
+    """Measure `lagsim compare` on two large files; return the table in a list."""
     found = []
     with workspace() as folder:
         peak([sys.executable, "-c", WRITE, folder])

@@ -45,7 +45,7 @@ def smooth(count):
 
 
 def runs(of):
-    """Give a callable that runs a session anew."""
+    """Return a function without arguments that runs a session once."""
 
     def whole():
         of.run([])
@@ -75,7 +75,7 @@ def bounces(turns):
 
 
 def error(of):
-    """Give the largest error of the height in any row."""
+    """Return the largest error of the height over all rows."""
     from lagsim.run.observers import Keep
 
     keep = Keep()
@@ -141,7 +141,7 @@ simulation: {{duration: {SECONDS}, output_step: 0.01}}
 
 
 def several(turns):
-    """Measure many contacts at once, both ways."""
+    """Measure scenes of many contacts, by located impacts and by time stepping."""
     rows = []
     for name, text in (
         ("a cradle of 20 balls", cradle(20)),

@@ -24,7 +24,7 @@ MODEL = "elastic-pendulum"
 
 
 def starts():
-    """Give every start: (runs, theta u theta_dot u_dot)."""
+    """Return all start states (runs, 4): theta, u, theta_dot, u_dot."""
     found = np.zeros((RUNS, 4))
     found[:, 1] = 1.0
     found[:, 2] = np.linspace(FIRST, LAST, RUNS)
@@ -47,7 +47,7 @@ class Equations:
 
 
 def reference(equations, some):
-    """Give end states in quadruple precision."""
+    """Compute end states in quadruple precision."""
     import heyoka as hy
 
     number = hy.real128
@@ -123,7 +123,7 @@ def ensemble(equations, rtol):
 
 
 def own_one_by_one(case, rtol):
-    """Give lagsim's, a run after the other from one compile."""
+    """Return a function from start states to end states, by separate runs."""
     from lagsim.run.observers import Keep
     from lagsim.run.session import Session
     from lagsim.studies.bench import Own
@@ -143,7 +143,7 @@ def own_one_by_one(case, rtol):
 
 
 def own_ensemble(case, rtol):
-    """Give lagsim's, as a sweep of ends makes them."""
+    """Return a function from start states to end states, by a sweep with `--ends`."""
     from lagsim.studies.bench import Own
     from lagsim.studies.sweep.batches import Ensemble, refusal
 
@@ -158,7 +158,7 @@ def own_ensemble(case, rtol):
 
 
 def measured():
-    """Give name -> points of time and error; a JSON document."""
+    """Measure all solvers; return a JSON document: name -> points of time and error."""
     from measure import MODELS
 
     from lagsim.model.reader import read_file

@@ -57,7 +57,7 @@ TITLES = {
 
 
 def told(row: MessageRow, folder: Path) -> str:
-    """Run the example of a message in a folder; give what its last command says."""
+    """Run the example of a message in a folder; return the last command's output."""
     (folder / MODEL).write_text(row.model, encoding="utf-8")
     if row.commands == CHECK:
         return checked(folder)
@@ -76,7 +76,7 @@ def told(row: MessageRow, folder: Path) -> str:
 
 
 def checked(folder: Path) -> str:
-    """Give what `lagsim check` says of a folder's model, in this process."""
+    """Return the output of `lagsim check` on a folder's model, run in this process."""
     said, before = io.StringIO(), sys.argv
     github = os.environ.pop("GITHUB_ACTIONS", None)
     columns = os.environ.get("COLUMNS")
@@ -97,12 +97,12 @@ def checked(folder: Path) -> str:
 
 
 def line_of(row: MessageRow, said: str) -> str:
-    """Give the message itself, of all that a command says.
+    """Return the message itself, out of all output of a command.
 
     Raises
     ------
     ValueError
-        Where it does not say it.
+        If the output does not contain the message.
     """
     parts = said.rstrip("\n").split("\n")
     at = [k for k, line in enumerate(parts) if f"[{row.number}]" in line]
@@ -123,7 +123,7 @@ def _cut(line: str) -> str:
 
 
 def entry(row: MessageRow, message: str) -> str:
-    """Give what the page says of one message."""
+    """Return the page's entry for one message, as Markdown."""
     lines = [f"#### {row.number} {row.code}", "", row.happened]
     if row.expected:
         lines += ["", f"Expected: {row.expected}"]
@@ -135,13 +135,13 @@ def entry(row: MessageRow, message: str) -> str:
 
 
 def example_of(row: MessageRow) -> list[str]:
-    """Give the lines of an example: the sections that it changes, and its commands."""
+    """Return the lines of an example: changed sections of the model, and commands."""
     lines = [_cut(line) for line in row.change.replace("\x07", "\\a").splitlines()]
     return [*lines, *[""][: len(lines)], *row.commands]
 
 
 def made(messages: dict[str, str]) -> str:
-    """Give the part of the page that is made, with messages by number."""
+    """Return the generated part of the page, from the messages by number."""
     parts = [MARK + HEAD]
     for first, title in TITLES.items():
         rows = [row for row in every() if row.number.startswith(first)]
@@ -155,13 +155,13 @@ def made(messages: dict[str, str]) -> str:
 
 
 def message(row: MessageRow) -> str:
-    """Run the example of a message; give what it says."""
+    """Run the example of a message; return the message."""
     with tempfile.TemporaryDirectory() as folder:
         return line_of(row, told(row, Path(folder)))
 
 
 def shown(page: str) -> dict[str, tuple[str, str]]:
-    """Give the example and the message that a page shows, by number."""
+    """Return the example and the message that a page shows, by number."""
     found = {}
     for text in re.split(r"(?m)^#### ", page)[1:]:
         fence = re.search(r"(?s)```text\n(.*?)\n```", text)
@@ -172,9 +172,9 @@ def shown(page: str) -> dict[str, tuple[str, str]]:
 
 
 def page(old: str, *, anew: bool = False) -> str:
-    """Give the page; examples that are run for long are run where they have changed.
+    """Return the page; of slow examples, only changed ones are run again.
 
-    `anew` : all examples are run.
+    anew : whether all examples are run.
     """
     known, messages = shown(old), {}
     for row in every():

@@ -50,7 +50,10 @@ class Motion:
         return self.trajectory.statistics.evaluations
 
     def steps(self, most):
-        """Give the times and lengths of the first steps, and rejections until each."""
+        """Return times, lengths, rejections and evaluations of first steps, (4, steps).
+
+        The rejections and evaluations are counted from the start of the run.
+        """
         run = Run(self.session.first_arc(), [])
         run.begin()
         run.arc.state.ask_at = 0.0  # go on at the bound
@@ -346,7 +349,7 @@ def graze():
     R, depths = 1.0, 10.0 ** -np.arange(1.0, 11.0)
 
     def blind(depth):
-        """Give the deflection where ends of steps of at most 0.07 are looked at."""
+        """Return the deflection if ends of steps of at most 0.07 alone are tested."""
 
         def gap(_t, y):
             return np.hypot(y[0], y[1]) - R
@@ -382,7 +385,7 @@ def balls():
 
 
 def falling(t, e=0.8, g=9.81):
-    """Give the height of the ball of bouncing-ball.yaml at times."""
+    """Return the heights of the ball of bouncing-ball.yaml at the times `t`."""
     start, v = np.sqrt(2.0 / g), e * np.sqrt(2.0 * g)
     y = np.where(t < start, 1.0 - g * t**2 / 2.0, 0.0)
     while v > 1e-12:

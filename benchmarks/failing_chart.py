@@ -79,7 +79,7 @@ def draw(*views):
 
 
 def small_png(pixels):
-    """Give a PNG of pixels (height, width, 4) in few colours, a third of the size."""
+    """Return a PNG of pixels (height, width, 4) in few colours, to save space."""
     # Six levels of each colour, enough for lines and their edges.
     levels = np.round(pixels[:, :, :3] / 255.0 * 5.0).astype(int)
     codes = (levels[:, :, 0] * 6 + levels[:, :, 1]) * 6 + levels[:, :, 2]
@@ -131,6 +131,9 @@ def _panel(picture, axes, view):
 
 
 def named(text):
-    """Take `name (unit)` apart: an axis may count in powers of ten, named between."""
+    """Split `name (unit)` into name and unit.
+
+    A power of ten can then be written between the two at an axis.
+    """
     name, _, unit = text.partition(" (")
     return name, unit.removesuffix(")")

@@ -61,7 +61,7 @@ def start_times(folder, turns):
 
 
 def odd_cases(folder):
-    """Run where the cache is odd; give (what, difference from the usual rows)."""
+    """Run with unusual caches; return pairs (case, largest deviation of rows)."""
     number = 0
     cache = folder / "odd-cache"
 
@@ -75,7 +75,7 @@ def odd_cases(folder):
         return read_rows(out / "trajectory.csv")
 
     def compiled_anew(**case):
-        """Insist that what the cache held was not used."""
+        """Return the rows of a run; raise an error if it used objects of the cache."""
         before = len(list(cache.rglob("*.object")))
         result = rows(**case)
         if len(list(cache.rglob("*.object"))) != 2 * before:
@@ -139,7 +139,7 @@ def _together(folder, apart):
 
 
 def tables(turns):
-    """Give the table of times and the table of odd cases."""
+    """Measure; return the table of start times and the table of unusual caches."""
     with workspace() as folder:
         times = start_times(folder, turns)
         odd = odd_cases(folder)

@@ -2,7 +2,7 @@
 
 
 def chain(n, duration):
-    """Give the model text of a chain of n links of 1/n metres, let go level."""
+    """Return the model text of n links of 1/n metres, released horizontally."""
     links = range(1, n + 1)
     lines = [
         f"name: chain-{n}",

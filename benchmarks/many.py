@@ -49,7 +49,7 @@ print(json.dumps([*(b - a for a, b in zip(laps, laps[1:])), least]))
 
 
 def measured(scene, n):
-    """Give what each of STAGES takes in seconds, and the peak of memory in MB."""
+    """Return the seconds of each of STAGES, and the peak memory in MB."""
     with workspace() as folder:
         model = folder / "model.yaml"
         model.write_text(scene(n))
@@ -59,7 +59,7 @@ def measured(scene, n):
 
 
 def one(n):
-    """Give n."""
+    """Return n: the number of bodies is the size."""
     return n
 
 
@@ -89,12 +89,12 @@ def table(title, scene, sizes, turns, number=one):
 
 
 def links(n):
-    """Give a twentieth of a second of n links."""
+    """Return the model text of n links over a twentieth of a second."""
     return chain(n, 0.05)
 
 
 def rods(n):
-    """Give a few steps of n rods."""
+    """Return the model text of n rods over a few steps."""
     return rod_chain(n, 0.001, 0.001)
 
 
@@ -120,7 +120,7 @@ simulation: {{duration: 0.5, output_step: 0.05}}
 
 
 def bodies(n):
-    """Give half a second of n bodies that attract each other."""
+    """Return the model text of n bodies that attract each other, over half a second."""
     return ATTRACTING.format(n=n)
 
 
@@ -137,17 +137,17 @@ output: {{columns: []}}
 
 
 def string(n):
-    """Give a fiftieth of a second of n masses on springs, with 1,000 rows."""
+    """Return the model text of n masses on springs, with 1,000 rows in 0.02 s."""
     return STRING.format(n=n)
 
 
 def pairs(n):
-    """Give the number of pairs of n bodies."""
+    """Return the number of pairs of n bodies."""
     return n * (n - 1) / 2
 
 
 def tables(turns):
-    """Give the tables."""
+    """Return the tables of the report."""
     few = max(1, turns // 10)
     return [
         table("Links in angles, in number", links, LINKS, few),

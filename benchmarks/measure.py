@@ -40,7 +40,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the report, with what was found beside it."""
+    """One table of the report: title, head, rows, and notes below."""
 
     title: str
     head: list[str]
@@ -69,14 +69,14 @@ def alternate(candidates, turns, warm=1):
 
 
 def ratio(slow, fast):
-    """Give how many times faster: by the least times, and by the medians."""
+    """Return a speed-up as text: of least times, and in parentheses of medians."""
     least, median = slow.least / fast.least, slow.median / fast.median
     return f"{least:.3g} (medians {median:.3g})"
 
 
 @dataclass(frozen=True)
 class Process:
-    """A finished process: its seconds, what it wrote, and its processor time (s)."""
+    """A finished process: elapsed seconds, output, and processor time in seconds."""
 
     seconds: float
     output: str
@@ -118,7 +118,7 @@ print(peak / 2 ** (20 if sys.platform == "darwin" else 10))
 
 
 def peak(command, **environment):
-    """Run a command; give the megabytes of its peak, and what it took and said."""
+    """Run a command; return its peak memory in MB, and the finished process."""
     done = process([sys.executable, "-S", "-c", PEAK, *command], **environment)
     *said, megabytes = done.output.splitlines()
     return float(megabytes), Process(done.seconds, "\n".join(said), done.cpu)
@@ -126,23 +126,23 @@ def peak(command, **environment):
 
 @contextmanager
 def workspace():
-    """Give a folder for results that is gone afterwards."""
+    """Context manager: a folder for results that is removed at the end."""
     with tempfile.TemporaryDirectory(prefix="lagsim-benchmarks-") as folder:
         yield Path(folder)
 
 
 def read_rows(path):
-    """Give the table of a run as an array."""
+    """Return the table of a run as an array (rows, columns)."""
     import numpy as np
 
     return np.loadtxt(path, delimiter=",", skiprows=1)
 
 
 def cost_at(curve, error):
-    """Give what an error costs on a curve; None where it does not get there.
+    """Return the cost at an error on a curve; None if no error is so small.
 
-    The curve is in the order of the sweep, from loose to tight. Between two points next
-    to each other it is a straight line in logarithms.
+    The curve is in the order of the sweep, from loose to tight. Between neighbouring
+    points it is a straight line in logarithms.
     """
     costs = [cost for reached, cost in curve if reached <= error]
     for (loose, less), (tight, more) in pairwise(curve):

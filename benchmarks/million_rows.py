@@ -26,7 +26,7 @@ print(time.perf_counter() - began)
 
 
 def tables(turns):
-    """Give the table."""
+    """Measure tables of many rows; return the table of the report in a list."""
     found = {}
     with workspace() as folder:
 

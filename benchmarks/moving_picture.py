@@ -1,9 +1,9 @@
-"""Make docs/elastic-pendulum.gif: some seconds of the animation page, frame by frame.
+"""Create docs/elastic-pendulum.gif: some seconds of the animation page, frame by frame.
 
     python benchmarks/moving_picture.py
 
 It needs Chromium or Chrome on the PATH; Pillow comes with matplotlib. The page's own
-script draws all frames into one picture, of which the browser makes a screenshot.
+script draws all frames into one picture, of which the browser takes a screenshot.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def page(folder: Path) -> Path:
 
 
 def screenshot(path: Path, folder: Path) -> Image.Image:
-    """Give the picture that the browser makes of a page."""
+    """Return the picture of a page as the browser draws it."""
     browser = next(found for name in BROWSERS if (found := shutil.which(name)))
     size = ACROSS * WIDTH, -(-FRAMES // ACROSS) * HEIGHT
     shot = folder / "shot.png"
@@ -82,7 +82,7 @@ def screenshot(path: Path, folder: Path) -> Image.Image:
 
 
 def main() -> None:
-    """Make the picture."""
+    """Create and write the animated picture."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         whole = screenshot(page(folder), folder)

@@ -57,7 +57,7 @@ GROUPS = (
 
 
 def methods_page() -> str:
-    """Give the page on all methods."""
+    """Return the page on all methods."""
     rows = ["| name | order | step | handles |", "|---|---|---|---|"]
     parts = []
     for name in names():
@@ -70,12 +70,12 @@ def methods_page() -> str:
 
 
 def shipped() -> list[Path]:
-    """Give the files of the models, by name."""
+    """Return the files of the models, by name."""
     return sorted(MODELS.glob("*.yaml"))
 
 
 def gallery_page() -> str:
-    """Give the page on all models, by what they are about."""
+    """Return the page on all models, in groups by their subject."""
     entries: dict[str, list[str]] = {group: [] for group in GROUPS}
     for path in shipped():
         entries[group_of(path)].append(_entry(path))
@@ -87,7 +87,7 @@ def gallery_page() -> str:
 
 
 def group_of(path: Path) -> str:
-    """Tell what a model is about, by its constraints and their laws."""
+    """Return the gallery's group of a model, by its constraints and their laws."""
     model = read_file(str(path))
     text = path.read_text(encoding="utf-8")
     if not all(c.always for c in model.constraints) or "sign(" in text:
@@ -106,7 +106,7 @@ def _entry(path: Path) -> str:
 
 
 def first_lines(text: str) -> str:
-    """Give what a header says first, up to its source or an empty line."""
+    """Return the first paragraph of a header, up to its source or an empty line."""
     lines = []
     for line in text.splitlines():
         said = line.removeprefix("#").strip()
@@ -130,12 +130,12 @@ TYPES = {
 
 
 def model_page() -> str:
-    """Give docs/model-file.md with its table of keys."""
+    """Return docs/model-file.md with its table of keys."""
     return with_table("model-file", BEGIN, keys_table())
 
 
 def with_table(name: str, begin: str, table: str) -> str:
-    """Give a page with a table below its mark."""
+    """Return a page with a table below its mark."""
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     before, mark, rest = text.partition(begin)
     assert mark, f"docs/{name}.md has no line {begin}"
@@ -143,7 +143,7 @@ def with_table(name: str, begin: str, table: str) -> str:
 
 
 def keys_table() -> str:
-    """Give every key of the schema: its type, its meaning, errors found there."""
+    """Return the table of all keys of the schema: type, meaning, numbers of errors."""
     schemas = dict(keys(json.loads(SCHEMA.read_text(encoding="utf-8"))))
     found = faults_by_key(schemas)
     rows = ["| key | is | meaning | errors |", "|---|---|---|---|"]
@@ -158,7 +158,7 @@ def keys_table() -> str:
 
 
 def keys(schema: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Give the path and the schema of each key, those of names once as NAME."""
+    """Yield the path and the schema of each key; keys that are names appear as NAME."""
     for part in [schema, *schema.get("anyOf", ())]:
         for key, value in part.get("properties", {}).items():
             if not (path and key in SAME):
@@ -172,7 +172,7 @@ def keys(schema: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _type(schema: dict[str, Any]) -> str:
-    """Name what a value may be."""
+    """Return the permitted types of a value as text."""
     if "enum" in schema:
         return ", ".join(dict.fromkeys(f"`{x}`" for x in schema["enum"]))
     found = [_type(x) for x in schema.get("anyOf", ())]
@@ -190,7 +190,7 @@ def _type(schema: dict[str, Any]) -> str:
 
 
 def faults_by_key(known: Collection[str]) -> dict[str, list[str]]:
-    """Give the numbers of errors by the key at which their examples have them."""
+    """Return the numbers of errors by the key at which their examples have a fault."""
     found: dict[str, list[str]] = defaultdict(list)
     for row in errors().values():
         try:
@@ -204,7 +204,7 @@ def faults_by_key(known: Collection[str]) -> dict[str, list[str]]:
 
 
 def _key_at(text: str, at: tuple[int, int], known: Collection[str]) -> str:
-    """Give the innermost key with an entry in the table that holds a place."""
+    """Return the innermost key of the table whose value contains a place in a text."""
     with contextlib.suppress(yaml.YAMLError):
         node = yaml.compose(text)
         found = path = ""
@@ -220,7 +220,7 @@ def _key_at(text: str, at: tuple[int, int], known: Collection[str]) -> str:
 
 
 def _below(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Give the entries of a mapping, or those of a list, each as its own key."""
+    """Return the pairs of key and value of a mapping; for a list, each item twice."""
     if isinstance(node, yaml.MappingNode):
         return list(node.value)
     return [(x, x) for x in node.value] if isinstance(node, yaml.SequenceNode) else []
@@ -240,7 +240,7 @@ ALARMS = "<!-- From here on derived from lagsim/codes/warnings.py. -->\n"
 
 
 def failing_page() -> str:
-    """Give docs/failing.md with its table of alarms."""
+    """Return docs/failing.md with its table of alarms."""
     rows = ["| code | number | meaning |", "|---|---|---|"]
     for code, row in sorted(cautions().items()):
         rows.append(f"| `{code}` | {row.number} | {row.happened} |")

@@ -1,7 +1,7 @@
-"""The pages of the site on which shipped models are played with.
+"""Interactive pages of the site, one for each shipped model that a page can compute.
 
-Each is what `lagsim explore MODEL -o FILE` writes; models that a page alone cannot
-compute have none. All take about a minute of one processor's time.
+Each page is the output of `lagsim explore MODEL -o FILE`; models that a page alone
+cannot compute have none. All pages take about a minute of processor time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MODELS = Path(__file__).resolve().parent.parent / "models"
 
 
 def page(path: Path) -> bytes:
-    """Give the page of a model; b"" where a page alone cannot compute it."""
+    """Return the page of a model; b"" if a page alone cannot compute it."""
     try:
         return page_in_a_file(Explorer(str(path), {}, {}, str))
     except LagsimError as error:
@@ -27,7 +27,7 @@ def page(path: Path) -> bytes:
 
 
 def pages() -> dict[str, bytes]:
-    """Give the pages of all shipped models that have one, by the name of the model."""
+    """Return the pages of all shipped models that have one, by the model's name."""
     paths = sorted(MODELS.glob("*.yaml"))
     with ProcessPoolExecutor() as pool:
         made = pool.map(page, paths)

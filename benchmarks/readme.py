@@ -1,6 +1,6 @@
 """Numbers of README.md, which `regenerate.py` writes.
 
-They are those of results-rivals.md and results.md, with two significant digits.
+They are the numbers of results-rivals.md and results.md with two significant digits.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ WIDTH = 125
 
 
 def rows_below(text: str, heading: str) -> list[list[str]]:
-    """Give the cells of the first table below a heading, without its head."""
+    """Return the cells of the first table below a heading, without the table's head."""
     part = text.partition(f"\n## {heading}\n")[2]
     lines = re.search(r"(?m)(?:^\|.*\n)+", part)[0].splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
 def digits(text: str | Decimal) -> str:
-    """Give a number with two significant digits, without an exponent."""
+    """Return a number as text with two significant digits, without an exponent."""
     rounded = Decimal(f"{Decimal(text):.1e}")
     return f"{rounded:.{max(0, 1 - rounded.adjusted())}f}"
 
 
 def duration(milliseconds: str) -> str:
-    """Give a time of whole processes, in seconds."""
+    """Return a time of whole processes as text in seconds."""
     return f"{digits(Decimal(milliseconds) / 1000)} s"
 
 
 def span(rows: list[list[str]]) -> str:
-    """Give the range of the ratios in the column `times faster`."""
+    """Return the range of the ratios in the column `times faster` as text."""
     ratios = [Decimal(row[5]) for row in rows]
     return f"{digits(min(ratios))} to {digits(max(ratios))}"
 
 
 def numbers(rivals: str, whole: str) -> str:
-    """Give the part of README.md that results-rivals.md and results.md determine."""
+    """Return the part of README.md that results-rivals.md and results.md determine."""
     equal = rows_below(rivals, "At equal errors")
     loose = [row for row in equal if float(row[1]) == 1e-8]
     tight = {row[0]: row for row in equal}  # the last of each model
@@ -81,7 +81,7 @@ def numbers(rivals: str, whole: str) -> str:
 
 
 def page(text: str) -> str:
-    """Give README.md with the numbers of the results."""
+    """Return README.md with the numbers of the results."""
     head, _, rest = text.partition(BEGIN)
     tail = rest.partition(END)[2]
     read = (FOLDER / name for name in ("results-rivals.md", "results.md"))

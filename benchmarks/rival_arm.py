@@ -2,9 +2,10 @@
 
     python benchmarks/rival_arm.py  (needs `pip install "mujoco<4"`)
 
-MuJoCo's are those of `mj_step1`, which ends before the forces of actuators; lagsim's
-are whole derivatives in a run by rk4, with what the step itself takes. Least of the
-repeats, in turn. Below, how far apart both are after 1 s, MuJoCo by RK4 with two steps.
+MuJoCo's times are those of `mj_step1`, which ends before the forces of actuators;
+lagsim's are whole derivatives in a run by rk4, the work of the step included. Both are
+the least of several repeats, taken in turn. The second table has the difference of both
+programs after 1 s, MuJoCo by RK4 with two steps.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ START = 0.3 + 0.1 * np.arange(len(AXES))
 
 
 def arm(step):
-    """Give the arm as MuJoCo has it, at its start."""
+    """Return the arm as a model and data of MuJoCo, at its start."""
     links = ""
     for k, axis in enumerate(AXES):
         turns = "0 0 1" if axis == "z" else "0 1 0"
@@ -41,7 +42,7 @@ def arm(step):
 
 
 def in_mujoco(step):
-    """Give the angles (7,) after 1 s."""
+    """Return the angles (7,) after 1 s."""
     model, data = arm(step)
     for _ in range(round(1 / step)):
         mujoco.mj_step(model, data)

@@ -1,4 +1,4 @@
-"""heyoka on a scene of ours: a textbook's equations, or lagsim's graph of them."""
+"""heyoka on a scene of lagsim: with a textbook's equations, or those of the graph."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ CALLS = {
 
 
 def equations_by_textbook(model, e, parameters, number=float):
-    """Give heyoka's y' = f(t, y) as textbook.py has it; `number` is its kind of one."""
+    """Return y' = f(t, y) of textbook.py for heyoka; `number` converts parameters."""
     q, v = ([hy.make_vars(name) for name in part] for part in (e.q, e.velocities))
     values = {name: number(value) for name, value in parameters.items()}
     return list(zip([*q, *v], [*v, *textbook.OF[model](q, v, values, hy)], strict=True))
 
 
 def equations_of(scene, plan, parameters):
-    """Give those of an unconstrained, or an index-1, scene from lagsim's graph."""
+    """Return heyoka's y' = f(t, y) from lagsim's graph, unconstrained or of index 1."""
     e, g = scene.equations, scene.equations.graph
     accelerations, _ = plan.elimination.motion()
     velocities = [g.variable(v) for v in e.velocities]
@@ -49,7 +49,7 @@ def equations_of(scene, plan, parameters):
 
 
 def converted(g, nodes, parameters):
-    """Give expressions of heyoka for nodes of a graph; parameters become numbers."""
+    """Return expressions of heyoka for nodes of a graph; parameters become numbers."""
     found = {}
     for n in g.cone(nodes):
         op = g.ops[n]

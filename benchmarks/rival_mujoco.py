@@ -33,7 +33,7 @@ BALL = """
 
 
 def heights(times):
-    """Give the height at each time, from the closed form."""
+    """Return the height at each time, from the closed form."""
     fall = math.sqrt(2 * HEIGHT / G)
     found, began, speed = [], -fall, G * fall
     for t in times:
@@ -45,7 +45,7 @@ def heights(times):
 
 
 def damping():
-    """Give the part of critical damping that leaves RESTITUTION of the speed."""
+    """Return the damping ratio with which a bounce has the restitution RESTITUTION."""
     from scipy.optimize import brentq
 
     def left(part):
@@ -57,7 +57,7 @@ def damping():
 
 
 def mujoco_ball(step, integrator, in_contact):
-    """Give a callable that gives the heights in all rows."""
+    """Return a function () -> heights in all rows, computed by MuJoCo."""
     import mujoco
 
     rate = math.pi / (in_contact * step)
@@ -81,7 +81,7 @@ def mujoco_ball(step, integrator, in_contact):
 
 
 def own_ball(**options):
-    """Give a callable that gives lagsim's heights in all rows."""
+    """Return a function () -> heights in all rows, computed by lagsim."""
     from lagsim.model.reader import read_file
     from lagsim.run.observers import Keep
     from lagsim.run.session import open_case
@@ -101,13 +101,13 @@ def own_ball(**options):
 
 
 def best_ball(step, integrator, exact):
-    """Give the same with the stiffness that comes closest to the heights."""
+    """Return the `mujoco_ball` with the stiffness of the least error of the heights."""
     balls = [mujoco_ball(step, integrator, count) for count in IN_CONTACT]
     return min(balls, key=lambda ball: np.max(np.abs(ball() - exact)))
 
 
 def measured():
-    """Give what each takes, and how far it is off; a JSON document."""
+    """Measure times and errors of all solvers; return a JSON document."""
     exact = heights(np.linspace(0.0, DURATION, ROWS + 1))
     candidates = {
         **{f"lagsim, rtol {x:.0e}": own_ball(rtol=x) for x in TOLERANCES},

@@ -1,7 +1,7 @@
 """CVODE of SUNDIALS (Adams' methods) from the library in scikit-sundae's wheel.
 
-scikit-sundae calls Python for every evaluation. Here the right-hand side, and the loop
-over the rows, are compiled: nothing of Python is between the first row and the last.
+scikit-sundae calls Python for every evaluation. Here the right-hand side and the loop
+over the rows are compiled: no Python code runs between the first row and the last.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
 
 
 def library():
-    """Give the three parts of the C library that comes with scikit-sundae."""
+    """Return the three parts of the C library that comes with scikit-sundae."""
     files = distribution("scikit-sundae").files
     found = []
     for part in PARTS:
@@ -102,7 +102,7 @@ class Library:
         self.silent = function(core, "SUNContext_ClearErrHandlers", i, p)
 
     def glue(self):
-        """Give the IR of the right-hand side, and of the loop over rows."""
+        """Return the IR of the right-hand side, and of the loop over rows."""
         pointers = {"array": self.array, "solve": self.solve}
         places = {k: ctypes.cast(f, ctypes.c_void_p).value for k, f in pointers.items()}
         return GLUE.format(**places)

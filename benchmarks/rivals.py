@@ -4,10 +4,10 @@
     python benchmarks/rivals.py [--scenes kepler,andrews] [--method taylor]
     python benchmarks/rivals.py --draw
 
-writes results-rivals.md and results-rivals.json here and docs/speed.png; with --scenes
-only those are measured, and take their place among what is kept; with --draw all is
-written again from that. Rivals get the textbook's equations (textbook.py), or lagsim's
-where those are shorter, in the same compiled form.
+writes results-rivals.md and results-rivals.json here and docs/speed.png. With --scenes
+only the named scenes are measured, and replace their stored results; with --draw all
+files are written again from the stored results. The other solvers get the textbook's
+equations (textbook.py), or lagsim's where those are shorter, in the same compiled form.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ EVERY = (*(case.key for case in CASES), *OTHERS)
 
 
 class Judge:
-    """The references of a scene, one for each start, and what errors are."""
+    """Reference solutions of a scene in quadruple precision, one for each start."""
 
     def __init__(self, equations, starts, times):
         from rival_heyoka import Heyoka
@@ -93,7 +93,7 @@ class Judge:
         self.agreement = max(self.error(rows, k) for k, rows in enumerate(other))
 
     def error(self, rows, k):
-        """Give the greatest error of any component in any row, against its range."""
+        """Return the largest error of all components and rows, relative to ranges."""
         count = len(self.scales[k])
         apart = np.abs(rows[:, 1 : 1 + count] - self.rows[k][:, 1:])
         return float(np.max(apart / self.scales[k]))
@@ -101,7 +101,7 @@ class Judge:
 
 @dataclass
 class Timed:
-    """A candidate at a tolerance, and what came of each start."""
+    """A solver at a tolerance, with its least time and its error for each start."""
 
     solve: object
     about: dict
@@ -148,7 +148,7 @@ class Scene:
             self.theirs = equations_of(self.scene, own.plan, parameters)
 
     def moved(self, own, start):
-        """Give one of lagsim's solvers from another start."""
+        """Return a copy of one of lagsim's solvers with another start."""
         from lagsim.run.session import Session
 
         n = len(start) // 2
@@ -159,9 +159,10 @@ class Scene:
         return found
 
     def ours(self, rtol):
-        """Give lagsim with a method, or its own choice where that refuses, ready.
+        """Return a compiled solver of lagsim at a tolerance, and data about it.
 
-        As a sweep makes its runs, in one memory, where it does so for the model.
+        The method is `self.method`, or that of `auto` where this refuses the model.
+        Runs are made in one memory as in a sweep, where a sweep does so for the model.
         """
         from lagsim.errors import InputError
         from lagsim.studies.bench import Own
@@ -185,7 +186,7 @@ class Scene:
         return (lambda s: solvers[bytes(s)].solve(value, self.patience)), about
 
     def heyoka(self, rtol):
-        """Give heyoka ready; None where compiling would take too long."""
+        """Return a compiled solver of heyoka; None if compilation takes too long."""
         from rival_heyoka import Heyoka
 
         if min(self.counts.values()) > LONG_NODES and rtol not in FEWER_DECADES:
@@ -196,11 +197,11 @@ class Scene:
         return ready.solve, about | ready.counts
 
     def compiled(self, rtol):
-        """Give what the others are made from."""
+        """Return the arguments that create the solvers of scipy and SUNDIALS."""
         return self.g, self.nodes, self.names, self.times, self.sizes, rtol
 
     def candidates(self):
-        """Give name -> what makes it ready at a tolerance: a solver, and about it."""
+        """Return name -> function from a tolerance to a solver and data about it."""
         from rival_scipy import Scipy
         from rival_sundials import Cvode, Library
 
@@ -237,7 +238,7 @@ class Scene:
 
 
 def swept(session):
-    """Give a solver that makes runs as a sweep does, in one memory."""
+    """Return a solver that runs from given starts in one memory, as a sweep does."""
     from lagsim.studies.bench import solved
     from lagsim.studies.sweep.batches import Ensemble
 
@@ -253,13 +254,13 @@ def swept(session):
 
 
 def substituted(g, nodes, parameters):
-    """Give nodes with numbers for parameters."""
+    """Return nodes with parameters replaced by numbers."""
     numbers = {g.variable(k): g.constant(v) for k, v in parameters.items()}
     return g, g.substitute(nodes, numbers)
 
 
 def measured(case, method):
-    """Measure everything on one scene; gives a JSON document."""
+    """Measure all solvers at all tolerances on one scene; return a JSON document."""
     scene = Scene(case, method)
     candidates = scene.candidates()
     points = {name: [] for name in candidates}
@@ -302,7 +303,7 @@ def first_round(scene, solve, about):
 
 
 def rounds(scene, ready):
-    """Let all candidates take turns; each keeps the least for every start."""
+    """Time all solvers in turn; each stores its least time for every start."""
     began = time.perf_counter()
     spent = dict.fromkeys(ready, 0.0)
     for turn in range(ROUNDS):
@@ -318,7 +319,10 @@ def rounds(scene, ready):
 
 
 def columns_seconds(scene):
-    """Give what lagsim's columns of all rows cost: rivals give states alone."""
+    """Measure the seconds for lagsim's columns of all rows.
+
+    They are subtracted in comparisons, since other solvers return states only.
+    """
     own = scene.own
     rows = own.solve(1e-8, scene.patience).rows
     states = np.ascontiguousarray(rows[:, : 1 + own.system.size])
@@ -332,7 +336,7 @@ def columns_seconds(scene):
 
 
 def document(results, others):
-    """Give what was measured, on what and when: all that page and chart say."""
+    """Return the JSON document of page and chart: results, versions, machine, date."""
     from lagsim.studies.bench import machine, today
     from lagsim.version import __version__
 
@@ -381,7 +385,7 @@ def one(key, method):
 
 
 def keep(key, result):
-    """Put what was measured among the others, and write all anew."""
+    """Add a result to the stored ones, and write all files again."""
     from lagsim.studies.bench import stamp
 
     known = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}

@@ -62,7 +62,7 @@ def chart(document):
 
 
 def costs_of(scene):
-    """Give the curves of a scene."""
+    """Return the curves of a scene."""
     found = []
     for name, points in scene["points"].items():
         kept = [p for p in points if p["error"] <= WORST]

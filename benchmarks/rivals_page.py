@@ -1,4 +1,4 @@
-"""results-rivals.md: tables of what rivals.py measured."""
+"""results-rivals.md: tables of the results of rivals.py."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LEAST = "Where lagsim or heyoka does not reach an error: the least that both rea
 
 
 def page(found):
-    """Give the page."""
+    """Return the page as Markdown."""
     results = found["scenes"]
     dates = {}
     for r in results:
@@ -58,7 +58,7 @@ def page(found):
 
 
 def by_tolerance(results):
-    """Give the table of times and errors at the tolerances reported."""
+    """Return the table of times and errors at the tolerances reported."""
     head = ["model", "solver"]
     for tolerance in REPORTED:
         head += [f"ms at {tolerance:.0e}", "error"]
@@ -78,7 +78,7 @@ def by_tolerance(results):
 
 
 def by_error(results):
-    """Give the table of times at equal errors, and the ratios."""
+    """Return the table of times at equal errors, and the ratios."""
     head = ["model", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
     head += ["times faster", "without columns"]
     compared = [
@@ -91,7 +91,7 @@ def by_error(results):
 
 
 def tightest(result):
-    """Give the least error that both lagsim and heyoka reach."""
+    """Return the least error that both lagsim and heyoka reach."""
     return max(
         min((p["error"] for p in result["points"][name]), default=0.0)
         for name in ("lagsim", "heyoka")
@@ -99,7 +99,7 @@ def tightest(result):
 
 
 def mean_of(compared, bare):
-    """Say the geometric mean of how many times faster lagsim is."""
+    """Return a note on the geometric mean of the factors by which lagsim is faster."""
     factors = [f for c in compared if (f := c.faster(bare)) is not None]
     mean = math.exp(sum(map(math.log, factors)) / len(factors)) if factors else 0.0
     which = "the same without lagsim's columns" if bare else "geometric mean"
@@ -121,7 +121,7 @@ class Compared:
         self.best = costs.get(self.name)
 
     def faster(self, bare=False):
-        """Give how many times faster lagsim is, of states alone if `bare`."""
+        """Return the factor by which lagsim is faster; `bare` excludes its columns."""
         if self.own is None or self.best is None:
             return None
         saved = self.result["columns_seconds"] if bare else 0.0
@@ -140,7 +140,7 @@ class Compared:
 
 
 def counts(results, tolerance=1e-12):
-    """Give what the steps of lagsim and heyoka are made of."""
+    """Return the table of operations, steps and times a step of lagsim and heyoka."""
     head = ["model", "operations: textbook", "lagsim", "method", "steps", "ns a step"]
     head += ["heyoka's order", "expressions", "steps", "ns a step"]
     rows = []
@@ -165,7 +165,7 @@ def counts(results, tolerance=1e-12):
 
 
 def of_ensemble(found):
-    """Give what one of many runs costs at an error of its end."""
+    """Return the table of the cost of one of many runs at given errors of its end."""
     rows = []
     for name, curve in found["ensemble"].items():
         row = [name]
@@ -178,7 +178,7 @@ def of_ensemble(found):
 
 
 def of_bounces(found):
-    """Give what each takes for the ball, and how far off it is."""
+    """Return the table of times and errors for the bouncing ball."""
     rows = [
         [x["solver"], f"{x['seconds'] * 1e3:.3g}", f"{x['error']:.1e}"]
         for x in found["bounces"]

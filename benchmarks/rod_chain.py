@@ -2,7 +2,7 @@
 
 
 def rod_chain(n, duration, output_step=0.01):
-    """Give the model text of n rods, 1 m and 1 kg together, let go level."""
+    """Return the model text of n rods, 1 m and 1 kg in all, released horizontally."""
     rods = range(1, n + 1)
     lines = [
         f"name: rods-{n}",
@@ -33,7 +33,7 @@ def rod_chain(n, duration, output_step=0.01):
 
 
 def _joints(n):
-    """Give the constraints: each rod begins where the one before it ends."""
+    """Return the constraints: each rod begins where the previous one ends."""
     for k in range(1, n + 1):
         for c, f in (("x", "cos"), ("y", "sin")):
             before = f"{c}{k - 1} + l/2*{f}(a{k - 1})" if k > 1 else "0"

@@ -42,7 +42,7 @@ def evaluation(turns):
 
 
 def candidates(n):
-    """Give name -> a callable that gives the seconds of one y', and the operations."""
+    """Return name -> function that times one y', and the numbers of operations."""
     import time
 
     import numpy as np
@@ -83,7 +83,7 @@ def candidates(n):
 
 
 def whole(turns):
-    """Measure runs as a user makes them, the cache of kernels filled."""
+    """Measure whole runs by the command line, with a filled cache of kernels."""
     sizes = SIZES[-3:]
     columns = []
     with workspace() as folder:
@@ -115,5 +115,5 @@ def whole(turns):
 
 
 def tables(turns):
-    """Give both tables."""
+    """Return the tables of single evaluations and of whole runs."""
     return [evaluation(turns), whole(turns)]

@@ -43,10 +43,10 @@ def in_clean_environment(arguments):
 
 
 def measure(parts, turns, results):
-    """Measure, print each table as it is done, and write them all.
+    """Measure the parts, print each table when it is complete, and write all tables.
 
-    Where some parts are measured alone, their tables replace those of the same title or
-    stand at the end, and the others stay.
+    If some parts are measured alone, their tables replace stored tables of equal title
+    or are appended, and the other stored tables remain.
     """
     from measure import machine
 
@@ -66,7 +66,7 @@ def measure(parts, turns, results):
 
 
 def _merged(kept, pages):
-    """Return the pages by their titles, those of `pages` in place of kept ones."""
+    """Return the stored pages by title, updated by `pages`."""
     return {page.partition("\n")[0]: page.rstrip("\n") + "\n" for page in kept + pages}
 
 

@@ -34,5 +34,5 @@ simulation: {{duration: {duration}, output_step: {step}}}
 
 
 def snake(n, duration=1.0):
-    """Give the text of n links that fall for a time."""
+    """Return the model text of n falling links, over `duration`."""
     return TEXT.format(n=n, duration=duration, step=duration / 20)

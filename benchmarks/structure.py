@@ -1,4 +1,4 @@
-"""What each reduction saves: the same scene with it and without, side by side."""
+"""Savings by each reduction: one scene with and without the reduction, side by side."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ class Scene:
         self.trajectory = self.session.run([self.keep])
 
     def columns(self):
-        """Give the table of the last run."""
+        """Return the table of the last run."""
         return self.keep.table[:, : self.session.system.columns.table]
 
 
 def difference(scene, other):
-    """Give the greatest difference of a column against the size of that column."""
+    """Return the largest difference of a column, relative to the size of the column."""
     a, b = scene.columns(), other.columns()
     sizes = np.maximum(np.max(np.abs(b), axis=0), 1e-6 * np.max(np.abs(b)))
     return float(np.max(np.max(np.abs(a - b), axis=0) / sizes))
 
 
 def compared(name, scenes, turns):
-    """Give the lines of one comparison: the full form first."""
+    """Return the table's rows for one comparison, the full formulation first."""
     times = alternate({key: scene.run for key, scene in scenes.items()}, turns)
     full = next(iter(scenes))
     lines = []
@@ -70,7 +70,7 @@ def compared(name, scenes, turns):
 
 
 def pulling(n):
-    """Give n masses that all pull on one another: a constant, dense M."""
+    """Return the model text of n masses that attract each other: M dense, constant."""
     names = [f"x{k}" for k in range(n)]
     kinetic = " + ".join(f"{a}_dot^2" for a in names)
     mean = " + ".join(f"{a}_dot" for a in names)
@@ -87,7 +87,7 @@ def pulling(n):
 
 
 def comparisons():
-    """Give what is compared: name -> how -> scene."""
+    """Return the scenes to compare: title -> name of the formulation -> scene."""
     found = {}
     for name, model in {
         "elastic pendulum on a curve": "elastic-pendulum-curve",
@@ -108,7 +108,7 @@ def comparisons():
 
 
 def tables(turns):
-    """Give the table."""
+    """Measure all comparisons; return the table of the report in a list."""
     rows = []
     for name, scenes in comparisons().items():
         rows += compared(name, scenes, turns)

@@ -13,7 +13,7 @@ FOLLOWED = "l", 0.9, 1.1
 
 
 def swept(axis, bars, *, ends=False):
-    """Give the processor seconds of a run in the fastest batch of a sweep, and rows."""
+    """Return a function that measures the processor seconds of a run of a sweep."""
     from lagsim.model.reader import read_file
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.attempts import ErrorBars
@@ -42,7 +42,7 @@ def swept(axis, bars, *, ends=False):
 
 
 def integration(rtol):
-    """Give the processor seconds of an integration with rows of states."""
+    """Return a function that measures the processor seconds of a single integration."""
     from lagsim.model.reader import read_file
     from lagsim.run.session import open_case
     from lagsim.studies.sweep.batches import LONG, Ensemble
@@ -62,7 +62,7 @@ def integration(rtol):
 
 
 def tables(turns):
-    """Give the table."""
+    """Measure sweeps and single integrations in turn; return the table in a list."""
     candidates = {
         f"{NAME} swept, rows and errors": swept((NAME, LOW, HIGH), "auto"),
         f"{NAME} swept, rows": swept((NAME, LOW, HIGH), "never"),

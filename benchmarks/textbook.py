@@ -1,9 +1,9 @@
-"""Equations of motion as textbooks write them, by hand and independent of lagsim.
+"""Equations of motion as in textbooks, written by hand and independent of lagsim.
 
-Each function gives the accelerations of a scene; what it is handed may be numbers,
+Each function returns the accelerations of a scene. Its arguments are numbers,
 expressions of heyoka or nodes of lagsim's graph: `f` has the functions for them (`sin`,
-`cos`, `sqrt`). `p` is the scene's parameters. Constrained scenes are in the form
-of index 1, with the multipliers solved for along the mechanism.
+`cos`, `sqrt`). `p` is the scene's parameters. Constrained scenes are in the form of
+index 1, with the multipliers solved for along the mechanism.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def andrews(q, v, p, f):
 
     # Of two bodies that hang on each other: I x'' + k y'' = force, and so for y.
     def carried(one, other, inertias, coupling, forces):
-        """Give inertia and force of both, as the angle that moves them feels them."""
+        """Return inertia and force of two bodies for the angle that moves both."""
         x = one[0] * inertias[0] + other[0] * coupling
         y = other[0] * inertias[1] + one[0] * coupling
         inertia = x * one[0] + y * other[0]

@@ -87,7 +87,7 @@ def _shapes(axes, model, columns, moving):
 
 
 def _seen(name, parts, columns):
-    """Give where a point is seen, to the right and up."""
+    """Return the picture's coordinates of a point, to the right and up."""
     found = [columns[f"point.{name}.{k}"] for k in range(1, len(parts) + 1)]
     if len(found) == 2:
         return found

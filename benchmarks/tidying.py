@@ -6,8 +6,8 @@ Text and LaTeX are written to FOLDER/lagsim and FOLDER/sympy, to be read side by
 processor times and costs (symbols, functions and operations in the equations, M and f)
 are printed. sympy's way is `expand`, `collect` in velocities, accelerations and
 multipliers, and `factor_terms`; with `--trig` also `futrig` and `TR10i`, which combine
-products of sines and cosines. Each takes the shortest of these and of what is given.
-Results of 29 November 2026 are in `tidying.md`.
+products of sines and cosines. Each expression is replaced by the shortest of these
+forms and its own. Results of 29 November 2026 are in `tidying.md`.
 """
 
 from __future__ import annotations

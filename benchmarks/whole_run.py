@@ -64,20 +64,20 @@ class Pendulum:
         return self.runner.shown(self.rows)
 
     def simulate(self):
-        """Run the loop over arcs; give theta, u and their rates in every row."""
+        """Run the loop over arcs; return theta, u and rates in all rows, (rows, 4)."""
         keep = Keep()
         self.session.run([keep])
         return keep.table[:, 1:5]
 
 
 def error(y, exact):
-    """Give the largest difference in any row, component against its range."""
+    """Return the largest difference in any row, relative to ranges of components."""
     spans = np.ptp(exact, axis=0)
     return float(np.max(np.abs(y - exact) / spans))
 
 
 def exact_rows(accelerations):
-    """Give tight rows, and how far two independent solutions of them agree."""
+    """Return accurate rows, and the largest difference to an independent solution."""
 
     def rhs(_t, y):
         return [y[2], y[3], *accelerations(*y)]
@@ -92,7 +92,10 @@ def exact_rows(accelerations):
 
 
 def matched(accelerations, exact, wanted):
-    """Give the loosest tolerance with which scipy's error is at most `wanted`."""
+    """Return the loosest tolerance with an error of scipy of at most `wanted`.
+
+    The error is the second result.
+    """
     for rtol in TRIED:
         found = error(by_hand.integrate(accelerations, rtol)[1].T, exact)
         if found <= wanted:
@@ -225,6 +228,6 @@ def processes(rtol, turns):
 
 
 def tables(turns):
-    """Give both tables."""
+    """Return the tables of the report."""
     rtol, alone = integration(min(turns, 10))
     return [processes(rtol, turns), alone]
