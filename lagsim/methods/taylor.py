@@ -64,6 +64,8 @@ SHORTER = 0.9
 SPARED = 3.0
 # The reason for a step shorter than this part of the last one is examined.
 SUDDEN = 0.7
+# Up to this fraction of a step the series at its start has the smaller residual.
+HALF = 0.5
 # So often the first step and its tolerances are made to agree, to this part.
 PASSES = 20
 SETTLED = 0.7
@@ -236,7 +238,15 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
 
 
 def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
-    """Write the state (size,) at the fraction x of the last step, by its series."""
+    """Write the state (size,) at the fraction x of the last step, by its series.
+
+    With constraints the series at the nearer end is used: both ends are projected, and
+    the residual grows with a high power of the distance.
+    """
+    if CONSTRAINED and x > HALF:
+        after = s.series[buffer(s.size, s.which) :]
+        reach(s, after, s.compensation, (x - 1.0) * s.step_h, out)
+        return
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     reach(s, before, s.carried, x * s.step_h, out)
 
@@ -246,6 +256,9 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
 
     The components written are those of y' after q'.
     """
+    if CONSTRAINED and x > HALF:
+        slope((x - 1.0) * s.step_h, s.series[buffer(s.size, s.which) :], out)
+        return
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     slope(x * s.step_h, before, out)
 

@@ -1,5 +1,6 @@
 """The method `taylor`: accuracy, its order, its guard, and what it refuses."""
 
+import ctypes
 import math
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.plan import plan
+from lagsim.studies.sweep.batches import Ensemble
 from tests.small_scenes import NEARLY, angle, held_pendulum, pendulum, swing
 from tests.support import MODELS, run
 
@@ -186,6 +188,25 @@ def test_rows_meet_the_constraints_projected_or_not(rtol):
     # Some roundings of terms of size 1, and of 2 x x' where speeds are below 1.7.
     assert np.max(np.abs(x * x + y * y - 1.0)) < 1e-15
     assert np.max(np.abs(x * vx + y * vy)) < 2e-15
+
+
+@pytest.mark.parametrize("x", [0.01, 0.9, 0.97, 0.999])
+def test_dense_output_comes_from_the_nearer_end_of_a_step(x):
+    found = run(HELD.replace("RTOL", "1e-3"))
+    several = Ensemble(found.session)
+    several.begin(0, np.zeros(0))
+    arc = several.arc
+    arc.runner.advance(arc.state, 1000, 5)
+    out, pointer = np.zeros(len(arc.y)), ctypes.c_void_p
+    at = arc.runner.engine.function(
+        "interpolate", None, (pointer, pointer, ctypes.c_double, pointer)
+    )
+    at(arc.state.address, several.session.system.p.address, x, out.ctypes.data)
+    # At this tolerance steps of order 6 leave 3e-6 before their projection, and a
+    # series the part x^7 of that at the fraction x of the step from its own end.
+    near = min(x, 1.0 - x)
+    assert abs(out[0] ** 2 + out[1] ** 2 - 1.0) < 1e-3 * near**5 + 1e-15
+    assert abs(out[0] * out[2] + out[1] * out[3]) < 1e-2 * near**5 + 2e-15
 
 
 def test_rows_of_constraints_that_move_are_all_projected():

@@ -77,10 +77,10 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 
 
 def satisfied_part(s: Rank, order: float) -> float:
-    """Return the fraction of the last step up to which rows need no projection.
+    """Return the fraction of the last step, from each end, without projection of rows.
 
-    Valid if rows are values of the polynomial whose end value was projected: its
-    residual grows from rounding at the start to the residual before the projection, as
+    Valid if rows are values of polynomials that begin at the nearer end of the step: a
+    residual grows from rounding there to the residual before the projection, as
     x^order. If the constraints depend on time or velocities, rounding of times and
     positions adds to the residual, and the fraction is 0.
     """

@@ -428,11 +428,22 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     for k in range(first, end):
         row = out[k * width :]
         # One for which Newton's method does not converge stays as it is.
-        if CONSTRAINED and row[0] > s.step_t + s.satisfied * s.step_h:
+        if CONSTRAINED and not is_satisfied(s, row[0]):
             project(s, p, row[0], s.step_h, row[1:], s.work)
         if SWITCHES:
             project_sliding(row[0], row[1:], p)
     return complete
+
+
+def is_satisfied(s: State, t: float) -> bool:
+    """Whether the dense output at time t in the last step satisfies the constraints.
+
+    True up to the fraction `satisfied` of the step from either of its ends, see
+    `constraints.satisfied_part`.
+    """
+    from_start = t - s.step_t
+    near = min(from_start, s.step_h - from_start)
+    return s.satisfied > 0.0 and near <= s.satisfied * s.step_h
 
 
 def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
