@@ -35,9 +35,11 @@ from lagsim.run.events.law_modes import (
     Chosen,
     changes,
     chosen_modes,
+    kept_on_by,
     put_modes,
     set_floors,
     set_slack,
+    steady_laws,
     that_could_act,
 )
 from lagsim.run.events.records import LawsAt, LawState
@@ -258,6 +260,7 @@ class Contacts(Source):
         corrected = corrected_state(here, met)
         if corrected is not None:
             found.y, here = corrected, Kinematics(arc, corrected.copy())
+        arrived = here
         arc.system.p.law_opens[:] = 0.0
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
@@ -287,7 +290,8 @@ class Contacts(Source):
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
             found.laws = found.laws._replace(shared=None)
-        found.state = LawState(here, some)
+        steady = None if met < 0 else steady_laws(arrived, here)
+        found.state = LawState(here, some, steady)
         return found
 
     def modes(self, arc: Arc, laws: LawsAt, state: LawState) -> StateAfter:
@@ -301,11 +305,14 @@ class Contacts(Source):
         state : LawState
             The laws at the state reached, none of which approaches.
         """
-        here, some = state
+        here, some, steady = state
         found = StateAfter(arc.y, laws, moved=False)
         p, slid = arc.system.p, laws.slid
         if laws.shared is None or here.grazing:
-            chosen = chosen_modes(here, that_could_act(here, laws.closed), laws.left)
+            could = that_could_act(here, laws.closed)
+            stay = kept_on_by(here, could, steady, laws.closed)
+            decided = sorted({*could}.difference(stay)) if stay else could
+            chosen = chosen_modes(here, decided, laws.left, stay)
         else:
             chosen = Chosen.of(here, *laws.shared)
         put_modes(arc, chosen)

@@ -388,6 +388,16 @@ class Kinematics:
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
 
+    def moved_by(self, some: Sequence[int]) -> Floats:
+        """Return y' (size,) with the laws `some` in their present modes, others off."""
+        p = self.arc.system.p
+        mode = p.law_mode.copy()
+        p.law_mode[:] = kept.OFF
+        p.law_mode[some] = mode[some]
+        field = self._field(self.t, self.y)
+        p.law_mode[:] = mode
+        return field
+
     def _field(self, t: float, y: Floats) -> Floats:
         """Return y' (size,) at t and y, with the shares of the surfaces followed."""
         arc = self.arc

@@ -13,18 +13,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.pieces import MARK, whole
-from lagsim.mechanics.row_modes import modes
+from lagsim.mechanics.row_modes import RowModes, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.sliders import at_edge
 from lagsim.run.events.slips import begin_slips
-from lagsim.tolerances import CLEAR_OF_ROUNDING, SUM_ROUNDOFF
+from lagsim.tolerances import CLEAR_OF_ROUNDING, HALF_OF_DIGITS, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
-    from lagsim.mechanics.row_modes import RowModes
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Kinematics
 
@@ -34,6 +33,9 @@ FORCING = (kept.HELD, kept.SLIDING)
 HOLDING = (kept.HELD, kept.REDUNDANT)
 # Ratio of successive times ahead at which the change of forces is evaluated.
 LATER = 10.0
+# Up to this number of laws the modes of all are decided at each instant, which costs no
+# more than to find those that may be kept.
+FEW = 8
 
 
 def put_modes(arc: Arc, chosen: Chosen) -> None:
@@ -44,12 +46,15 @@ def put_modes(arc: Arc, chosen: Chosen) -> None:
     p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 
 
-def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
+def _state_after(
+    here: Kinematics, free: Floats, some: list[int], p: Floats, moment: float
+) -> Floats:
     """Return the state (size,) after a short time `moment`, to second order.
 
-    p : ndarray, shape (r,), the multipliers of the laws `some`.
+    free : ndarray, shape (size,), y' without the laws `some`. p : ndarray, shape (r,),
+    the multipliers of these laws.
     """
-    rates = here.free.copy()
+    rates = free.copy()
     rates[here.arc.velocities] += here.answer.response[:, some] @ p
     return here.arc.later(here.y, rates, moment)
 
@@ -57,6 +62,7 @@ def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) ->
 def ahead_of(
     here: Kinematics, some: list[int],
     others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
+    kept_on: Sequence[int] = (),
 ) -> Ahead:  # fmt: skip
     """Return a function that maps multipliers (r,) to d/dt of accelerations.
 
@@ -71,11 +77,14 @@ def ahead_of(
     others : callable
         Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
         which returns the rates (k,) of other rows. These come first in the result.
+    kept_on : sequence of int
+        Laws that stay in their modes, and are not coupled with the laws `some`.
     """
     moment = here.arc.moment
 
     def change(p: Floats) -> tuple[Floats, Floats]:
-        y = _state_after(here, some, p, moment)
+        free = here.moved_by(kept_on) if len(kept_on) else here.free
+        y = _state_after(here, free, some, p, moment)
         later = here.at(y, here.t + moment)
         w = []
         for x in here, later:
@@ -128,12 +137,23 @@ class Chosen(NamedTuple):
     open: bool = False
 
     @classmethod
-    def of(cls, here: Kinematics, some: list[int], found: RowModes) -> Chosen:
-        """Return the modes of all laws from those of the laws `some`; others are off.
+    def of(
+        cls,
+        here: Kinematics,
+        some: list[int],
+        found: RowModes,
+        kept_on: Sequence[int] = (),
+    ) -> Chosen:
+        """Return the modes of all laws from those of the laws `some`.
 
         found : the modes of rows, of which the first belong to the laws `some`.
+        kept_on : laws that stay in their modes; all others are off.
         """
         mode, direction = np.zeros((2, here.count))
+        if len(kept_on):
+            p = here.arc.system.p
+            mode[kept_on] = p.law_mode[kept_on]
+            direction[kept_on] = p.law_direction[kept_on]
         r = len(some)
         mode[some] = [float(x) for x in found.mode[:r]]
         direction[some] = found.direction[:r]
@@ -143,22 +163,89 @@ class Chosen(NamedTuple):
         )
 
 
-def chosen_modes(here: Kinematics, some: list[int], left: Mapping[int, int]) -> Chosen:
+def chosen_modes(
+    here: Kinematics,
+    some: list[int],
+    left: Mapping[int, int],
+    kept_on: Sequence[int] = (),
+) -> Chosen:
     """Select the modes by the accelerations of the laws `some`, which could act.
 
     left : how often each law has reached the limit of its multiplier at this time.
+    kept_on : laws that stay in their modes, and are not coupled with the laws `some`.
     """
     if not some:
         none = np.empty(0)
-        mode, direction = np.zeros((2, here.count))
-        return Chosen(mode, direction, some, none, none, paradox=False)
+        nothing = RowModes((), none, none, paradox=False)
+        return Chosen.of(here, some, nothing, kept_on)
     laws, asked = here.acting(some, left), here.accelerations[some]
     asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
     found = modes(
         laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
-        ahead_of(here, some), laws.left,
+        ahead_of(here, some, kept_on=kept_on), laws.left,
     )  # fmt: skip
-    return Chosen.of(here, some, found)
+    return Chosen.of(here, some, found, kept_on)
+
+
+def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
+    """Return a mask (L,) of the laws whose motion no impact has changed, or None.
+
+    None in models in which the modes of all laws are decided at each instant: of few
+    laws, and where other decisions, or discs, couple rows.
+
+    before, after : the laws before and after the impacts of this instant.
+    """
+    system, table = before.arc.system, before.table
+    coupled = system.surfaces or system.sliders or system.has_times
+    if before.count <= FEW or coupled or (table.pairs >= 0).any():
+        return None
+    same = np.ones(before.count, dtype=bool)
+    if after is not before:
+        for x in ("accelerations", "rates", "bounds", "statics"):
+            same &= getattr(before, x) == getattr(after, x)
+    return same
+
+
+def kept_on_by(
+    here: Kinematics, some: list[int], steady: Flags | None, ended: Collection[int]
+) -> list[int]:
+    """Return the laws of `some` that stay in the modes of the arc that has ended.
+
+    These laws hold or slide, clearly within the range of their modes, and the laws
+    whose modes are decided anew do not reach them: laws whose modes have ended, or
+    begin, and laws that an impact has changed.
+
+    Parameters
+    ----------
+    here : Kinematics
+    some : list of int
+        The laws that could act.
+    steady : ndarray of bool, shape (L,), or None
+        See `LawState`; with None no law is known to stay in its mode.
+    ended : collection of int
+        The laws whose modes have ended at this time.
+    """
+    if steady is None:
+        return []
+    arc, p = here.arc, here.arc.system.p
+    on = p.law_mode != kept.OFF
+    acts = np.zeros(here.count, dtype=bool)
+    acts[some] = True
+    margins = arc.runner.event_functions(arc.t, here.y)[arc.system.surfaces :]
+    own = here.answer.D.diagonal()
+    balance = here.pushes / np.where(own > 0.0, own, np.inf)
+    holds, slides = p.law_mode == kept.HELD, p.law_mode == kept.SLIDING
+    least = np.where(holds, HALF_OF_DIGITS * balance, CLEAR_OF_ROUNDING * here.still)
+    stays = steady & (holds | slides) & (margins > least)
+    stays[list(ended)] = False
+    decided = here.reached(
+        np.flatnonzero((acts | on) & ~(acts & stays)).tolist(),
+        np.flatnonzero(acts | on).tolist(),
+    )
+    stays[decided] = False
+    stays &= acts
+    found: list[int] = np.flatnonzero(stays).tolist()
+    return found
 
 
 def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
@@ -237,7 +324,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     """
     moment, steady = here.arc.moment, here.arc.settings.end - here.t
     while moment < steady:
-        y = _state_after(here, found.some, found.multipliers, moment)
+        y = _state_after(here, here.free, found.some, found.multipliers, moment)
         later = here.at(y, here.t + moment)
         bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment
@@ -257,8 +344,7 @@ def set_slack(here: Kinematics, found: Chosen) -> None:
     slack, table, mode = p.slack[K:], here.table, found.mode
     slack[:] = 0.0
     size, band, rounding = np.zeros((3, here.count))
-    pushed = np.zeros(here.count)
-    pushed[found.some] = found.D
+    pushed = here.answer.D.diagonal()
     if (held := (mode == kept.HELD) & (pushed > 0.0)).any():
         size[held] = band[held] = here.roundoff[held] / pushed[held]
     slides = (mode == kept.SLIDING) & ~held

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.events.filippov import Selected
     from lagsim.run.events.kinematics import Kinematics
@@ -155,7 +155,11 @@ class LawState(NamedTuple):
     here : Kinematics
     some : list of int
         The laws that are closed and can strike.
+    steady : ndarray of bool, shape (L,), or None
+        The laws with the accelerations, rates and bounds at the end of the arc; None
+        where more than ends of modes of laws and their impacts may have changed these.
     """
 
     here: Kinematics
     some: list[int]
+    steady: Flags | None = None
