@@ -194,7 +194,10 @@ class Rest(Relations):
         return {**self.point.errors, **{n: found[n] for n in self.names if n in found}}
 
     def pulls(self, x: Floats) -> Floats:
-        """Return how strongly each row pulls (rows,), scaled; 0 where a row pushes."""
+        """Return the tension of each row (rows,), scaled; 0 for a row that pushes.
+
+        Contacts cannot pull: a row with a tension has to be released.
+        """
         own = np.linalg.norm(self.at(x).jacobian(self.rows) / self.point.sizes, axis=1)
         pushes = x[len(x) - len(self.rows) :] * own
         small = COMPUTED_ZERO * np.max(np.abs(pushes), initial=0.0)

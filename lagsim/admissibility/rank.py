@@ -531,10 +531,19 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
 
 
 def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> Floats:
-    """Set to zero the rows of Y that nearly vanish at the point, but not around it.
+    """Set rows of Y to zero that nearly vanish at the point, but not around it.
 
-    moved : distances (n,) within which the rows are also evaluated. Return the lengths
-    (m,), with 0 for the rows set to zero.
+    Such a row is a trace of rounding at a double root. Return the lengths (m,) with 0
+    for these rows.
+
+    Parameters
+    ----------
+    Y : ndarray, shape (m, n)
+        The rows scaled to length 1, changed in place.
+    lengths : ndarray, shape (m,)
+        The lengths of the rows before scaling.
+    moved : ndarray, shape (n,)
+        Distances from the point within which the rows are evaluated.
     """
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)

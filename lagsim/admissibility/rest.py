@@ -422,7 +422,10 @@ class _Walk:
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the walk's key (see `_mode`) after surface k would have been left."""
+        """Return the key of the walk (see `_mode`) after surface k is left.
+
+        above : whether surface k is left to its upper side.
+        """
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}
         return _mode(levels, {**self.sides, k: end})

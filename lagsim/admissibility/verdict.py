@@ -387,7 +387,7 @@ def judge_starts(point: Point) -> list[RelationResiduals]:
 def _against_levers(
     point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Return the differences of nodes from target values, as residuals.
+    """Return the differences of nodes from target values, with scales, as residuals.
 
     targets : pairs (node, value). The scale of a residual is the largest of |value| and
     |q_i dg/dq_i|.
@@ -663,7 +663,10 @@ def _sliders(point: Point) -> dict[int, Mode]:
 
 
 class _LawValues:
-    """Numerical values of the rows of laws with indices `chosen`, r rows in all."""
+    """Gaps, rates and Delassus matrix of some laws at a state, as numbers.
+
+    The laws are those with the indices `chosen`, r in all.
+    """
 
     def __init__(self, point: Point, chosen: Sequence[int]) -> None:
         self.point, laws = point, [point.e.laws[k] for k in chosen]
@@ -687,9 +690,10 @@ class _LawValues:
         )  # fmt: skip
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
-        """Return R q'' - b, rates, and rounding errors of the rows, each (r,).
+        """Return accelerations, rates and rounding errors of the rows, each (r,).
 
-        q'' : the accelerations without the forces of these laws.
+        The accelerations are R q'' - b, with R the rows and q'' without the forces of
+        these laws.
         """
         R, b = self.R, self.point.array([row.b for row in self.rows])
         a, terms, _ = accelerations(self.point)

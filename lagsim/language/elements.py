@@ -40,14 +40,15 @@ SHARED = -1
 
 
 class Slot(NamedTuple):
-    """Local variable of a term.
+    """Local variable of a term; its value is an argument or a number for each member.
 
     Attributes
     ----------
     node : int
         The variable, in the graph of the term.
     column : int
-        Column of the table that has the position of each member, or SHARED.
+        Column of the table with the index of each member's entry in `places` or
+        `numbers`; SHARED if all members have one value.
     places : ndarray, shape (positions,)
         Index of the argument at each position; empty for numbers.
     numbers : ndarray, shape (positions,)
@@ -559,9 +560,9 @@ def _each(g: Graph, keys: Iterable[int], known: Mapping[int, int]) -> list[int]:
 
 
 def sizes(g: Graph, node: int) -> int:
-    """Return the node of the sum of the magnitudes of all terms of a component.
+    """Return the node of the sum of |terms| of one sum of elements.
 
-    node : the component, a node `elements.part`.
+    node : the sum, a node of the operation `elements.part`.
     """
     vector, k = g.args[node]
     made = payload(g, vector).derived("magnitudes")

@@ -732,7 +732,8 @@ class Collected:
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
         """Yield the terms of the sum `node`: pairs of a sign, as a node, and an addend.
 
-        A sum without products is one term: it may be a small difference.
+        A sum without products is not divided: it may be a small difference of large
+        terms.
         """
         g = self.g
         sums = self._sums_of_products(node)

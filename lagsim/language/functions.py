@@ -612,9 +612,10 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Return the partials of a table's piece, 0 except for `count` coordinates.
+    """Return the `partials` of a piece of a table with `count` coordinates.
 
-    The coordinates are the arguments of the table within the piece.
+    Only the derivatives by the coordinates, the arguments of the table, differ from 0.
+    op : the operation of the piece.
     """
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),

@@ -192,7 +192,11 @@ class Coefficients:
         return self._variables[key]
 
     def _coefficient(self, n: int) -> int:
-        """Return the coefficient of order k of an operation, from its arguments'."""
+        """Return the coefficient of order k of operation n, as a node.
+
+        It is computed from the coefficients of the arguments by the recurrence of the
+        operation, or by the chain rule.
+        """
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]

@@ -152,7 +152,7 @@ class Factorisation:
                     heappush(queue, self._rank(i))
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Return the sort key of unknown k for the order of elimination.
+        """Return the sort key of unknown k; unknowns are eliminated in ascending order.
 
         Unknowns that are no sums come first, by degree; sums follow, the outermost
         first.
@@ -351,9 +351,9 @@ class Chains(NamedTuple):
         return [forces.get(j, g.zero) for j in range(self.size)]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
-        """Return bounds (n,), as nodes, of the terms of |M| x: scales of rounding.
+        """Return nodes of the sums over j of |M_ij| x_j (n,): scales of rounding.
 
-        Rounding of the factors of M is included.
+        Bounds of the rounding errors of the factors of M are included.
 
         Parameters
         ----------
@@ -583,7 +583,7 @@ class Composite(Factorisation):
 
 
 class Composites(Composite):
-    """Composite rigid bodies whose momenta, in terms of velocities, are rows of M.
+    """Elimination that yields the rows of M, as momenta of composite rigid bodies.
 
     Attributes
     ----------

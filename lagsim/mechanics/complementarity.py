@@ -130,7 +130,7 @@ class ComplementarityProblem:
 
     @cached_property
     def own(self) -> Flags:
-        """Mask (r,) of the rows whose bounds depend on no contact."""
+        """Mask (r,) of the rows whose bounds are constant, not bounds of friction."""
         return self.normals < 0
 
     @cached_property

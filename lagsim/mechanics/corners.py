@@ -87,7 +87,11 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
 
 
 def _followers(g: Graph, switches: Switches) -> list[tuple[tuple[str, int], ...]]:
-    """Return the sides that may change with each side, see `Corner.followers`."""
+    """Return, for each side, the other sides that may change together with it.
+
+    A side may change with another one if its expression depends on it, directly or
+    through further sides; see `Corner.followers` for the form.
+    """
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]
     found = []

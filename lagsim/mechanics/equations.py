@@ -176,7 +176,10 @@ class Equations:
         return replace(self, model=model, laws=laws, begun_by=begun_by)
 
     def has_pieces_of(self, model: Model) -> bool:
-        """Whether gaps have equal pieces with the parameter values of `model`."""
+        """Whether each gap keeps its pieces with the parameter values of `model`.
+
+        If not, the equations of `model` have to be derived anew.
+        """
         g, flow, values = self.graph, self.flow, model.parameter_values
         rows = {x.row.name: x.row.residual for x in self.laws if x.kind.one_sided}
         found: dict[str, int] = {}
@@ -271,10 +274,10 @@ class Equations:
     def known_roundings(
         self, moving: Collection[str], state: Collection[str] = ()
     ) -> dict[int, int]:
-        """Return bounds of the roundoff of nodes whose terms give no good bound.
+        """Return roundoff bounds of nodes for which general bounds are poor.
 
-        As node -> node of the bound: for the entries of matrices of a tree of frames.
-        Empty without a tree. moving, state : see `evaluate.roundings`.
+        These are the entries of matrices of a tree of frames: node -> node of its
+        bound. Empty without a tree. moving, state : see `evaluate.roundings`.
         """
         return self.tree.roundings(self.graph, moving, state) if self.tree else {}
 

@@ -51,9 +51,9 @@ def without_momentum(e: Equations) -> list[int]:
 
 
 def lost_impulses(e: Equations) -> list[Problem]:
-    """Return a problem for each event with an impulse that moves nothing.
+    """Return a problem for each event with an impulse on a massless coordinate.
 
-    Such an impulse acts on a coordinate of `without_momentum`.
+    No equality determines the velocity of that coordinate, see `without_momentum`.
     """
     still, found = without_momentum(e) if e.model.kicks else [], []
     for event in e.model.events if still else ():

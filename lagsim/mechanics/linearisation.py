@@ -314,13 +314,15 @@ class Linearisation:
         return np.where(np.abs(R) > error, R, 0.0)
 
     def noise(self, x: Slopes, errors: Mapping[str, float]) -> Floats:
-        """Return bounds of the rounding errors of `x.slopes`, of their shape.
+        """Return bounds of the rounding errors of `x.slopes`, in its shape.
 
         Parameters
         ----------
         x : Slopes
         errors : mapping of str to float
-            Bounds of the rounding errors of variables; by default of their rounding.
+            Error bounds of variables, by name; other variables have the rounding error
+            of
+            their value.
         """
         inexact = {
             name: (value, errors.get(name, STATE_ROUNDOFF * abs(value)))
@@ -406,9 +408,9 @@ class BoundedEigenvalues(NamedTuple):
 def eigenvalues_of(R: Floats) -> BoundedEigenvalues:
     """Return the eigenvalues of R, shape (size, size), with the zero ones counted.
 
-    A zero eigenvalue of a rigid motion is defective: computed with the others it would
-    be half of the digits off. Null spaces are therefore split off first, one after the
-    other, and the eigenvalues of the remaining block are computed.
+    The zero eigenvalue of a rigid motion is defective: computed together with the
+    others it would have only half of its digits. Null spaces are therefore split off
+    first, one after the other, and the eigenvalues of the remaining block are computed.
     """
     from scipy.linalg import block_diag, matrix_balance
 
@@ -531,9 +533,10 @@ BOTH = 5
 
 
 class Entry(NamedTuple):
-    """Entry of a matrix C0, C1 or C2: number of the matrix, row, column and node.
+    """Nonzero entry of C0, C1 or C2, the coefficient matrices of Newton's matrix.
 
-    `power` is the number of the matrix: 0, 1 or 2.
+    Newton's matrix is C0 + g C1 + g^2 C2 for a number g. `power`, 0, 1 or 2, selects
+    the matrix; `node` is the expression of the entry in this row and column.
     """
 
     power: int
@@ -543,7 +546,10 @@ class Entry(NamedTuple):
 
 
 class NewtonMatrix(NamedTuple):
-    """Newton's matrix: entries of C0, C1 and C2, and the pattern of its factors.
+    """Newton's matrix C0 + g C1 + g^2 C2: its entries, and the pattern of its factors.
+
+    C0, C1 and C2 hold the derivatives of the equations of motion by positions and
+    multipliers, by velocities, and by accelerations; g is a number of the method.
 
     Rows and columns number coordinates, then constraints, then works. The factors are
     stored by rows in the order of elimination (compressed sparse rows).
@@ -658,7 +664,7 @@ def factored(
     Parameters
     ----------
     entries
-        The nonzero entries of C0, C1 and C2.
+        The nonzero entries of C0, C1 and C2, see `NewtonMatrix`.
     size
         The count of rows to be ordered. Later rows stay last: their unknowns are in no
         other row.
@@ -736,7 +742,10 @@ def _laid_out(
 
 
 def _entries(equations: Equations, most: int) -> Iterator[Entry]:
-    """Generate the nonzero entries of C0, C1, C2; stop after more than `most`."""
+    """Generate the nonzero entries of C0, C1 and C2 of Newton's matrix.
+
+    The generator stops after more than `most` entries.
+    """
     e, g = equations, equations.graph
     n, m = len(e.q), len(e.rows)
     columns: dict[int, tuple[int, int]] = {}

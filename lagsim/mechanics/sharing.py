@@ -44,7 +44,9 @@ class ContactRows:
     Attributes
     ----------
     closed : Closed
+        The closed laws with their Delassus matrix.
     problem : ComplementarityProblem
+        The problem whose solution are the multipliers of the rows.
     sizes : ndarray, shape (r,)
         The bounds of bounded multipliers, as in `Closed.problem`.
     given : ndarray of bool, shape (r,)
@@ -96,7 +98,10 @@ class ContactRows:
 
     @cached_property
     def forces(self) -> Floats:
-        """Forces (k,) with c = factor^T forces: the forces without multipliers."""
+        """Forces (k,) other than those of multipliers, in the space of the factor.
+
+        They satisfy c = factor^T forces, with c of the problem.
+        """
         Y = self.closed.factor
         lengths = np.linalg.norm(Y, axis=0)
         own = lengths > 0.0
@@ -105,7 +110,9 @@ class ContactRows:
         )
 
     def unbalanced(self, p: Floats, rests: Flags, K: Floats) -> Floats:
-        """Return the least x (j,) such that K x balances all forces on rows at rest.
+        """Return the least x (j,) such that forces K x balance the rows at rest.
+
+        All other forces are those of the multipliers p and of the rest of the model.
 
         Parameters
         ----------
@@ -146,11 +153,14 @@ class ContactRows:
 
 
 class Independent(Span):
-    """Span of selected columns of Y turn (k, r), which are scaled to length 1.
+    """Span of columns of Y turn (k, r), to which independent columns are added.
+
+    The columns are scaled to length 1.
 
     Parameters
     ----------
     Y : ndarray, shape (k, r)
+        The columns: rows of laws in the metric of M.
     turn : ndarray, shape (r, r), optional
         A rotation of the columns.
     regular : bool
@@ -173,9 +183,9 @@ class Independent(Span):
         self.alone = (lengths > 0.0) & ~(self.units != 0.0)[:, shared].any(axis=1)
 
     def takes(self, row: int) -> bool:
-        """Whether column `row` of Y is independent of the span; if so, it is added.
+        """Add column `row` to the span if it is independent; return whether it is.
 
-        A column that is independent of all others counts as independent, and is not
+        A column that shares no element with another column is independent; it is not
         stored.
         """
         if self.regular or self.alone[row]:
@@ -183,7 +193,7 @@ class Independent(Span):
         return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
-        """Whether column `row` of Y is independent of the span; it is not added."""
+        """Return whether column `row` is independent of the span, without adding it."""
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 

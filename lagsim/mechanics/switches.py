@@ -719,12 +719,12 @@ def _passed(
     rates: Sequence[int] | None,
     speeds: Collection[str],
 ) -> Switches:
-    """Return the switches with the levels that kernels pass, `smooth` and `met`.
+    """Return the switches with the levels that kernels pass without an event.
 
-    A level of a function of positions is met at a rate that forces do not change
-    instantaneously: where the rate is not 0 the motion crosses the level, even if y'
-    jumps, unless a velocity jumps because the rate of a row, or the expression of
-    another side, does.
+    These levels are the intervals `smooth` and `met` of each side. A level of a
+    function of positions is met at a rate that forces do not change instantaneously:
+    where the rate is not 0 the motion crosses the level, even if y' jumps, unless a
+    velocity jumps because the rate of a row, or the expression of another side, does.
     """
     others = [*(rates or ()), *(s.node for s in found.sides)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))

@@ -95,7 +95,7 @@ class PlotData:
         return t, values - deviation, values + deviation
 
     def trusted(self) -> int:
-        """Return the number of points of a path up to the horizon."""
+        """Return the number of points of a path that lie before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
 

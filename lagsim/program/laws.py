@@ -605,9 +605,11 @@ def no_slip_has_force(p: Parameters) -> bool:
 
 
 def group_rows(p: Parameters) -> None:
-    """Store the groups of rows that hold: rows whose reaches overlap, also indirectly.
+    """Store the groups of rows that hold, as row numbers and bounds of the groups.
 
-    The rows of a group are ascending in p.order, as are the groups by their first rows.
+    Two rows are in one group if their reaches (columns of the coordinates on which they
+    act) overlap, directly or through further rows. The rows of a group are ascending in
+    p.order, as are the groups by their first rows.
     """
     groups = 0
     begin = 0

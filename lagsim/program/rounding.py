@@ -45,7 +45,10 @@ def force_rounding_bounds(e: Equations) -> list[int]:
 
 
 def _not_inertial(e: Equations, potential: int) -> list[int]:
-    """Return the generalized forces and the forces of the potential, as nodes (n,)."""
+    """Return generalized forces plus the forces of the potential, as nodes (n,).
+
+    potential : the node of the potential energy.
+    """
     g, flow = e.graph, e.flow
     found = generalized_forces(g, e.model, flow)
     slopes = flow.gradient(g, potential, by_rates=False)

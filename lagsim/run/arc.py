@@ -168,7 +168,7 @@ class Arc(NamedTuple):
 
     @property
     def velocities(self) -> Block:
-        """Block of the velocities in y and in all arrays with one entry a component."""
+        """Slice of the velocities in y, and in arrays with an entry per component."""
         return self.state.velocities
 
     @property
@@ -228,7 +228,10 @@ class Arc(NamedTuple):
 
     @property
     def is_looked_at(self) -> bool:
-        """Whether the approach to a surface is tested after the current step."""
+        """Whether the run tests, after the current step, if a surface is approached.
+
+        The test is made every NEAR steps, in models with surfaces.
+        """
         return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:

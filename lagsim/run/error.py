@@ -113,9 +113,10 @@ class ErrorBar(NamedTuple):
         return [(float(self.times[k]), float(reached[k])) for k in samples]
 
     def lost_by(self, errors: Floats) -> Floats:
-        """Return errors (n,) or (k, n) as parts of the larger of range and `still`.
+        """Return errors (n,) or (k, n) divided by the larger of range and `still`.
 
-        errors : in the units of the coordinates and states.
+        errors : in the units of the coordinates and states. `still` is the displacement
+        by rounding, below which a component counts as at rest.
         """
         still = 0.0 if self.still is None else self.still
         return _parts(errors, np.fmax(self.scales, still))
@@ -268,7 +269,9 @@ def _most(sizes: Floats, inertias: Floats) -> Floats:
 
 
 def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
-    """Return `largest_beside` (n,) within each group of coordinates of one label.
+    """Return the displacements (n,) that bodies in a group can pass on to each other.
+
+    Coordinates with one label are a group; for each group see `largest_beside`.
 
     Parameters
     ----------
@@ -285,10 +288,16 @@ def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
 
 
 def largest_beside(roots: Floats, found: Floats) -> Floats:
-    """Return max over j of found_j min(1, roots_j/roots_i) for each i, by sorting.
+    """Return max over j of found_j min(1, roots_j/roots_i) for each coordinate i, (n,).
 
+    It bounds the displacement of coordinate i by the displacement of another one: a
+    heavier body moves a lighter one as far as itself, and a lighter body moves a
+    heavier one in the ratio of the roots of their inertias. Computed by sorting.
+
+    Parameters
+    ----------
     roots, found : ndarray, shape (n,)
-        Roots of the inertias; displacements or accelerations of the coordinates.
+        Square roots of the inertias; displacements or accelerations of the coordinates.
     """
     finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
     lightest = np.argsort(roots)

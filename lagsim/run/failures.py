@@ -350,11 +350,11 @@ class Stiffness(Source):
         return considered(arc)._replace(numbers=asked)
 
     def _of_elements(self, arc: Arc) -> Decision:
-        """Return a caution that a stiff method may be faster; GO_ON without works.
+        """Return a caution that a stiff method may be faster; GO_ON if no work is done.
 
         Forces of elements have no Jacobian, from which eigenvalues could be computed.
-        Where work is done, fast motion may have died out, and a stiff method has longer
-        steps.
+        In a model in which work is done, fast motion may have died out, and a stiff
+        method has longer steps.
         """
         if not arc.system.equations.works:
             return GO_ON

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class InstantRecord:
-    """One instant, as the phases so far have left it.
+    """Frozen record of all that is known of one instant; phases return new records.
 
     Attributes
     ----------
@@ -46,8 +46,8 @@ class InstantRecord:
     due : Due
         The events of the file that act next.
     acts, surfaces, laws
-        The parts of the record of events, surfaces and laws; `laws` is None in a model
-        without laws.
+        The events that have acted, the surfaces, and the laws at this instant, see
+        `run.events.records`; `laws` is None in a model without laws.
     stale : bool
         Whether the branches of t are to be selected again.
     breaks : tuple of Event
@@ -55,7 +55,9 @@ class InstantRecord:
     before : Before or None
         The row before the instant, where equalities may jump.
     shown : ndarray, shape (k,), or None
-        The columns before events acted, which are the row before an impact.
+        Columns of the table before the events acted; an impact at this instant has
+        these
+        columns as its first row.
     impacts : bool
         Whether velocities have jumped since conditions were decided.
     admissible : LawState or None

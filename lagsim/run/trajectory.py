@@ -116,7 +116,7 @@ class Trajectory(NamedTuple):
 
 
 class Turn(Enum):
-    """Continuation of a run after the decision of a source."""
+    """Continuation of a run after a decision: go on, begin another arc, or settle."""
 
     NONE = "the arc goes on"
     ARC = "another arc begins, in the same modes"
@@ -161,6 +161,7 @@ class JumpImpulses(NamedTuple):
     Attributes
     ----------
     laws : ndarray, shape (L,)
+        Impulses of the laws: contacts, friction, limits, freewheels.
     rows : ndarray, shape (E,)
         Impulses of equalities, in a model whose events give impulses; else empty.
     kicks : bool
@@ -235,9 +236,9 @@ class Source:
     def once(
         self, code: WarningCode, text: str, about: str = ""
     ) -> tuple[Caution, ...]:
-        """Return a caution with `text`, or () if one about the subject was returned.
+        """Return a caution, or () if one with this code and subject was returned.
 
-        code : of the caution. about : the subject; each code has subjects of its own.
+        code, text : of the caution. about : its subject, such as the name of a law.
         """
         if f"{code} {about}" in self._warned:
             return ()

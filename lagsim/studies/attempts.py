@@ -794,8 +794,9 @@ class Attempts:
         return evidence.end(found, "a repeat has none"), again
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
-        """Return a session of other means for a second attempt; None if there are none.
+        """Return a session for a second attempt at a run; None if there is none.
 
+        The session has another method, tolerance or formulation, or shorter steps.
         first : the attempt that failed the audit, with this finding.
         """
         trajectory = first.trajectory

@@ -96,9 +96,10 @@ class Continuum:
         return np.asarray(r[self._rows] * self._weights)
 
     def _scales(self, at: Point, lam: Floats) -> Floats:
-        """Return the scale of each multiplier: its |value| or its limit.
+        """Return the scale of each multiplier (m,): the larger of |value| and limit.
 
-        Where both are 0 the scale is the largest of all. lam : (m,), of all rows.
+        Where both are 0, the largest of all scales is used. at : the state. lam : (m,),
+        the multipliers of all rows.
         """
         known = dict(
             zip([row.name for row in self.held], lam[self._first :], strict=True)

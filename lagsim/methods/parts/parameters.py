@@ -46,29 +46,33 @@ TURNS = 16
 
 
 def each_coordinate(p: Parameters) -> int:
-    """Return the length of an array by coordinates, n, or 0 without loops."""
+    """Return the length n of arrays with an entry per coordinate; 0 without loops."""
     return p.n if p.loops else 0
 
 
 def each_row(p: Parameters) -> int:
-    """Return the length of an array with one entry per row, m; 0 without loops."""
+    """Return the length m of arrays with an entry per row; 0 without loops."""
     return p.m if p.loops else 0
 
 
 def each_grouped(p: Parameters) -> int:
-    """Return the length of an array with an entry for each row, m; 0 without laws."""
+    """Return the length m of arrays with an entry per row; 0 without laws.
+
+    Such arrays hold the group of each row.
+    """
     return p.m if p.laws else 0
 
 
 def each_watched(p: Parameters) -> int:
-    """Return the length of an array with one entry per surface and per law."""
+    """Return the length of arrays with an entry per surface, then per law."""
     return p.surfaces + p.laws
 
 
 def columns(p: Parameters) -> int:
-    """Return the length of dr/dy, ds/dy and the slopes of other rates in `slopes`.
+    """Return the length of `slopes`: dr/dy, ds/dy and the slopes of other rates.
 
-    (n + m + states + works) rows of derivatives by the dynamic components of y.
+    The array has (n + m + states + works) rows, with a column for each dynamic
+    component of y.
     """
     return (p.n + p.m + p.states + p.works) * p.dynamic.stop
 

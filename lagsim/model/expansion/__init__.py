@@ -95,7 +95,7 @@ class Report(Protocol):
 
 
 class _Given(NamedTuple):
-    """Entry of a section that declares or names members, with these members.
+    """Entry of a section whose key declares or names members of a family.
 
     Fields: key and value of the entry, the family, the parsed key, and the members as
     pairs of index values and subscripts.
@@ -603,7 +603,10 @@ class Expansion:
         )
 
     def _written(self, one: _Given) -> Iterator[Entry]:
-        """Yield an entry for each member and component of an entry of the file."""
+        """Yield the entries to which an entry of the file expands.
+
+        There is one for each member of its family and each component.
+        """
         family, section = one.family, one.family.section
         letters = family.letters
         if section != "definitions":
@@ -680,18 +683,9 @@ class Expansion:
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: MemberReading, key: Scalar
     ) -> Node:
-        """Return the value of an entry for one component of a member.
+        """Return the value of an entry for one component of a member, as a node.
 
-        Parameters
-        ----------
-        node
-            The value of the entry.
-        keys
-            The keys below which the expression stands.
-        reading
-            The member and the component.
-        key
-            The key of the entry.
+        A list has a value for each component; other values are read for the component.
         """
         inner, outer = value_of(node, keys), reading
         if reading.component is None:
@@ -713,10 +707,12 @@ class Expansion:
     def _referring(
         self, section: str, given: Iterable[Entry], outer: Indices | None = None
     ) -> list[Entry]:
-        """Return the entries `given` of a section, one for each member and component.
+        """Expand entries of a section whose keys refer to families, such as `initial`.
 
-        An entry for a single member takes precedence over an entry for a range. outer :
-        values of the indices of an enclosing range.
+        The result has one entry for each member and component. An entry for a single
+        member takes precedence over an entry for a range. section, given : the name of
+        the section, and its entries. outer : values of the indices of an enclosing
+        range.
         """
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:

@@ -678,10 +678,10 @@ class _SceneReader:
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
-        """Return the nodes of the file for the sizes of a shape.
+        """Return the nodes of a shape's sizes, one for each number.
 
-        counts : the permitted numbers of sizes. A single size may be written without a
-        list.
+        what : name in messages. node : the value of the key in the file. counts : the
+        permitted numbers of sizes. A single size may be written without a list.
         """
         if counts == (1,):
             return [node]

@@ -81,8 +81,9 @@ class Manner(NamedTuple):
     rare : tuple of str
         Called in few steps.
     blank : tuple of (str, int)
-        Functions whose first results, this many, are not stored where they are
-        identically 0: their memory is 0 there from the beginning, and stays so.
+        Functions, each with a number of leading results. Those results are not stored
+        if
+        they are identically 0, since their memory is 0 from the beginning.
     """
 
     contracted: tuple[str, ...] = ()

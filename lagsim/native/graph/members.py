@@ -176,7 +176,10 @@ class MembersFunction(Lines):
         return new
 
     def _read(self, column: MemberColumn) -> None:
-        """Write the loop that copies the values of a column's slots into rows."""
+        """Write the loop that copies the values of a column's slots into its rows.
+
+        The rows in memory have an entry for each slot that is read at a position.
+        """
         sources = []
         for k in column.slots:
             slot = self.of.slots[k]

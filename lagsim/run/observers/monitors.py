@@ -298,7 +298,7 @@ class EnergyMonitor:
 
     @property
     def ranges(self) -> Floats:
-        """Range (columns,) of each column."""
+        """Range, largest less smallest value, of each column: shape (columns,)."""
         with np.errstate(invalid="ignore"):  # what is infinite in all rows has none
             return np.asarray(self._extremes.high - self._extremes.low)
 
@@ -356,7 +356,7 @@ def _records(sizes: Floats, least: float) -> Flags:
 
 
 class Growth:
-    """Greatest magnitude of a value, its row, and the history of its growth.
+    """Greatest magnitude of a value in a run, its row, and times at which it grew.
 
     Attributes
     ----------
@@ -373,14 +373,18 @@ class Growth:
         self._next = self._next_size = 0.0
 
     def grows(self, size: float, noted: float) -> bool:
-        """Whether rows with these largest magnitudes, or nan, would change the record.
+        """Whether a block of rows would change the greatest magnitude or the history.
 
-        size, noted : the largest of the arguments `sizes` and `noted` of `add`.
+        size, noted : the largest entries of the arguments `sizes` and `noted` of `add`
+        for this block, or nan.
         """
         return not (size <= self.size and noted <= self._next)
 
     def add(self, rows: Floats, sizes: Floats, noted: Floats | None = None) -> None:
-        """Update the greatest magnitude and the history of growth.
+        """Update the greatest magnitude and the history of growth by a block of rows.
+
+        A time is added to the history where the magnitude exceeds the last one by a
+        factor.
 
         Parameters
         ----------

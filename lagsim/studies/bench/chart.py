@@ -113,10 +113,11 @@ def curves_below(rows: Sequence[Row], worst: float) -> ChartedCurves:
 
 
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Return the geometric mean of a curve's costs relative to the costs of the front.
+    """Return the geometric mean of a curve's costs relative to the Pareto front.
 
-    The cost of the front is that of the cheapest answer with no larger error. inf if no
-    point can be compared. entries : rows of the curve. rows : of all curves.
+    entries : the rows of the curve. rows : the rows of all curves. A row is compared
+    with the cheapest row of the front with no larger error. inf if no row can be
+    compared.
     """
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []

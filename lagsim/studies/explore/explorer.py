@@ -522,7 +522,10 @@ class _Limits(threading.Thread):
 
 
 def _limited(model: Model, x: Slider) -> Slider:
-    """Return a slider of a number of members, with ends for which the model is read."""
+    """Return a slider for a number of members, with the ends found by trial.
+
+    Within these ends the model can be read with each number.
+    """
     reason = ""
 
     def fits(value: int) -> bool:

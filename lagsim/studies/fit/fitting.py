@@ -349,9 +349,10 @@ class Fit:
         return self._known[1]
 
     def _values(self, number: int, x: Floats) -> dict[str, float]:
-        """Return the values of the names in the runs of a record.
+        """Return the values of varied names that apply to one record, by name.
 
-        number : of the record, from 0. x : (p,).
+        number : the number of the record, from 0. x : (p,), the values of all varied
+        names.
         """
         values = dict(self.own[number])
         for one, value in zip(self.names, x.tolist(), strict=True):
