@@ -379,6 +379,8 @@ class Kinks:
         """Return d^2 u/dt^2 of a surface's expression u, and the sum of its |terms|.
 
         If u depends on first-order states, du/dt is returned in place of d^2 u/dt^2.
+
+        sides : see `frozen`.
         """
         u, e, g = self.distance(k, 0.0, sides), point.e, self.g
         places = {g.variable(x.name): x.rate for x in e.states}
@@ -394,7 +396,10 @@ class Kinks:
         return float(J @ a), float(np.abs(J) @ terms)
 
     def row(self, k: int, level: float, sides: Mapping[int, float]) -> Row:
-        """Return the row u = level, which holds a state on surface k."""
+        """Return the row u = level, which holds a state on surface k.
+
+        sides : see `frozen`.
+        """
         name = f"{CORNER}{k}"
         node = self.distance(k, level, sides)
         return constraint_row(self.g, name, node, self.e.flow)

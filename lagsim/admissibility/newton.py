@@ -199,6 +199,8 @@ class Relations:
         """Return the point with values x (k,), |r| (m,), and bounds of |r| (m,).
 
         The bounds are proportional to the terms of each relation.
+
+        errors : error bounds (k,) of x.
         """
         point = self.at(x, errors)
         scale = np.abs(point.array([x.scale for x in self.wanted]))
@@ -419,6 +421,8 @@ def _others(
     """Yield random starts (k,) of the search around x0, with a fixed seed.
 
     Their distance from x0 is about that of `best` (k,), the point found so far, if any.
+
+    metric : (k, k), in which distances are measured.
     """
     random = np.random.default_rng(3)
     L = cholesky(metric)
@@ -558,6 +562,8 @@ def _explained(
 
     If that point satisfies the relations, the result has `converged` True. reached :
     the result of the iteration that failed.
+
+    metric : (k, k), of the iteration.
     """
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached

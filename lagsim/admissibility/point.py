@@ -228,7 +228,10 @@ class Point:
     def jacobian_entries(
         self, rows: Sequence[Row], *, rounded: bool = False
     ) -> Entries:
-        """Return the entries of A that do not vanish identically."""
+        """Return the entries of A that do not vanish identically.
+
+        rounded : whether entries within rounding count as 0.
+        """
         return self._entries([row.A.entries for row in rows], rounded=rounded)
 
     def _entries(

@@ -267,7 +267,10 @@ def weakest_rows(
 
 
 def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
-    """Return M (n, n) and A (m, n) as sparse matrices."""
+    """Return M (n, n) and A (m, n) as sparse matrices.
+
+    rounded : whether entries within rounding count as 0.
+    """
     rows, n = point.e.rows, point.n
     A = point.jacobian_entries(rows, rounded=rounded).sparse(len(rows), n)
     return point.mass_entries().sparse(n, n), A
@@ -280,6 +283,8 @@ def _smallest_of_sparse(
 
     Each row is divided by its length or, if given, by `usual`. The value is 0 if it
     cannot be computed safely.
+
+    rounded : whether entries within rounding count as 0.
     """
     from scipy.sparse import diags
 

@@ -476,7 +476,7 @@ class _Beside:
     def _sign(self, part: int, way: float) -> float:
         """Return the sign of an expression at small slips in one direction.
 
-        way : 1 or -1, the direction.
+        part : the node of the expression. way : 1 or -1, the direction.
         """
         found = set()
         for point in (*self.points, *self.others):

@@ -80,7 +80,7 @@ class Interval(NamedTuple):
         return np.isinf(self.lo) | np.isinf(self.hi)
 
     def part(self, where: slice) -> Interval:
-        """Return the enclosures of some elements."""
+        """Return the enclosures of the elements selected by the slice `where`."""
         return Interval._make(x[where] for x in self)
 
 
@@ -122,7 +122,7 @@ def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Flo
 def _but(
     where: Flags, size: Floats | float, lo: Floats, hi: Floats
 ) -> tuple[Floats, Floats]:
-    """Return bounds with -`size` and `size` in place of bounds where `where` holds."""
+    """Return lo, hi with -`size` and `size` in place of bounds where `where` holds."""
     return np.where(where, -size, lo), np.where(where, size, hi)
 
 

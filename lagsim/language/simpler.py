@@ -119,7 +119,10 @@ def _signed(g: Builder, u: int, q: float) -> int:
 
 
 def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
-    """Return (f, u, q) with y = f |u|^q; u is None without an absolute value."""
+    """Return (f, u, q) with y = f |u|^q; u is None without an absolute value.
+
+    depth : the number of nested products that are searched.
+    """
     op, args = g.ops[y], g.args[y]
     if op == "mul" and depth:
         for other, a in (args, args[::-1]):
@@ -489,6 +492,8 @@ def _squared(g: Builder, x: int, depth: int = DEEP) -> tuple[int | None, int]:
 
     u is no number. A sum of multiples of one square counts as a multiple of that
     square.
+
+    depth : the number of nested products that are searched.
     """
     op, args = g.ops[x], g.args[x]
     if not depth:

@@ -93,7 +93,10 @@ def table_cell(axis: Floats, x: float) -> int:
 
 
 def table_row(axis: Floats, cell: int) -> int:
-    """Return the index of a cell's coefficients, reduced to a period if periodic."""
+    """Return the index of a cell's coefficients, reduced to a period if periodic.
+
+    axis : data of the table, see the module; so in the functions below.
+    """
     m = int(axis[0])
     if axis[2] > 0.0:  # past all digits of x a remainder is none
         return 1 + max(0, min(cell - floor(cell / m) * m, m - 1))
@@ -315,7 +318,7 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 def continuous(axis: Data, order: int) -> tuple[float, float]:
     """Return the open range of knot numbers in which a derivative is continuous.
 
-    order : of the derivative. The range (0, 0) is empty.
+    axis : of the table. order : of the derivative. The range (0, 0) is empty.
     """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > smooth:

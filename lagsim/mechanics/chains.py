@@ -514,7 +514,10 @@ def _products(
 
 
 def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | None:
-    """Return the two nodes, affine in velocities, whose product is `n`, or None."""
+    """Return the two nodes, affine in velocities, whose product is `n`, or None.
+
+    degrees : node -> its degree in the velocities.
+    """
     args = g.args[n]
     if g.ops[n] == "pow" and g.value(args[1]) == 2.0:
         args = (args[0], args[0])
@@ -745,6 +748,8 @@ def rates_of_places(model: Model, lagrangian: int, flow: Flow) -> dict[int, int]
 
     Positions are expressions without velocities. Rates that are single variables or
     constants are left out.
+
+    lagrangian : the node of L.
 
     Returns
     -------

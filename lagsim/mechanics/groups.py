@@ -208,7 +208,8 @@ def _of_groups(
     """Return the work on each group on which forces have power or impacts act.
 
     timed : whether energies depend on t. found : the coordinates of each group. The
-    result is () where a term of an energy or of a power depends on several groups.
+    result is () where a term of an energy or of a power depends on several groups. Q :
+    the generalized forces, nodes (n,).
     """
     g = e.graph
     energies, _ = shared(e, found, e.energy)
@@ -245,6 +246,8 @@ def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> i
     """Return the node of the power of all forces on the coordinates `some`.
 
     The partial derivative dL_dt is subtracted, so that the result is d(energy)/dt.
+
+    Q : the generalized forces, nodes (n,).
     """
     g, among = e.graph, {*some}
     rates = [g.variable(name) for name in e.velocities]

@@ -534,6 +534,8 @@ def _slider(
     """Return the slider of law k on the massless coordinate j.
 
     None where no spring or damper acts between the slider and the rest.
+
+    multipliers : of sliders found before, by the index of the law, see `_multipliers`.
     """
     g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k

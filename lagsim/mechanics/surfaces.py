@@ -44,7 +44,10 @@ class Surface(NamedTuple):
 
 
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """Return nodes `and`, `or`, `not` of a condition, in order of evaluation."""
+    """Return nodes `and`, `or`, `not` of a condition, in order of evaluation.
+
+    discrete : the node of a condition; the result has the nodes at and below it.
+    """
     found: set[int] = set()
     stack = [discrete]
     while stack:

@@ -725,6 +725,9 @@ def _passed(
     function of positions is met at a rate that forces do not change instantaneously:
     where the rate is not 0 the motion crosses the level, even if y' jumps, unless a
     velocity jumps because the rate of a row, or the expression of another side, does.
+
+    orders : cell of a table -> order of its derivatives in y'. rates : residuals and
+    rates of rows, or None. speeds : the names of velocities.
     """
     others = [*(rates or ()), *(s.node for s in found.sides)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))

@@ -56,7 +56,7 @@ class SourceText:
         return line, index - self.starts[line]
 
     def place(self, index: int, length: int = 1) -> Place:
-        """Return the place of `length` characters, cut at the end of the first line."""
+        """Return the place of `length` characters from `index`, within one line."""
         line, column = self.position(max(0, min(index, len(self.text))))
         length = max(1, min(length, len(self.lines[line]) - column))
         return Place(self.file, line + 1, column + 1, length, self._shown[line])
@@ -118,7 +118,10 @@ class Scalar(NamedTuple):
         return self.place_of(offset, len(word[0]) if word else 1)
 
     def place_of(self, offset: int, length: int = 1) -> Place:
-        """Return the place in the file of `length` characters of the text."""
+        """Return the place in the file of `length` characters of the text.
+
+        offset : of the first character in the text.
+        """
         stretches = _stretches(self)
         offset = max(0, min(offset, len(self.text)))
         last = max(offset, min(offset + length, len(self.text)) - 1)
@@ -274,7 +277,10 @@ def value_of(node: Node, keys: tuple[str, ...]) -> Node:
 
 
 def with_value(node: Node, keys: tuple[str, ...], new: Node) -> Node:
-    """Return the node with the value that `value_of` returns replaced by `new`."""
+    """Return the node with the value at one of `keys` replaced by `new`.
+
+    The value is the one that `value_of` returns.
+    """
     if not isinstance(node, Mapping) or value_of(node, keys) is node:
         return new
     entries = ((k, new if k.text in keys else v) for k, v in node.entries)

@@ -195,7 +195,7 @@ def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
 
 
 def legend_above(axes: Axes, entries: Sequence[Entry], **more: Any) -> None:
-    """Add a legend above a panel."""
+    """Add a legend of `entries`, names with pens, above a panel."""
     more |= {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
     legend(axes, entries, size_of(axes)[0], **more)
 
@@ -274,7 +274,8 @@ def header(
 ) -> int:
     """Add a title and a legend above all panels; return the legend's number of lines.
 
-    of : the figure, or a part of it. width : in inches.
+    of : the figure, or a part of it. width : in inches. entries : of the legend, names
+    with pens.
     """
     if title or entries:
         legend(

@@ -15,7 +15,9 @@ _CELL = "text-align: left; vertical-align: top"
 
 
 def short_list(items: Sequence[str], most: int = LINE - 13) -> str:
-    """Return `a, b, c`, or as many as fit: `a, b and 12 more`; `none` if empty.
+    """Return items as `a, b, c`, cut to `most` letters: `a, b and 12 more`.
+
+    The text is `none` without items.
 
     Examples
     --------

@@ -104,6 +104,10 @@ def sheet(
 
     Parameters
     ----------
+    height : float
+        Height of the panels with their labels, in inches.
+    subject : str
+        The subject in the title.
     timed : bool
         Whether the panels have a time axis, on which events are marked.
     banded : bool
@@ -490,6 +494,8 @@ def _are_directions(
 
     This is so if their units are equal, or if all are coordinates of points or called
     x, y or z, and if their ranges are not too different.
+
+    curves : the ordinates by column. drawn : abscissae and values of each curve.
     """
     units = {data.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}

@@ -120,7 +120,10 @@ class Results:
         files.drop(self._part(name))
 
     def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
-        """Write files; yield a warning for each file that could not be drawn."""
+        """Write the files `made`; yield a warning for each that could not be drawn.
+
+        made : pairs of name and content.
+        """
         for name, content in made:
             if isinstance(content, bytes):
                 self.write(name, content)

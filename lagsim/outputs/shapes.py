@@ -249,7 +249,10 @@ def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
 
 
 def _great_circles(radius: float, count: int) -> Mesh:
-    """Return `count` great circles of a sphere, normal to its axes, z first."""
+    """Return `count` great circles of a sphere, normal to its axes, z first.
+
+    radius : of the sphere.
+    """
     circle = np.pad(_circle(radius, ROUND), ((0, 0), (0, 1)))
     corners = np.concatenate([np.roll(circle, k, axis=1) for k in range(count)])
     edges = [
@@ -361,7 +364,10 @@ def projected(body: Body, row: int, view: Floats) -> ProjectedBody | None:
 
 
 def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
-    """Return edges as one path (n, 2), with gaps between edges that do not meet."""
+    """Return edges as one path (n, 2), with gaps between edges that do not meet.
+
+    flat : (n, 2), the projected corners. edges : pairs of corners.
+    """
     gap, found, last = np.full(2, np.nan), [], -1
     for i, j in edges:
         found += [flat[j]] if i == last else [gap, flat[i], flat[j]]
@@ -370,7 +376,10 @@ def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
 
 
 def _area(corners: Floats) -> Floats:
-    """Return the area vector (n, d) of n polygons; in the plane its only component."""
+    """Return the area vector (n, d) of n polygons; in the plane its only component.
+
+    corners : (n, corners, d).
+    """
     beside = np.roll(corners, -1, axis=0)
     if corners.shape[1] == 2:
         (x, y), (u, v) = corners.T, beside.T

@@ -414,7 +414,7 @@ def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 
 def _hatched(lines: Array, inch: float) -> Array:
-    """Return a path (n, 2) with hatches at the right-hand side of its direction.
+    """Return the path `lines` (n, 2) with hatches at the right of its direction.
 
     inch : data units per inch; so in the functions below.
     """

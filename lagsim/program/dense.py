@@ -219,7 +219,10 @@ def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
 
 
 def to_places(n: int, places: Floats, x: Floats) -> None:
-    """Permute x (n,) by the column exchanges of `reflect`."""
+    """Permute x (n,) by the column exchanges of `reflect`.
+
+    places : the columns exchanged in each step.
+    """
     for k in range(n):
         c = int(places[k])
         x[k], x[c] = x[c], x[k]

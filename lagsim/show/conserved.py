@@ -121,6 +121,9 @@ def _momentum(
 
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
+
+    dL_dq : the node of dL/dq. line : the equation of q in the document. constraints :
+    those of the document.
     """
     held = any(
         k["A"][j] != 0 or any(x.v[j] in s.free_symbols for s in k["slip"])
@@ -239,7 +242,10 @@ def _changes(
     slopes: Sequence[Sequence[Terms]],
     states: Sequence[Sequence[int]],
 ) -> dict[int, dict[int, Any]]:
-    """Return the change of L by each generator: product -> generator -> coefficient.
+    """Return the change of a function by each generator of a symmetry.
+
+    As product -> generator -> coefficient. slopes : derivatives of the function, as
+    sums of products. states : codes of coordinates and velocities.
 
     A rotation of coordinates rotates the velocities, too; a translation does not.
     """

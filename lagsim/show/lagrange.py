@@ -548,6 +548,8 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
     """Return both sides of an equation, terms that depend on the state on the left.
 
     Multipliers and functions of t alone are on the right.
+
+    left : the left side, expression. Q : the generalized force.
     """
     state = {*x.q, *x.v, *x.states}
     right = sp.Add(

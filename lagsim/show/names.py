@@ -126,7 +126,10 @@ class ModelNames:
         return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Return a name made of its letter, subscript and order of the derivative."""
+        """Return a name made of the letter `base`, subscript `below` and order.
+
+        order : of the derivative, 0 to 2.
+        """
         return indexed(rate_of(f"{base}{below}", order))
 
 
@@ -153,7 +156,7 @@ class UnicodeNames(ModelNames):
         return GREEK.get(word, word), below
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Return letter and subscript with dots above; with `_dot` after a longer word.
+        """Return `base` with dots above and subscript `below`; words end in `_dot`.
 
         order : of the derivative, 0 to 2.
         """
@@ -187,7 +190,7 @@ class LatexNames(ModelNames):
         return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Return letter and subscript as LaTeX, with dots by the order."""
+        """Return `base` and subscript `below` as LaTeX, with dots by the order."""
         over = f"\\{DOTS[order]}{{{base}}}" if order else base
         return f"{over}_{{{below}}}" if below else over
 

@@ -111,7 +111,10 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
 
 
 def is_long(e: Equations, words: Mapping[int, PrintedName]) -> bool:
-    """Whether equations are shown in the file's definitions, being long otherwise."""
+    """Whether equations are shown in the file's definitions, being long otherwise.
+
+    words : names of the nodes of definitions, see `words_of`.
+    """
     if has_many_rows(e.model):
         return True
     physics = physics_of(e.model)
@@ -187,6 +190,9 @@ class Separation:
         """Propagate gradients backwards through the definitions of velocities.
 
         `found` is updated. Return the definitions of the new variables.
+
+        kind : of the new variables: momentum or force. found : derivative by variable.
+        variables : the nodes of variables.
         """
         made: Found = {}
         for n in reversed(self._speeds):
@@ -201,7 +207,7 @@ class Separation:
 
         n : the node of the definition. node : the derivative, which gets a name if it
         is an operation. found : derivatives so far, updated. Return the definition of
-        the name by name; empty without one.
+        the name by name; empty without one. kind : of the name, momentum or force.
         """
         g, word = self._g, self._words[n]
         made: Found = {}

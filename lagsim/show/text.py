@@ -139,7 +139,10 @@ class Outline:
     def _of_families(
         self, rows: Sequence[tuple[PrintedName, Any]], tail: str = ""
     ) -> list[Row]:
-        """Return labelled rows; rows of the members of a family are merged into one."""
+        """Return labelled rows; rows of the members of a family are merged into one.
+
+        tail : the text after each row.
+        """
         return [
             (self.names.show(row.name), *row.parts, tail + self._tail(row))
             for row in self.families.rows((name, (e,)) for name, e in rows)
@@ -668,7 +671,10 @@ class Families:
         return result
 
     def _name(self, name: PrintedName, k: int, letter: str) -> PrintedName:
-        """Return a name with its number relative to k: `x.3` is `x.i+1` for k = 2."""
+        """Return a name with its number relative to k: `x.3` is `x.i+1` for k = 2.
+
+        letter : the letter of the index.
+        """
 
         def counted(number: re.Match[str]) -> str:
             off = int(number[2]) - k

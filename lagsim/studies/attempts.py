@@ -768,6 +768,8 @@ class Attempts:
     ) -> tuple[Evidence, Checkpoints]:
         """Repeat a run by other means; subtract the cost from the allowance.
 
+        always : whether the repeat may exceed the allowance.
+
         Returns
         -------
         evidence : Evidence

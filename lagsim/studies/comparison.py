@@ -48,6 +48,8 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
     Two events match if kind, constraint, switch and name are equal and their times are
     mutually nearest. An event that only one run contains is left out.
+
+    events, others : of the two runs.
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [

@@ -716,7 +716,10 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
 
 
 def _places_of(model: Model, worst: Sequence[Deviation]) -> list[Place]:
-    """Return the places in the file of inputs with the names of columns that differ."""
+    """Return the places in the file of inputs with the names of columns that differ.
+
+    worst : the deviations of columns.
+    """
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}
     found = []

@@ -128,7 +128,10 @@ def _common(runs: Sequence[OverlaidRun]) -> list[str]:
 
 
 def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
-    """Return the parameters that all results have and that differ between them."""
+    """Return the parameters that all results have and that differ between them.
+
+    every : the parameters of each result, by name.
+    """
     common = set.intersection(*(set(each) for each in every))
     return [
         name

@@ -773,7 +773,10 @@ def _is_rough(e: Equations) -> bool:
 def document_of(
     setting: Setting, found: Sequence[Equilibrium], tried: int
 ) -> dict[str, Any]:
-    """Return the content of equilibrium.json."""
+    """Return the content of equilibrium.json.
+
+    found : the rests. tried : the number of starts that were tried.
+    """
     free = dict.fromkeys(name for x in found for name in x.steady.free)
     document = head(setting.model) | {
         "starts": tried,

@@ -75,7 +75,10 @@ MARKERS = {"fold": "o", "branch": "s", "hopf": "^", "contact": "D"}
 def diagram(
     model: Model, record: dict[str, Any], shown: str | None = None, form: str = "png"
 ) -> bytes:
-    """Return the picture of branches: a coordinate against the varied name."""
+    """Return the picture of branches: a coordinate, `shown`, against the varied name.
+
+    record : the document of the branches.
+    """
     return encoded_figure(_diagram(model, record, shown), form)
 
 
@@ -130,7 +133,8 @@ def with_specials(
     """Return the points of a branch, with special points where stability changes.
 
     A special point is inserted between two points if the way over it is hardly longer.
-    name_of : the coordinate that is drawn.
+    name_of : the coordinate that is drawn. places, specials : points of the branch and
+    special points, as in documents.
     """
 
     def at(point: dict[str, Any]) -> complex:

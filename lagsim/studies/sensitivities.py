@@ -550,7 +550,7 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
     """Return the one-sided difference on the side that can be used.
 
     The order is 6, or that of the central differences if lower. sides : whether runs
-    above, and below, can be used.
+    above, and below, can be used. power : see `_Runs.trial`.
     """
     side = 1 if sides[0] else -1
     h = side * runs.unit * FACTOR**power

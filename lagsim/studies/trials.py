@@ -420,6 +420,8 @@ class Forms:
     ) -> Session:
         """Return the session of a variant, compiled if no earlier functions fit.
 
+        texts : expressions of values by name. settings, guesses : see `Variant`.
+
         Raises
         ------
         InputError, StartError

@@ -124,6 +124,8 @@ def processes(most: int) -> Iterator[Crew]:
     """Context manager: a crew of new processes, which inherit no threads or locks.
 
     Each process has its own executor, so that the death of a process breaks no other.
+
+    most : the number of processes.
     """
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
@@ -154,6 +156,8 @@ def standing(most: int) -> Iterator[Hired]:
 
     Its value is used in place of `processes`. The processes start at the first call,
     and keep the functions that they compile from one study to the next.
+
+    most : the number of processes.
     """
     with processes(most) as crew:
         yield lambda _most: contextlib.nullcontext(crew)

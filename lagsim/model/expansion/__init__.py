@@ -364,6 +364,8 @@ class Expansion:
         """Report a key of the form `q.3`, a column; return the key `q(3)` in its place.
 
         None for other keys.
+
+        space : the families among which the name is looked up.
         """
         name = key.text.partition(".")[0]
         family = (self.scope.reference if space is None else space.get)(name)
@@ -519,6 +521,8 @@ class Expansion:
         """Determine the number of components of each definition.
 
         A definition is evaluated after the definitions that it contains.
+
+        given : the entries of definitions.
         """
         waiting, before = [one for one in given if one.members], -1
         while len(waiting) != before:

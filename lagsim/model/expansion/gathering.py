@@ -90,7 +90,10 @@ class GatheredTerms(NamedTuple):
 
 
 def index(word: str) -> Tree:
-    """Return the tree of an index."""
+    """Return the tree of the index of a range.
+
+    word : its name.
+    """
     return Tree(INDEX, word)
 
 
@@ -206,7 +209,7 @@ def _unrolled(tree: Tree) -> Tree:
 
 
 def _with(tree: Tree, word: str, value: Tree) -> Tree:
-    """Return a tree with an index replaced by a number, the tree `value`."""
+    """Return a tree with the index `word` replaced by a number, the tree `value`."""
     if tree.op == INDEX and tree.value == word:
         return value
     return tree._replace(args=tuple(_with(a, word, value) for a in tree.args))

@@ -184,6 +184,8 @@ def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Pa
     """Parse the tokens of a text, or of a part of it that `end` closes.
 
     An ExpressionError has the place of the first fault.
+
+    conditional : whether the text is a condition.
     """
     return _Extended(text, [*part]).parse(conditional=conditional)
 

@@ -125,7 +125,7 @@ class Family:
 
 
 def dotted(name: str, member: Member = (), letter: str = "") -> str:
-    """Return the column name of a member, or of its component: `G.3.x`."""
+    """Return the column name of a member, or of its component `letter`: `G.3.x`."""
     return ".".join([name, *map(str, member), *([letter] if letter else [])])
 
 
@@ -481,7 +481,10 @@ class Scope:
             self.gathers = True
 
     def _value_of(self, name: str, offset: int) -> float:
-        """Return the value of a parameter that subscripts or ranges contain."""
+        """Return the value of a parameter that subscripts or ranges contain.
+
+        offset : of the name in the text, for messages.
+        """
         self._check_number(name, offset)
         self._asked.add(name)
         return self.numbers[name]

@@ -595,7 +595,7 @@ class File:
 
 
 def _frames(given: Iterable[TurnedFrame], x: Expressions) -> tuple[TurningFrame, ...]:
-    """Return the frames in space, with nodes in place of expressions."""
+    """Return frames in space, with nodes in place of the expressions of `given`."""
 
     def built(some: tuple[Parsed, ...]) -> tuple[int, ...]:
         return tuple(map(x.build, some))
@@ -714,6 +714,8 @@ def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
     """Move the entries `names` of the file into a section, created if it is absent.
 
     Return False if the section is no mapping, or already has one of the names.
+
+    top : the entries of the file by key.
     """
     first = top[names[0]][0]
     new = first._replace(text=section, style=""), Mapping((), first.place)
@@ -727,7 +729,10 @@ def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
 
 
 def _unindented(top: dict[str, Entry], faults: Faults) -> dict[str, list[str]]:
-    """Return the keys that follow an empty section without indentation, by section."""
+    """Return the keys that follow an empty section without indentation, by section.
+
+    top : the entries of the file by key.
+    """
     section = ""
     found: dict[str, list[str]] = {}
     for name, (_, value) in top.items():

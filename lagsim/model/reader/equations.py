@@ -143,6 +143,8 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
 
     Rates of states within a rate, also in definitions, are replaced by their
     expressions.
+
+    given : the entries of the section `states`.
     """
     found: dict[str, FirstOrderState] = {}
     for key, node in given:
@@ -348,6 +350,7 @@ def laws_at_values(
     """Return constraints with their laws read at other values of the parameters.
 
     known : the constraints at the first values; equalities that always hold are kept.
+    given : the entries of the section `constraints`.
     """
     readers = [_ConstraintReader(key, node, x) for key, node in given]
     found = [
@@ -363,6 +366,8 @@ def _with_limits(
     """Return constraints with the bounds of their multipliers, held and sliding.
 
     Two relations that share a limit have a slip of two components.
+
+    found, readers : each constraint, or None after a fault, and its reader.
     """
     done: list[Constraint] = []
     rates = _held_rates(found, readers[0].x) if readers else []

@@ -522,6 +522,8 @@ class Expressions:
 
         The rates of all definitions are computed together: one sweep over the graph
         costs no more than one for a single definition.
+
+        second : whether the second derivative is returned.
         """
         if not self._rates:
             known = self.definitions.items()

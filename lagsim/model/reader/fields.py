@@ -266,7 +266,7 @@ class Fields:
         return self.found[key][1].place if key in self.found else self.place
 
     def needs(self, key: str, hint: str = "") -> None:
-        """Report a fault if the mapping lacks `key`."""
+        """Report a fault, with a hint, if the mapping lacks `key`."""
         if self.sound and key not in self.found:
             text = f"{self.what} has no `{key}`"
             self.faults.add(MISSING_KEY, text, self.place, hint)

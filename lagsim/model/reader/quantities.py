@@ -84,7 +84,10 @@ def unit_spelling(text: str) -> str:
 
 
 def _scaled(number: str, of: str) -> tuple[str, str]:
-    """Return a number in SI units, and the SI unit; unchanged for an unclear unit."""
+    """Return a number in SI units, and the SI unit; unchanged for an unclear unit.
+
+    of : the unit of the number.
+    """
     found = re.findall(_FACTOR, of)
     if "".join(a + b + (c and f"^{c}") for a, b, c in found) != of:
         return number, of

@@ -108,7 +108,10 @@ BEGIN = ("initial", "rest")
 def read_settings(
     section: Fields, instead: MappingType[str, str], x: Expressions
 ) -> Settings:
-    """Return the settings of the section `simulation`, with some keys replaced."""
+    """Return the settings of the section `simulation`, with some keys replaced.
+
+    instead : expressions that replace those of keys.
+    """
     given = dict(section.found)
     if "duration" in instead:
         given.pop("end", None)
@@ -374,7 +377,8 @@ def _definitions(
 ) -> dict[str, Place]:
     """Return the definitions that a list names, with their places.
 
-    what : for messages. hint : the hint for a name that is a coordinate.
+    what : for messages. hint : the hint for a name that is a coordinate. given : the
+    items of the list.
     """
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}

@@ -98,7 +98,10 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _separator(lines: list[str]) -> str:
-    """Return the separator with which rows have as many cells as the header."""
+    """Return the separator with which rows have as many cells as the header.
+
+    lines : of the file, the header first.
+    """
     several = []
     for separator in SEPARATORS:
         header, *rows = (len(_cells(line, separator)) for line in lines or [""])

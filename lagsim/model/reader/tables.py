@@ -91,7 +91,10 @@ class _TableReader:
         self.sha256 = ""
 
     def table(self, shift: tuple[int, float] | None = None) -> Table | None:
-        """Return the table, or None where a fault was reported."""
+        """Return the table, or None where a fault was reported.
+
+        shift : the number of a point and the change of its value, see `read_tables`.
+        """
         code: ErrorCode = UNKNOWN_INTERPOLATION
         how = self.below.choice("interpolation", tables.INTERPOLATIONS, code)
         outside = self.below.choice("outside", tables.OUTSIDE, code)

@@ -71,7 +71,7 @@ if TYPE_CHECKING:
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
-    """Return the coordinates."""
+    """Return the coordinates of the entries `given`; faults are reported."""
     found = []
     for key, node in given:
         what = f"the coordinate `{key.text}`"

@@ -100,7 +100,10 @@ def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int
 def fixed_nodes(
     g: Graph, functions: Mapping[str, Sequence[int]], constant: Collection[str]
 ) -> list[int]:
-    """Return the operations on `constant` variables, which `prepare` evaluates once."""
+    """Return the operations on `constant` variables, which `prepare` evaluates once.
+
+    functions : name -> nodes that the function computes. constant : names of variables.
+    """
     roots = [node for nodes in functions.values() for node in nodes]
     moving = [n for name, n in g.variables().items() if name not in constant]
     return hoisted(g, roots, moving)

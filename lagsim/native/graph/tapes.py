@@ -332,6 +332,8 @@ class _Tapes:
         The first: a bit mask of the functions that use the node. The second: whether
         the node is inner: a product whose only use in each function is a sum, so that
         the evaluation of the sum computes the product.
+
+        cone : the nodes that are evaluated. functions : the results of each function.
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]

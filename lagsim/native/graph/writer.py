@@ -182,7 +182,8 @@ class FunctionWriter(Lines):
     ) -> dict[int, int]:
         """Return node -> index in p, for values that one piece passes to a later one.
 
-        pieces : the nodes of each piece of a function.
+        pieces : the nodes of each piece of a function. places : nodes with values in
+        memory.
         """
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
@@ -242,7 +243,8 @@ class FunctionWriter(Lines):
         """Write sines and cosines of the first `nodes` of these kinds, LANES at most.
 
         here : node -> name of its value, extended by the results. operand : function of
-        a node, which returns the name of its value.
+        a node, which returns the name of its value. places : nodes with values in
+        memory, see `function`.
         """
         g = self.g
         together: list[int] = []

@@ -558,7 +558,10 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op(result, f"call {LLVM[result]} @{name}({passed}){libm}")
 
     def _recast(self, kind: str, value: Value) -> Value:
-        """Reinterpret the bits of a float as an integer, or the reverse."""
+        """Reinterpret the bits of a float as an integer, or the reverse.
+
+        kind : the kind of the result.
+        """
         result = "int" if kind == "double" else "float"
         return self._op(result, f"bitcast {kind} {value.text} to {LLVM[result]}")
 

@@ -244,6 +244,8 @@ def _place(made_from: Sequence[object]) -> tuple[str, Path | None]:
     """Return the key of given inputs, and the path of their object.
 
     The path is None where there is no trusted folder.
+
+    made_from : kind and digest of the inputs.
     """
     where = folder()
     key = _digest([_FORMAT, *made_from])

@@ -323,6 +323,7 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
     """Return marks of the frames (frames,) after which interpolation would overshoot.
 
     The interpolation uses the positions and the rates of both frames. t : (frames,).
+    tracks : positions and rates of the points.
     """
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = longest_side(tracks)
@@ -334,7 +335,7 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
 
 def longest_side(tracks: Mapping[str, Track]) -> float:
-    """Return the longest side of the bounding box of all points."""
+    """Return the longest side of the bounding box of the points of all tracks."""
     if not tracks:
         return 0.0
     every = reached([track.place for track in tracks.values()], [])

@@ -202,7 +202,10 @@ def drawable_errors(errors: Iterable[float]) -> Array:
 
 
 def error_scale(costs: Sequence[CostCurve], floor: float) -> Scale:
-    """Return the logarithmic scale of all errors and of the resolution `floor`."""
+    """Return the logarithmic scale for the errors of all curves.
+
+    costs : the curves. floor : the resolution, which is within the scale.
+    """
     known = np.concatenate(
         [*(c.errors for c in costs), drawable_errors([floor]), [0.1]]
     )

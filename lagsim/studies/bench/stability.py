@@ -622,7 +622,7 @@ class _Map:
         }
 
     def document(self, *, complete: bool) -> Document:
-        """Return the content of stability.json."""
+        """Return the content of stability.json; `complete` is stored in it."""
         subject, name = self.subject, self.wish.name
         model = subject.equations.model
         units = {p.name: p.unit for p in model.parameters}
@@ -664,6 +664,8 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
 
     Steps longer than the period of an event are all equal, since each ends at the
     event; such steps are left out.
+
+    methods : the names of the methods.
     """
     borders = [
         predicted(method_named(name).amplification, eigenvalues, 10.0 * subject.span)

@@ -521,7 +521,10 @@ def pareto(points: Sequence[Point]) -> list[int]:
 
 
 def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[float]]:
-    """Return the settings that `auto` selects, by method and formulation."""
+    """Return the settings that `auto` selects, by method and formulation.
+
+    tolerances : the tolerances requested, for each of which a setting is selected.
+    """
     chosen = defaultdict(list)
     for rtol in tolerances:
         plan = asking(case, rtol=rtol).plan()

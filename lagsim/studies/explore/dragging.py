@@ -272,6 +272,8 @@ class ConstrainedStart:
         At a dead point no step to first order moves the place, as where a coordinate is
         largest on a circle. Of two directions that lead equally near to the target, the
         one in which the forces pull is used.
+
+        met : gaps that stay closed.
         """
         far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
@@ -305,6 +307,8 @@ class ConstrainedStart:
         A closed gap that the step would make negative is held; the others may open. The
         step ends where it closes the first open gap, to first order, so that it does
         not pass through a body.
+
+        J : (d, n), derivatives of the place. way : (d,), the displacement wanted.
         """
         met, closed = frozenset[int](), self._closed(x)
         A = _jacobian(self._gaps, x)
@@ -355,6 +359,8 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
 
     Parameters
     ----------
+    held : sequence of Condition
+        Conditions on the coordinates that the change keeps.
     J : ndarray, shape (d, n)
         Derivatives of the place.
     way : ndarray, shape (d,)
@@ -391,6 +397,7 @@ def _correction(
 
     Parameters
     ----------
+    asked : sequence of Condition
     metric : ndarray, shape (n, n), optional
         The metric; by default the mass matrix at x.
     """
@@ -406,7 +413,7 @@ def _correction(
 
 
 def _jacobian(asked: Sequence[Condition], x: Point) -> Floats:
-    """Return the derivatives of conditions by coordinates or velocities, (m, n)."""
+    """Return the derivatives (m, n) of m conditions by coordinates or velocities."""
     return _dense([c.A for c in asked], x)
 
 

@@ -647,7 +647,7 @@ class Fit:
     def _from_all(
         self, x: Floats, weights: Floats, starts: int
     ) -> tuple[Floats, int, int, bool]:
-        """Fit from x (p,) and from `starts` random starts.
+        """Fit from x (p,) and from `starts` random starts; return the best fit.
 
         Where the residuals of the least cost follow a pattern, other starts are tried.
 
@@ -694,6 +694,9 @@ class Fit:
 
         The first values are the result of fits to growing parts of the records; the
         random starts of least cost follow.
+
+        weights : (m,), the inverse standard deviation of each column. loss : one of
+        LOSSES.
         """
         x = self.start
         for counts in parts_of(self.elapsed, 2 * len(self.names) + 2):

@@ -141,6 +141,8 @@ def grid_of(
 ) -> Grid:
     """Return the grid of names and values, or points with `together`.
 
+    given : values by name.
+
     Raises
     ------
     InputError
