@@ -17,9 +17,9 @@ HOW = """\
   than what textbooks print. heyoka takes them as its expressions, CVODE and scipy as a
   function compiled from them.
 - Least of several, warm, all solvers taking turns at each tolerance; compiling apart.
-- lagsim: every row with all its columns (accelerations, energies, lambda), and
-  projected onto the constraints; without constraints as a sweep makes its runs, in one
-  memory, as those of heyoka. Rivals: the states of the same rows alone.
+- lagsim: every row with all its columns (accelerations, energies, lambda), and on the
+  constraints to rounding; as a sweep makes its runs, in one memory, as those of heyoka.
+  Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower), no
   SLP vectoriser (slower on the pendula and Kepler, not tried on the others);
   constrained models as index 1, unprojected.

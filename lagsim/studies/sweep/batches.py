@@ -1,11 +1,12 @@
 """Runs of a sweep by calls of a kernel in one memory, many at a time.
 
-A run without constraints, switches and events is a few calls of the kernel, and so is
-its repeat: no session is made for it, and no observers. The starts of a batch are
-examined together. The numbers of a run are equal in every bit to those of a separate
-run. A run is made separately if its start needs a full examination, if it does not
-reach its end, if its energy is not conserved, if its repeat disagrees, or if `refusal`
-rejects the model.
+A run without switches, contacts and events is a few calls of the kernel, and so is its
+repeat: no session is made for it, and no observers. The starts of a batch are examined
+together; with constraints a run begins at the start of the first run, so that swept
+values may change forces, but neither M nor constraints. The numbers of a run are equal
+in every bit to those of a separate run. A run is made separately if its start needs a
+full examination, if it does not reach its end, if its energy is not conserved, if a
+constraint is not satisfied, if its repeat disagrees, or if `refusal` rejects the model.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import LagsimError
+from lagsim.language.columns import RESIDUAL
+from lagsim.mechanics.equations import may_jump
 from lagsim.mechanics.groups import groups
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.methods.parts.state import DONE as ENDED
@@ -46,6 +49,7 @@ from lagsim.tolerances import (
     ENERGY_DRIFT,
     NO_MOTION,
     SAME_STEP,
+    SATISFIED,
     SUM_ROUNDOFF,
     UNIT_ROUNDOFF,
 )
@@ -54,6 +58,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Repeat
@@ -93,8 +99,10 @@ def observer_of(session: Session) -> Extremes:
 def refusal(session: Session) -> str:
     """Return the reason why a run needs more than calls of the kernel; else ""."""
     plan, system = session.plan, session.system
-    if system.m or system.watched:
-        return "constraints and switches are located in each run separately"
+    if system.watched:
+        return "contacts and switches are located in each run separately"
+    if system.m and not holds_plainly(session):
+        return "the constraints are solved by loops, may jump, or are not enforced"
     if plan.reduction.eliminated:
         return "eliminated coordinates are recovered in each run separately"
     if system.model.until is not None:
@@ -106,6 +114,28 @@ def refusal(session: Session) -> str:
     if session.columns.wants_sections:
         return "crossings of sections are located in each run separately"
     return ""
+
+
+def holds_plainly(session: Session) -> bool:
+    """Whether steps are projected onto constraints that never jump or depend."""
+    plan, e = session.plan, session.equations
+    solved = plan.elimination is not None and not plan.augmented
+    jumps = may_jump(e, [node for x in e.rows for node in (x.residual, x.rate)])
+    return plan.projected and solved and not jumps
+
+
+def names_at_start(equations: Equations) -> frozenset[str]:
+    """Return the names that M, constraints and start values depend on.
+
+    Runs with equal values of these names have equal starts, and equal lengths and ranks
+    of the rows of constraints.
+    """
+    e, rows = equations, equations.rows
+    nodes = [*e.mass_nodes, *(x for row in rows for x in row.A.entries.values())]
+    nodes += [x for row in rows for x in (row.residual, row.rate, row.b)]
+    nodes += [x for row in rows for x in (row.residual_scale, row.rate_scale)]
+    nodes += [x.node for x in e.model.initial if x.node is not None]
+    return e.graph.depends(nodes)
 
 
 def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
@@ -141,8 +171,14 @@ class Batch:
         self._follow = equations.model.stated.depends_on(names) or bool(words & names)
         powers = names_in_exponents(equations, ())
         self.refusal = refusal(session)
+        # Values that decide where a motion with constraints begins.
+        self._deciding = names_at_start(equations) if equations.rows else frozenset()
         if session.case.settings.rest or not needs_no_solve(equations):
-            self.refusal = "start values are solved for by the constraints"
+            varies = any(axis.starts for axis in axes) or not equations.rows
+            if session.case.settings.rest or varies:
+                self.refusal = "start values are solved for by the constraints"
+        if not self._deciding.isdisjoint(names):
+            self.refusal = "a swept value changes the constraints or the mass matrix"
         elif powers and (self._follow or not powers.isdisjoint(names)):
             self.refusal = "a swept value is in an exponent"
         if not self.refusal and not work.ends:
@@ -168,6 +204,7 @@ class Batch:
         if ends is None:
             return []
         clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
+        clear &= satisfied(self.session, ends.ended)
         cells, form = ends.ended[:, None, : self.columns], form_of(self.session)
         return [
             SweepRow(tuple(own), DONE, True, None, "", cell, form) if plain else None
@@ -230,21 +267,35 @@ class Batch:
         """Return parameters, starts and swept values of runs with these numbers.
 
         For models with expressions that depend on the swept names: the model is bound
-        to the values of each run; nan if that fails. numbers : indices of the runs.
+        to the values of each run; nan if that fails, or if the run may begin at another
+        state on the constraints. numbers : indices of the runs.
         """
         case, axes = self.session.case, self.grid.axes
-        unbound = case.model
+        unbound, held = case.model, bool(case.equations.rows)
+        own = np.concatenate([case.start.q, case.start.v, case.start.s])
         names = [p.name for p in unbound.parameters]
         sizes = len(names), len(case.equations.state), len(axes)
         found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
         for k, number in enumerate(numbers):
             with contextlib.suppress(LagsimError):
                 model = unbound.bind(**self.grid.texts(number))
-                if wanted(model, "sweep", self.options) == case.settings:
+                equal = wanted(model, "sweep", self.options) == case.settings
+                if equal and not (held and self._begins_elsewhere(model)):
                     found[k] = [p.value for p in model.parameters]
-                    starts[k] = [x.value for x in model.initial[: sizes[1]]]
+                    initial = [x.value for x in model.initial[: sizes[1]]]
+                    starts[k] = own if held else initial
                     swept[k] = [value_of(model, axis.name) for axis in axes]
         return dict(zip(names, found.T, strict=True)), starts, swept
+
+    def _begins_elsewhere(self, model: Model) -> bool:
+        """Whether a value differs that decides where a constrained motion begins."""
+        own = self.session.case.model
+
+        def deciding(of: Model) -> list[float]:
+            values = [p.value for p in of.parameters if p.name in self._deciding]
+            return [*values, *(x.value for x in of.initial)]
+
+        return deciding(model) != deciding(own)
 
     def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
         """Return marks (runs,) of runs whose start is admissible without examination.
@@ -272,6 +323,15 @@ class Batch:
         play = np.maximum.reduce([size, *map(np.abs, moved.values())])
         kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
         return kept
+
+
+def satisfied(session: Session, rows: Floats) -> Flags:
+    """Return marks (k,) of rows (k, columns) that satisfy all constraints."""
+    names, held = session.columns.names, session.equations.rows
+    off = [names.index(RESIDUAL.of(row.name)) for row in held]
+    scales = [names.index(f"scale:{row.name}") for row in held]
+    within: Flags = np.all(np.abs(rows[:, off]) <= SATISFIED * rows[:, scales], axis=1)
+    return within
 
 
 class Ends(NamedTuple):
@@ -456,10 +516,10 @@ class Judge:
     def _sound(self, ensemble: Ensemble, table: Floats | None) -> Floats | None:
         """Return the columns (chosen, rows) on which judgements depend.
 
-        None if they are not all finite, or if energy less work is not conserved. table
-        : rows of the run, or None.
+        None if they are not all finite, if energy less work is not conserved, or if a
+        constraint is not satisfied. table : rows of the run, or None.
         """
-        if table is None:
+        if table is None or not satisfied(ensemble.session, table).all():
             return None
         columns = np.ascontiguousarray(table[:, self._chosen].T)
         # The sum is finite only if all its terms are.
@@ -547,6 +607,9 @@ class Judge:
         for rows in (mine, theirs):
             low = np.fmin(low, np.min(rows, axis=1)[valued])
             high = np.fmax(high, np.max(rows, axis=1)[valued])
+        if self._ensemble.session.equations.rows:
+            # Coordinates linked by constraints share the rounding of their positions.
+            largest[places] = np.max(largest[places])
         sizes, worst, largest = high - low, worst[valued], largest[valued]
         least = np.fmax(NO_MOTION * CLEAR * np.max(sizes), SUM_ROUNDOFF * largest)
         if not (np.all(sizes > least) and np.all(worst <= RESOLVED_BY * sizes)):

@@ -117,6 +117,18 @@ SCENES = [
     # Start values: one that the file gives, and one that it leaves at 0.
     *((PENDULUM, {"name": x, "values": (0.5, 1)}) for x in ("theta", "theta_dot")),
 ]
+# Constraints, with a force that follows a swept value; rates that rows hold.
+DAMPED = """
+parameters: {m: 1.5, zeta: 0.1, c: 2*m*zeta, l: 0.8, b: l/2}
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: m*(x_dot^2 + y_dot^2)/2
+  potential: 9.81*m*y
+  dissipation: c*(x_dot^2 + y_dot^2)/2
+constraints: {rod: x^2 + y^2 = l^2}
+initial: {x: b, y: {guess: -0.7}}
+simulation: {duration: 3, output_step: 0.05}
+"""
 # Of last values alone, by kernels of all kinds, and with many blocks of rows.
 ENDS = [
     ("elastic-pendulum", {"rtol": 1e-15, "method": "taylor"}),
@@ -132,6 +144,8 @@ ENDS = [
         "name": "mu", "values": [0.7 + 0.04 * k for k in range(12)], "jobs": 2,
         "duration": 3,
     }),
+    (DAMPED, {"name": "zeta"}),
+    ("pendulum-cartesian", {"name": "g", "method": "dop853"}),
 ]  # fmt: skip
 
 
@@ -163,6 +177,9 @@ TOGETHER = [
     ("kepler", {"error_bar": "never"}),
     ("forced-oscillator", {"output_step": 0.02}),
     (LAGGING, {"duration": 3}),
+    (DAMPED, {"name": "zeta"}),
+    ("andrews", {"name": "mom", "duration": 0.005, "output_step": 5e-5}),
+    ("rolling-disk", {"name": "g", "duration": 1}),
 ]
 # Runs that no batch makes: chaos, energy that is not conserved, rest, groups.
 APART = [
@@ -170,6 +187,8 @@ APART = [
     ("double-pendulum", {"rtol": 1e-1, "method": "dop853", "output_step": 2}),
     (PENDULUM, {"name": "theta", "values": (0.5, 0, 0), "duration": 2}),
     (APART_GROUPS, {"duration": 2}),
+    # Values that change where a constrained motion begins, or its masses.
+    *((DAMPED, {"name": x, "duration": 1}) for x in ("l", "b", "m")),
 ]
 
 
