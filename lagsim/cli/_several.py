@@ -7,7 +7,7 @@ import gc
 import io
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lagsim.cli._faults import BUG_EXIT, errors_document, reported, unforeseen
 from lagsim.cli._shared import (
@@ -27,7 +27,9 @@ from lagsim.run.interrupt import Interrupt, Terminated
 from lagsim.studies.workers import Died, completed_pieces, cores
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+Piece = TypeVar("Piece")
 
 HEADS = ("model", "outcome", "end", "rows", "error", "drift", "seconds")
 # Outcomes of models without a run.json, by their exit codes.
@@ -75,27 +77,49 @@ def done(piece: PendingRun, interrupt: Interrupt) -> Done:
     def work() -> int:
         job = piece.job(piece.folder, documents=documents, interrupt=interrupt)
         asked = piece.text, piece.file, piece.overrides, piece.options
+        return int(job.run(*asked))
+
+    return alone(work, piece.file, documents, as_json=piece.as_json)
+
+
+def alone(
+    work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
+) -> Done:
+    """Return the result of `work`, whose failure does not end that of other models.
+
+    work, file, documents, as_json : see `heard`.
+    """
+
+    def guarded() -> int:
         try:
-            return int(job.run(*asked))
+            return work()
         except LagsimError:
             raise
         except (KeyboardInterrupt, Terminated):
             return INTERRUPTED
-        except Exception:  # noqa: BLE001  the others are run all the same
+        except Exception:  # noqa: BLE001  the results of other models are of use
             return unforeseen()
 
-    found = _heard(work, piece.file, documents, as_json=piece.as_json)
+    found = heard(guarded, file, documents, as_json=as_json)
     if not gc.isenabled():  # see `cli.entry`
         gc.collect()
     return found
 
 
-def _heard(
+def heard(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
     """Call `work`; return its exit code, its documents, and the text printed on stderr.
 
-    file : the model file. documents : list that `work` fills.
+    Parameters
+    ----------
+    work : callable
+        Returns the exit code. A LagsimError that it raises is reported: printed, or
+        appended to `documents` with `as_json`.
+    file : str
+        The model file.
+    documents : list
+        The list that `work` fills.
     """
     with contextlib.redirect_stderr(io.StringIO()) as printed:
         try:
@@ -103,6 +127,49 @@ def _heard(
         except LagsimError as error:
             code = reported(error, documents if as_json else None, file)
     return Done(code, documents, printed.getvalue())
+
+
+def each(
+    work: Callable[[Piece, Interrupt], Done],
+    pieces: Mapping[int, Piece | Done],
+    paths: Sequence[str],
+    jobs: int,
+    interrupt: Interrupt,
+) -> Iterator[tuple[int, Done]]:
+    """Compute the results of several models; yield number and result in their order.
+
+    A result is yielded as soon as it and all before it exist. After an interrupt, the
+    models without a result are left out.
+
+    Parameters
+    ----------
+    work : callable
+        Function at the top level of a module, which does not raise, see `alone`.
+    pieces : mapping
+        Argument of `work`, or the result, by the number of the model.
+    paths : sequence of str
+        The model files.
+    jobs : int
+        The number of processes; with 1 this process computes all results.
+    interrupt : Interrupt
+    """
+    found = {k: x for k, x in pieces.items() if isinstance(x, Done)}
+    left = {k: x for k, x in pieces.items() if not isinstance(x, Done)}
+    numbers, models = [*left], [*left.values()]
+    with contextlib.closing(completed_pieces(work, models, jobs, interrupt)) as made:
+        for k in sorted(pieces):
+            while k not in found and (new := next(made, None)):
+                number = numbers[new[0]]
+                found[number] = _known(new[1], paths[number])
+            if k in found:
+                yield k, found[k]
+
+
+def _known(result: Done | Died, path: str) -> Done:
+    if isinstance(result, Done):
+        return result
+    died = Problem(FAILED, result.reason, hint=path)
+    return Done(BUG_EXIT, [errors_document([died])], result.reason)
 
 
 def run_all(
@@ -129,8 +196,7 @@ def run_all(
         Where two models would write into one folder.
     """
     overrides, names = assignments(sets), [Path(path).name for path in paths]
-    found, pieces, first = dict[int, Done](), dict[int, PendingRun](), dict[str, str]()
-    reported = 0
+    pieces, first = dict[int, PendingRun | Done](), dict[str, str]()
     for k, path in enumerate(paths):
 
         def prepare(k: int = k, path: str = path) -> int:
@@ -140,29 +206,25 @@ def run_all(
             pieces[k] = PendingRun(text, file, into, overrides, options, job, as_json)
             return 0
 
-        heard = _heard(prepare, path, [], as_json=as_json)
-        if heard.code:
-            found[k] = heard
-            reported = _report(found, paths, reported)
+        fault = heard(prepare, path, [], as_json=as_json)
+        if fault.code:
+            pieces[k] = fault
         elif names[k] in first:
+            _report(pieces, paths)
             one = f"{first[names[k]]} and {path} have one name, `{names[k]}`, and so"
             hint = (
                 "change the `name` of one model, or run the models one by one with -o"
             )
-            _report(found, paths, reported, final=True)
             raise unusable(ONE_NAME, f"{one} one folder", hint=hint)
         else:
             first[names[k]] = path
-    interrupt, numbers = Interrupt(), list(pieces)
+    interrupt, found = Interrupt(), dict[int, Done]()
     with interrupt.noted(), progress_bar("models", quiet=quiet) as progress:
-        for k, result in completed_pieces(
-            done, pieces.values(), jobs or cores(), interrupt
-        ):
-            found[numbers[k]] = _known(result, paths[numbers[k]])
-            reported = _report(found, paths, reported)
+        for k, result in each(done, pieces, paths, jobs or cores(), interrupt):
+            found[k] = result
+            _report({k: result}, paths)
             if progress is not None:
                 progress(len(found) / len(paths))
-    _report(found, paths, reported, final=True)
     if as_json:
         show_json([x for k in sorted(found) for x in found[k].documents[:1]])
     elif not quiet:
@@ -172,31 +234,12 @@ def run_all(
     return max(x.code for x in found.values())
 
 
-def _known(result: Done | Died, path: str) -> Done:
-    if isinstance(result, Done):
-        return result
-    died = Problem(FAILED, result.reason, hint=path)
-    return Done(BUG_EXIT, [errors_document([died])], result.reason)
-
-
-def _report(
-    found: Mapping[int, Done], paths: Sequence[str], first: int, *, final: bool = False
-) -> int:
-    """Print the stderr text of models from `first` on, in their order.
-
-    Printing ends before the first model without a result, unless it is `final`.
-
-    Returns
-    -------
-    int
-        The index of the next model to print.
-    """
-    while first < len(paths) and (final or first in found):
-        if first in found and (printed := found[first].printed.rstrip("\n")):
-            complain(f"{paths[first]}:")
+def _report(found: Mapping[int, PendingRun | Done], paths: Sequence[str]) -> None:
+    """Print the stderr texts of results, below the paths of their models."""
+    for k, result in found.items():
+        if isinstance(result, Done) and (printed := result.printed.rstrip("\n")):
+            complain(f"{paths[k]}:")
             complain(textwrap.indent(printed, "  "), again=True)
-        first += 1
-    return first
 
 
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:

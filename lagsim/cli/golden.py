@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from functools import partial
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from lagsim.cli._faults import plain_text, reported
+from lagsim.cli._several import Done, alone, each
 from lagsim.cli._shared import (
     ERROR,
     JSON,
@@ -31,6 +33,7 @@ from lagsim.cli._shared import (
 from lagsim.cli.compare import differing, judgement, notes, verdict_line
 from lagsim.codes import failure, number
 from lagsim.codes.known import (
+    BUG,
     CHANGE_UNSEEN,
     DIFFERS,
     FEW_ROWS,
@@ -42,6 +45,7 @@ from lagsim.model.reader import read_file
 from lagsim.notes import Caution
 from lagsim.outputs.junit import CaseResult
 from lagsim.outputs.junit import document as junit_document
+from lagsim.run.interrupt import Interrupt, exception_of
 from lagsim.run.session import Case, open_case, wanted
 from lagsim.studies.golden import (
     CHANGES,
@@ -58,6 +62,7 @@ from lagsim.studies.golden import (
     summary,
 )
 from lagsim.studies.trials import Compiled
+from lagsim.studies.workers import cores
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,6 +73,8 @@ if TYPE_CHECKING:
     Document = dict[str, Any]
 
 SUITE = "lagsim golden"
+# The start of a process takes as long as the comparison of about so many models.
+MODELS_EACH = 4
 
 
 def command(
@@ -82,26 +89,38 @@ def command(
         "DIR", "Draw the columns that differ most: DIR/NAME.png."
     ),
     junit: Path | None = option("FILE", "Write a report in JUnit XML for CI servers."),
+    jobs: int | None = option(
+        "N", "Number of processes; default up to one for each core.", "-j", "--jobs",
+        min=1,
+    ),
     as_json: bool = JSON,
     quiet: bool = quiet("Print only differences and faults."),
 ) -> int:  # fmt: skip
     """Run models and compare the results with their goldens."""
     answers: list[_Answer] = []
     outcomes: list[CaseResult] = []
+    interrupt = Interrupt()
     try:
-        tasks = [_task(path, folder) for path in models]
+        tasks = [_task(path, folder, plots, as_json, update) for path in models]
         _refuse_twins(tasks)
-        for task in tasks:
-            began = time.perf_counter()
-            try:
-                answer = _answer(task, plots, update=update)
-            except LagsimError as error:
-                answer = _failed(error, task.path, as_json=as_json)
-            answers.append(answer)
-            seconds = time.perf_counter() - began
-            outcomes.append(CaseResult(task.name, task.path, seconds, *answer.why))
-            if answer.lines and not as_json and not (quiet and not answer.code):
-                say("\n".join(answer.lines))
+        # Errors are reported by this process.
+        pieces = {
+            k: _compared(x, interrupt) if isinstance(x.model, LagsimError) else x
+            for k, x in enumerate(tasks)
+        }
+        with interrupt.noted():
+            most = jobs or min(cores(), math.ceil(len(models) / MODELS_EACH))
+            for k, found in each(_compared, pieces, models, most, interrupt):
+                if printed := found.printed.rstrip("\n"):
+                    complain(printed, again=True)
+                answer = _answer_in(found)
+                answers.append(answer)
+                name, path = tasks[k].name, tasks[k].path
+                outcomes.append(CaseResult(name, path, answer.seconds, *answer.why))
+                if answer.lines and not as_json and not (quiet and not answer.code):
+                    say("\n".join(answer.lines))
+        if interrupt.asked:
+            raise exception_of(interrupt.signal)
         if junit is not None:
             put_file(junit, junit_document(SUITE, outcomes), folders=True)
     except LagsimError as error:
@@ -116,14 +135,30 @@ def command(
 
 
 class _Task(NamedTuple):
-    """Model to be compared with its golden, and the folder of the golden.
+    """Model to be compared with its golden, with the options of the comparison.
 
-    If the model cannot be read, the error takes its place.
+    Attributes
+    ----------
+    path : str
+        The model file.
+    model : Model or LagsimError
+        The model, or the reason why it cannot be read.
+    folder : Path
+        The folder of its golden.
+    plots : Path or None
+        The folder of pictures of failures.
+    as_json : bool
+        Whether errors are stored in documents, and not printed.
+    update : bool
+        Whether a new golden is stored.
     """
 
     path: str
     model: Model | LagsimError
     folder: Path
+    plots: Path | None
+    as_json: bool
+    update: bool
 
     @property
     def name(self) -> str:
@@ -132,19 +167,57 @@ class _Task(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """Result of one model: exit code, document, and lines of the report.
+    """Result of the comparison of one model.
 
-    `why` has kind, code and text of a failure for JUnit, `faults` the faults of the
-    model.
+    Attributes
+    ----------
+    code : int
+        The exit code.
+    document : dict or None
+        The entry in the document of the command.
+    lines : sequence of str
+        The lines of the report.
+    why : tuple of str
+        Kind, code and text of a failure, for JUnit; empty texts for none.
+    faults : sequence
+        The errors of a model that cannot be run, as in a document.
+    seconds : float
+        The duration, in s.
     """
 
     code: int
     document: Document | None
     lines: Sequence[str] = ()
-    # Kind, code and text of a failure, for JUnit.
     why: tuple[str, str, str] = ("", "", "")
-    # The errors of a model that cannot be run.
     faults: Sequence[Any] = ()
+    seconds: float = 0.0
+
+
+def _compared(task: _Task, interrupt: Interrupt) -> Done:
+    """Compare a model with its golden; the document of the result is an `_Answer`."""
+    answers: list[_Answer] = []
+    began = time.perf_counter()
+
+    def work() -> int:
+        try:
+            with interrupt.raised():
+                answer = _answer(task)
+        except LagsimError as error:
+            answer = _failed(error, task.path, as_json=task.as_json)
+        answers.append(answer._replace(seconds=time.perf_counter() - began))
+        return answer.code
+
+    return alone(work, task.path, answers, as_json=task.as_json)
+
+
+def _answer_in(found: Done) -> _Answer:
+    """Return the answer of a result; a failed one for a process without an answer."""
+    for answer in found.documents:
+        if isinstance(answer, _Answer):
+            return answer
+    faults = [fault for document in found.documents for fault in document["errors"]]
+    text = found.printed.rstrip("\n").rpartition("\n")[2]
+    return _Answer(found.code, None, (), ("error", BUG, text), faults)
 
 
 def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
@@ -158,13 +231,16 @@ def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
     return _Answer(code, document, (), ("error", error.code, plain_text(error)), faults)
 
 
-def _task(path: str, folder: Path | None) -> _Task:
+def _task(
+    path: str, folder: Path | None, plots: Path | None, as_json: bool, update: bool
+) -> _Task:
     model: Model | LagsimError
     try:
         model = read_file(path)
     except LagsimError as error:
         model = error
-    return _Task(path, model, folder or Path(path).parent / FOLDER)
+    folder = folder or Path(path).parent / FOLDER
+    return _Task(path, model, folder, plots, as_json, update)
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
@@ -184,16 +260,13 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
     problems.refuse()
 
 
-def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
-    """Compare a model with its golden, or store a new golden with `update`.
-
-    plots : folder of pictures of failures.
-    """
+def _answer(task: _Task) -> _Answer:
+    """Compare a model with its golden, or store a new golden with `update`."""
     model = task.model
     if isinstance(model, LagsimError):
         raise model
     settings = wanted(model, "golden")
-    stored = None if update else load(task.folder, model.name)
+    stored = None if task.update else load(task.folder, model.name)
     case = open_case(model, settings)
     if stored is None:
         return _store(case, task.folder)
@@ -213,8 +286,8 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
         found["unseen"] = known.blind
         lines += [f"  note: {_unseen(known)}"] if known.blind else []
     lines += differing(verdict)
-    if not verdict.passed and plots is not None:
-        path = plots / f"{model.name}.png"
+    if not verdict.passed and task.plots is not None:
+        path = task.plots / f"{model.name}.png"
         if put_picture(path, partial(picture, case, verdict), folders=True):
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)

@@ -36,7 +36,7 @@ from lagsim.errors import unusable
 from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 
 Piece = TypeVar("Piece")
 Found = TypeVar("Found")
@@ -211,7 +211,7 @@ def completed_pieces(
     most: int,
     interrupt: Interrupt,
     hired: Hired = processes,
-) -> Iterator[tuple[int, Found | Died]]:
+) -> Generator[tuple[int, Found | Died], None, None]:
     """Compute all pieces; yield index and result of each when it is complete.
 
     If a process dies, its piece is computed again after all others; a piece whose

@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -162,6 +163,45 @@ def test_models_that_cannot_run(lagsim, write):
     called = lagsim("golden", write(FALL), "--update", code=3)
     assert called.reports("E605", "model")
     assert not Path("golden").exists()
+
+
+@pytest.mark.slow
+def test_any_number_of_processes_gives_the_same_report(lagsim, write, stored):
+    write(ON_THE_CURVE, "curve.yaml"), write(CAPTION, "bad.yaml")
+    models = (stored, "curve.yaml", "bad.yaml", "missing.yaml")
+    one, two = (lagsim("golden", *models, "-j", jobs, code=2) for jobs in (1, 2))
+    assert one.out.startswith("same: pendulum")
+    assert (one.out, one.err) == (two.out, two.err)
+    one, two = (lagsim("golden", *models, "--json", "-j", jobs).json for jobs in (1, 2))
+    assert len(one["models"]) == 1
+    assert len(one["errors"]) == 3
+    assert one == two
+
+
+def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, stored, at_rows):
+    calls = []
+
+    def fail(_rows):
+        calls.append(1)
+        if len(calls) == 1:
+            raise RuntimeError("unforeseen")
+
+    at_rows(fail)
+    report = ["--junit", "report.xml", "-j", 1]
+    called = lagsim("golden", stored, stored, *report, code=70)
+    assert called.reports("E901", "RuntimeError: unforeseen")
+    assert called.out.startswith("same: pendulum")
+    cases = Path("report.xml").read_text()
+    assert 'errors="1"' in cases
+    assert 'tests="2"' in cases
+
+
+@pytest.mark.usefixtures("heeded_signals")
+def test_an_interrupt_ends_the_comparison(lagsim, stored, at_rows):
+    at_rows(lambda _: signal.raise_signal(signal.SIGINT))
+    called = lagsim("golden", stored, "--junit", "report.xml", code=130)
+    assert called.out == ""
+    assert not Path("report.xml").exists()
 
 
 def test_a_run_that_ends_otherwise_differs_though_all_rows_are_the_same(lagsim, stored):
