@@ -228,7 +228,10 @@ class _Distribution:
         return [g.call("sub", x, y) for x, y in zip(first, second, strict=True)]
 
     def _judged(self, span: Span) -> Reach:
-        """Return the reach that a complete span implies, with the hidden relations."""
+        """Return the reach that follows from the complete span of all brackets.
+
+        It has the number of hidden holonomic relations, and the constraints in these.
+        """
         # A form that vanishes on the span is a combination of the forms; the holonomic
         # rows are known to be such forms.
         known = Span(len(self.names))

@@ -151,7 +151,9 @@ def _beside_kinks(
     *,
     near: bool,
 ) -> _Balance:
-    """Return the rest in a corner in place of a balance, where it lies in one.
+    """Return the rest in a corner in which a balance lies; else the balance itself.
+
+    A corner is a set of surfaces at which forces step or equalities turn.
 
     Parameters
     ----------

@@ -90,7 +90,10 @@ class Fitted(Analysis):
 
     @property
     def fitted(self) -> Model:
-        """The model with the values found, of starts those of the first data file."""
+        """The model with the fitted values.
+
+        Start values that each data file has of its own are those of the first file.
+        """
         with in_python():
             return model_of(self._fit.given.bind(**self._fit.of_file(self._found)))
 

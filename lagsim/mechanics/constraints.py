@@ -328,7 +328,7 @@ class Law(NamedTuple):
 
     @property
     def solved(self) -> Row:
-        """The row in the linear system of the motion: `row`, or that of the slider."""
+        """The row in the linear system of the motion: the slider's row, else `row`."""
         return self.slider.row if self.slider else self.row
 
     @property

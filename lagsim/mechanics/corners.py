@@ -89,8 +89,8 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
 def _followers(g: Graph, switches: Switches) -> list[tuple[tuple[str, int], ...]]:
     """Return, for each side, the other sides that may change together with it.
 
-    A side may change with another one if its expression depends on it, directly or
-    through further sides; see `Corner.followers` for the form.
+    A side may change with another side if its expression depends on that side, directly
+    or through further sides; see `Corner.followers` for the form.
     """
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]

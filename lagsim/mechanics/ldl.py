@@ -112,9 +112,10 @@ def turns(e: Equations) -> bool:
 
 
 def elimination_of(equations: Equations) -> Elimination | None:
-    """Return the elimination of equations, memoized; None where loops are faster.
+    """Return the elimination of equations; None where loops are faster.
 
-    Of the values of parameters only the distinction matters whether links have masses.
+    The result is memoized for all values of the parameters, except that links with and
+    without mass have eliminations of their own.
     """
     e = equations
     key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))

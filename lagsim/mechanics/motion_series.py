@@ -90,13 +90,14 @@ def motion_series(
     rtol
         The relative tolerance, which determines the order.
     loop
-        Whether the result is a `Loop`: tapes have none.
+        Whether to return a `Loop`; False for functions that run from tapes.
 
     Returns
     -------
     list of int or Loop
-        A loop over the order, or its orders one after the other; for tapes nodes: the
-        order, then the coefficients, shape (order + 1, size), row by row.
+        With `loop`, a loop over the order, possibly unrolled; else nodes: the order,
+        then
+        the coefficients, shape (order + 1, size), row by row.
     """
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)

@@ -179,7 +179,7 @@ class Joints(NamedTuple):
     Attributes
     ----------
     along : list of dict
-        E of each link: sum -> component.
+        The unit direction E in which each link transmits its tension: sum -> component.
     turns : list of MasslessVelocity
         The massless velocities.
     lengths : dict
@@ -275,7 +275,9 @@ Pair = tuple[int, int]
 
 
 class Group(NamedTuple):
-    """Squares that contain the same unknowns x_i.
+    """Squares of S that contain one set of unknowns x_i.
+
+    S = sum over u of w_u (sum over i of p_iu x_i)^2, with weights w_u.
 
     Attributes
     ----------

@@ -518,7 +518,7 @@ class Stated(Protocol):
         """Return the parameters on which ranges and subscripts depend."""
 
     def compiled(self, text: str, option: str) -> int:
-        """Return the node of an expression of quantities of a row.
+        """Return the node of an expression of quantities in a row of the table.
 
         Parameters
         ----------

@@ -661,7 +661,10 @@ def join_group(p: Parameters, first: int, number: int) -> int:
 
 
 def widen_band(p: Parameters, k: int) -> None:
-    """Widen the band of the group of the row with place k by its neighbours."""
+    """Widen the band of a group of rows so that it holds row k and its neighbours.
+
+    k : the place of a row of the group. Rows are neighbours if their reaches overlap.
+    """
     i = int(p.order[k])
     g = int(p.row_group[i])
     for e in range(bits(p.near_starts[i]), bits(p.near_starts[i + 1])):

@@ -74,7 +74,8 @@ class ModelNames:
     Attributes
     ----------
     names
-        The file's names, in its order: earlier ones keep the better look.
+        The names in the order of the file. Of two names with one image the earlier one
+        keeps it.
     """
 
     names: Iterable[str]

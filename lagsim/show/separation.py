@@ -220,7 +220,7 @@ class Separation:
         return made
 
     def _separated(self) -> list[tuple[int, int, int]]:
-        """Compute momenta, forces and reactions of all words.
+        """Compute momenta, forces and reactions of all words, the named definitions.
 
         Return for each coordinate the nodes p, left and Q, see `equations`.
         """
@@ -270,9 +270,10 @@ class Separation:
         return fixed, moved
 
     def _rates_of_words(self) -> Found:
-        """Return the definitions of time derivatives of words that are used.
+        """Return definitions of the time derivatives of words that occur.
 
-        Ordered by dependence: name -> node.
+        Words are the named definitions of the file. Ordered by dependence: name ->
+        node.
         """
         g, nodes = self._g, [x for line in self.equations for x in line]
         nodes += [*self.reactions.values(), *self.momenta.values()]

@@ -317,7 +317,7 @@ class Allowance:
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
     def steps(self, other: Repeat, operations: float = math.inf) -> int:
-        """Return the number of steps by the means `other` that the allowance permits.
+        """Return the number of steps of the repeat `other` that the allowance permits.
 
         operations : a further limit of the cost, in operations.
         """
@@ -326,7 +326,7 @@ class Allowance:
     def steps_beside(
         self, session: Session, trajectory: Trajectory, other: Repeat
     ) -> int:
-        """Return the number of steps that a repeat by the means `other` may take.
+        """Return the number of steps that the repeat `other` of a run may take.
 
         session, trajectory : the run that is repeated.
         """
@@ -336,16 +336,16 @@ class Allowance:
         return self.steps(other, operations)
 
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
-        """Subtract the cost of a run made by the means `other` from the allowance."""
+        """Subtract the cost of a repeat `other`, whose run is `trajectory`."""
         made = trajectory.statistics
         price = made.evaluations * other.evaluation + ARC * made.arcs
         self.left = max(0.0, self.left - price)
 
 
 def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
-    """Yield other means of integration than those of a run, the best first.
+    """Yield alternative integrations of a run, the best first.
 
-    They are sessions with another method, formulation or tolerance.
+    They have another method, formulation or tolerance, and other steps.
     """
     plan, system, settings = session.plan, session.system, session.case.settings
     span = trajectory.end - trajectory.start
@@ -562,9 +562,10 @@ class Attempts:
     tried: list[str] = field(default_factory=list, init=False)
 
     def best(self, session: Session) -> Attempt:
-        """Return the attempt that passes the audit; else one that has no answer.
+        """Return the first attempt at a run, or a second one that passes the audit.
 
-        Its outcome is then `no-answer` from the time of the finding on.
+        If neither passes, the outcome of the attempt is `no-answer` from the time of
+        the finding on.
         """
         first = self._made(session)
         finding = None if self.interrupt.asked else audit(first)

@@ -687,7 +687,11 @@ class Search:
         return f"{text}: {', '.join(left[:8])} remain at the start"
 
     def _add(self, kept: list[Equilibrium], other: Equilibrium) -> None:
-        """Add a rest to `kept`, unless it equals one of them, or is of its family."""
+        """Add a rest to `kept`, unless `kept` has it or a rest of its family.
+
+        Rests are of one family if they are connected by rests. Of two such rests the
+        one nearer to the start is kept.
+        """
         for k, one in enumerate(kept):
             if self._is_same(one.steady, other.steady):
                 nearer = min(one, other, key=lambda x: x.distance)

@@ -281,7 +281,10 @@ def refused_trial(error: LagsimError) -> Trial:
 
 
 class Compiled:
-    """Sessions compiled for cases of one model: one for each form of its functions."""
+    """Sessions compiled for cases of one model, found by the functions they need.
+
+    A session serves all cases whose parameters and settings need its functions.
+    """
 
     def __init__(self) -> None:
         self.known: list[Session] = []

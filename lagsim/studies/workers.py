@@ -152,10 +152,11 @@ def processes(most: int) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def standing(most: int) -> Iterator[Hired]:
-    """Context manager: a crew of processes for several studies.
+    """Context manager: a crew of processes that several studies use in turn.
 
-    Its value is used in place of `processes`. The processes start at the first call,
-    and keep the functions that they compile from one study to the next.
+    Its value is a function that a study calls in place of `processes`. The processes
+    start at the first call, and keep the functions that they compile from one study to
+    the next.
 
     most : the number of processes.
     """

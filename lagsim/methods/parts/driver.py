@@ -449,7 +449,8 @@ def is_satisfied(s: State, t: float) -> bool:
 def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write interpolated rows up to the time reached to out (rows, 1 + size).
 
-    Return 0 in a full block, and after the last listed state beside the rows; else 1.
+    States requested between rows are written, too. Return 1 when all are written; 0 if
+    the block is full, or after the last requested state in the list.
     """
     while True:
         t = s.row_start + s.row * s.row_step

@@ -270,12 +270,12 @@ def estimate(s: Embedded, p: Parameters, t: float) -> None:
 def error_norm(s: Embedded, h: float, errors: Floats) -> float:
     """Return the norm of the error estimates of a step h, in units of the tolerance.
 
-    errors : (2 size,), both estimates of the error of the slope; the second one is not
-    used if the pair has only one. A work is normed together with the motion if this
-    norm exceeds that of the motion alone: a work with a large estimate of order 3
-    alone, as of a polynomial in t beside a tolerance of nearly 0, would hide all other
-    errors. The mean is over the components with an error; others are at rest. A nan
-    remains, and its step is rejected.
+    It is the root mean square over the components with an error. errors : (2 size,),
+    both estimates of the error of the slope; the second one is not used if the pair has
+    only one. The error of a work is added to the norm of the motion by the amount by
+    which both together exceed the motion alone: a work with a large estimate of order 3
+    alone, as of a polynomial in t beside a tolerance of nearly 0, would otherwise hide
+    all other errors. A nan remains, and its step is rejected.
     """
     size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
     error5 = 0.0

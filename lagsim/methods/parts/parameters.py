@@ -194,7 +194,7 @@ class ModeWords(KnownPoints):
 
 
 class Surfaces(ModeWords):
-    """Surfaces on which switches lie, and the motion along them."""
+    """Memory of the surfaces at which switches step, and of the motion along them."""
 
     elements: int  # number of nonzero elements of their rows J
     corners: int  # number of surfaces that are corners of equalities
@@ -234,7 +234,7 @@ class Surfaces(ModeWords):
 
 
 class Laws(Surfaces):
-    """Rows that hold at times: unilateral constraints, friction, limits."""
+    """Memory of the rows that hold at times: contacts, friction, limits."""
 
     law_kind: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
