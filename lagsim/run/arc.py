@@ -339,7 +339,7 @@ class Arc(NamedTuple):
             state.extras -= 1.0
 
     def put(self, y: Floats) -> None:
-        """Replace the state by y (size,); magnitudes and ranges include the old state."""
+        """Replace the state by y (size,); magnitudes and ranges keep the old state."""
         self.sizes[:] = self.seen
         np.minimum(self.state.low, self.y, out=self.state.low)
         np.maximum(self.state.high, self.y, out=self.state.high)
