@@ -1,4 +1,4 @@
-"""Blank pictures in tests of commands: `tests/outputs` tests what is drawn."""
+"""Blank pictures in tests of commands: `tests/outputs` tests the drawings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Blank:
     """Canvas that draws nothing: layout and drawing take a quarter of a second."""
 
     def __init__(self, figure):
-        """Take a figure, and leave it as it is."""
+        """Store a figure, without a change of it."""
 
     def print_png(self, file, **_):
         """Write a picture of one pixel."""

@@ -15,22 +15,25 @@ COMMIT = os.environ.get("LAGSIM_TEST_COMMIT", "")
 
 
 def chosen(test, commit, one_in):
-    """Tell whether a test is among the one in `one_in` of this commit.
+    """Return whether a test is in the share of one in `one_in` of a commit.
 
-    The same at every place and in every order; a test more or less changes nothing for
-    the others.
+    The result is equal at every place and in every order, and does not depend on other
+    tests.
     """
     return _number(test, commit) % one_in == 0
 
 
 def turn(test, commit, of):
-    """Give which of several cases a test tries at this commit: in time all of them."""
+    """Return the number of the case that a test tries at this commit.
+
+    In time all `of` cases are tried.
+    """
     return of[_number(test, commit) % len(of)]
 
 
 @functools.cache
 def tonight():
-    """Give the commit that nightly tests go by: the one that is set, or the tree's."""
+    """Return the commit of nightly tests: from the environment, else the tree's."""
     head = ["git", "rev-parse", "HEAD"]
     try:
         done = subprocess.run(head, cwd=Path(__file__).parent, capture_output=True)
@@ -40,7 +43,7 @@ def tonight():
 
 
 def share(tests, commit, one_in):
-    """Give one in `one_in` of some tests, one at least: others with each commit."""
+    """Return one in `one_in` of some tests, at least one; others for each commit."""
     count = -(-len(tests) // one_in)
     return sorted(tests, key=lambda test: _number(test, commit))[:count]
 

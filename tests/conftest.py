@@ -1,14 +1,14 @@
-"""What tests of several folders share, and which of them are run.
+"""Fixtures of several folders, and the choice of the tests that are run.
 
 Set in the environment:
 
-LAGSIM_TEST_PATIENCE : 1; every timeout of a test is so many times longer.
-LAGSIM_TEST_COMMIT : nothing; with one the cases that are quick change with it.
-LAGSIM_TEST_SLICE : nothing; `slow=4,nightly=100` keeps one in four of the slow tests
+LAGSIM_TEST_PATIENCE : 1; factor of the timeouts of all tests. LAGSIM_TEST_COMMIT :
+unset; a commit, which changes the cases that are quick. LAGSIM_TEST_SLICE : unset;
+`slow=4,nightly=100` runs one in four of the slow tests
     and one in a hundred of the nightly ones, others with each commit.
-LAGSIM_TEST_CASES : nothing; with `all` all cases of quick tests are quick, and a night
+LAGSIM_TEST_CASES : unset; with `all` all cases of quick tests are quick, and a night
     has all of a test that is marked `nightly(one_in=3)`.
-LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
+LAGSIM_TEST_SKIPS : unset; the run fails if more tests than this are skipped.
 """
 
 import collections
@@ -32,10 +32,10 @@ settings.load_profile("lagsim")
 
 @pytest.fixture
 def heeded_signals():
-    """Heed SIGINT and SIGTERM as in a foreground job, whoever started pytest.
+    """Handle SIGINT and SIGTERM as in a foreground job, however pytest was started.
 
-    Under `trap '' INT`, or with `&` in a script, both pytest and what it starts would
-    ignore them. Signals that an earlier test raised are forgotten.
+    Under `trap '' INT`, or with `&` in a script, both pytest and its processes would
+    ignore these signals. Signals that an earlier test raised are discarded.
     """
     heard.clear()
     before = {
@@ -79,7 +79,7 @@ if sys.dont_write_bytecode:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """Search for garbage seldom, and never among what is collected."""
+    """Run the garbage collector rarely, and never on the collected tests."""
     gc.disable()
     try:
         return (yield)
@@ -91,9 +91,9 @@ def pytest_collection():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_generate_tests(metafunc):
-    """Mark the cases that wait for the slow suite; a quick run does without them.
+    """Mark the cases that wait for the slow suite; a quick run omits these.
 
-    The first of each test stays, so that what it asks for is looked up in any run.
+    The first case of each test stays, so that its fixtures are resolved in any run.
     """
     result = yield
     cases, test = metafunc._calls, metafunc.definition
@@ -132,13 +132,13 @@ def pytest_collection_modifyitems(config, items):
 
 
 def _missing(item):
-    """Give what a test asks for and nobody gives: of slow and nightly tests, too."""
+    """Return the fixtures of a test that do not exist, also of nightly tests."""
     given = {"request", *item._fixtureinfo.name2fixturedefs}
     return [f"{name} of {item.nodeid}" for name in {*item.fixturenames} - given]
 
 
 def _in_the_slice(item):
-    """Tell whether a slow or nightly test has its turn: the rarer mark decides."""
+    """Return whether a slow or nightly test is in its slice; the rarer mark decides."""
     one_in = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
     for mark in reversed(LATER):
         if item.get_closest_marker(mark):
@@ -147,7 +147,10 @@ def _in_the_slice(item):
 
 
 def _for_other_nights(items):
-    """Give cases of nightly tests that wait for other commits: `nightly(one_in=3)`."""
+    """Return the cases of nightly tests that wait for other commits.
+
+    These are the cases of tests marked `nightly(one_in=3)`.
+    """
     families = collections.defaultdict(list)
     if "nightly" not in slices(os.environ.get("LAGSIM_TEST_SLICE", "")):
         for item in items:
@@ -163,7 +166,7 @@ def _for_other_nights(items):
 
 
 def _have_patience(item, usual):
-    """Let a test take longer where all do; its stacks are printed when it is over."""
+    """Extend the timeout of a test by the factor of all; then print its stacks."""
     marker = item.get_closest_marker("timeout")
     if PATIENCE != 1.0:
         seconds = marker.args[0] if marker else usual
@@ -172,7 +175,7 @@ def _have_patience(item, usual):
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session, exitstatus):
-    """Fail a run whose tests are skipped although nothing says that they may be."""
+    """Fail a run in which tests are skipped that are not permitted to be."""
     most = os.environ.get("LAGSIM_TEST_SKIPS")
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     if not most or reporter is None or hasattr(session.config, "workerinput"):

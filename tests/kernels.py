@@ -1,4 +1,4 @@
-"""Kernels as plain Python, with what they call put in."""
+"""Kernels as plain Python, with the functions that they call inserted."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ def bind(
     externals,
     statics=None,
 ):
-    """Give a kernel as plain Python, with its externals and statics put in.
+    """Return a kernel as plain Python, with its externals and statics inserted.
 
     Parameters
     ----------
     externals : mapping
-        By name, what stands for the functions marked `external`. One that is not given
+        By name, replacements of the functions marked `external`. A function without one
         raises when called.
     statics : mapping, optional
         As for `translate`.

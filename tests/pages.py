@@ -14,7 +14,7 @@ _INDENTED = re.compile(r"(?:^\n)(?:^    .*\n|^\n)+", re.MULTILINE)
 
 
 class Block(NamedTuple):
-    """A piece of a page that is set apart; `kind` is what its fence says."""
+    """A fenced block of a page; `kind` is the word at its fence."""
 
     page: str
     kind: str
@@ -32,7 +32,7 @@ def text_of(page):
 
 
 def blocks(page):
-    """Give the fenced blocks of a page, in order."""
+    """Return the fenced blocks of a page, in order."""
     found = []
     for margin, kind, inside in _FENCED.findall(text_of(page)):
         lines = [line.removeprefix(margin) for line in inside.splitlines()]
@@ -41,18 +41,18 @@ def blocks(page):
 
 
 def indented(page):
-    """Give what is set apart by four blanks alone, and so says not what it is."""
+    """Return the blocks set apart by four blanks alone, which have no kind."""
     rest = _FENCED.sub("", text_of(page))
     return [piece for piece in _INDENTED.findall(rest) if piece.strip()]
 
 
 def prose(page):
-    """Give a page without its blocks."""
+    """Return a page without its blocks."""
     return _FENCED.sub("", text_of(page))
 
 
 def commands(block):
-    """Give the commands of a block, each with what it is shown to print."""
+    """Return the commands of a block, each with the output shown."""
     if block.kind == "sh":
         for line in block.text.replace("\\\n", "").splitlines():
             if line.strip() and not line.startswith("#"):
@@ -73,7 +73,7 @@ def words_of(command, folder):
 
 
 def anchors(page):
-    """Give the anchors of a page's headings, as GitHub and the site make them."""
+    """Return the anchors of a page's headings, as GitHub and the site have them."""
     found: set[str] = set()
     for title in re.findall(r"^#+ +(.*?) *#*$", prose(page), re.MULTILINE):
         words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", title).replace("`", "")
@@ -83,7 +83,7 @@ def anchors(page):
 
 
 def links(page):
-    """Give the targets of a page's links and pictures."""
+    """Return the targets of a page's links and pictures."""
     plain = re.sub(r"`[^`\n]*`", "", prose(page))
     marked = re.findall(r"\]\(<?([^)\s>]+)>?(?: [^)]*)?\)", plain)
     return marked + re.findall(r'(?:src|href)="([^"]+)"', plain)

@@ -1,4 +1,4 @@
-"""How long tests wait for other processes, and what they show of one that hangs."""
+"""Time limits of tests that wait for processes, and the output of hanging ones."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ PATIENCE = float(os.environ.get("LAGSIM_TEST_PATIENCE", "1"))
 
 
 def finished(process: subprocess.Popen[Any], seconds: float = 60.0) -> tuple[Any, Any]:
-    """Give stdout and stderr of a process that is about to end.
+    """Return stdout and stderr of a process that is about to end.
 
-    One that does not is made to show where it is (its stacks are in what it wrote) and
-    fails the test with all that it said.
+    A process that does not end prints its stacks, and fails the test with all its
+    output.
     """
     try:
         return process.communicate(timeout=PATIENCE * seconds)

@@ -187,14 +187,14 @@ def line(simulation):
 
 
 def angle(found):
-    """Give the angle of either pendulum."""
+    """Return the angle of either pendulum."""
     if "a" in found.system.columns.names:
         return found["a"]
     return np.arctan2(found["x"], -found["y"])
 
 
 def swing(t, amplitude=1.0):
-    """Give the angle of a pendulum let go at `amplitude`: Jacobi's elliptic functions.
+    """Return the angle of a pendulum released at `amplitude`: elliptic functions.
 
     sin(a/2) = k sn(K - t, k^2), k = sin(amplitude/2).
     """
@@ -203,13 +203,13 @@ def swing(t, amplitude=1.0):
 
 
 def swing_rate(t, amplitude=1.0):
-    """Give the rate of the same: -2 k cn(K - t, k^2)."""
+    """Return the rate of the angle of `swing`: -2 k cn(K - t, k^2)."""
     k = math.sin(amplitude / 2.0)
     return -2.0 * k * ellipj(ellipk(k * k) - t, k * k)[1]
 
 
 def quarter(amplitude):
-    """Give the time at which the same first hangs straight down: K(k)."""
+    """Return the time at which the pendulum of `swing` first hangs down: K(k)."""
     return ellipk(math.sin(amplitude / 2.0) ** 2)
 
 
@@ -218,7 +218,7 @@ def fall(until, *, y="h", v=0, duration=5, more=""):
 
 
 def bounced(t, e, height=1.0, g=9.81):
-    """Give the place of a ball let go at `height`, and at rest once its bounces end."""
+    """Return the height of a ball released at `height`; 0 once its bounces end."""
     begin, v = math.sqrt(2.0 * height / g), e * math.sqrt(2.0 * height * g)
     y = np.where(t < begin, height - g * t**2 / 2.0, 0.0)
     while v > 1e-12 and begin <= np.max(t):

@@ -1,4 +1,4 @@
-"""What many tests need: running a model in this process and keeping its rows."""
+"""Runs of models in this process with their rows, for many tests."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Run:
 
     @property
     def start(self):
-        """What it began with."""
+        """Start of the run."""
         return self.session.case.start
 
     @property
@@ -84,9 +84,9 @@ class Run:
 
 
 def at_outputs(t, start, step):
-    """Give the rows (k,) at output times, not those of impacts between them.
+    """Return the rows (k,) at output times, not those of impacts between them.
 
-    Of two at one time the second, after the impact.
+    Of two rows at one time the second, after the impact.
     """
     steps = (t - start) / step
     near = np.abs(steps - np.round(steps)) <= 1e-6
@@ -105,7 +105,7 @@ def shipped(name):
 
 
 def has_laws(name):
-    """Tell whether a shipped model has constraints that hold at times."""
+    """Return whether a shipped model has constraints that hold at times."""
     return not all(c.always for c in shipped(name).constraints)
 
 
@@ -121,13 +121,13 @@ def case_of(model, **options):
 
 
 def ready(model, *, loops=False, **options):
-    """Plan and compile what `case_of` takes; `loops` insists on the dense solve."""
+    """Plan and compile the argument of `case_of`; `loops` selects the dense solver."""
     case = case_of(model, **options)
     return case.ready(by_loops(case.plan()) if loops else None)
 
 
 def run(model, *, loops=False, **keywords):
-    """Run what `ready` takes.
+    """Run the argument of `ready`.
 
     Other keywords are those of `Session`, or of its run, or options of `simulation`
     such as rtol="1e-12".

@@ -59,7 +59,7 @@ def symbol(name):
 
 
 def decimal(value):
-    """Give a literal as it is written."""
+    """Return a literal as it is written."""
     return sp.Rational(str(value))
 
 
@@ -69,7 +69,7 @@ def expression(
     functions=FUNCTIONS,
     number=decimal,
 ):
-    """Read `text`; `scope` gives what stands for a name, `number` for a literal."""
+    """Parse `text`; `scope` maps a name, `number` a literal, to an expression."""
     # `^` binds as Python's `**` does; an underscore keeps names off its keywords.
     python = _WORD.sub(r"\g<0>_", text.replace("^", "**"))
 
@@ -111,9 +111,9 @@ class Numbers:
 
 
 def reads(path):
-    """Tell whether a file has numbers alone: no families, vectors, bodies, tables.
+    """Return whether a file has numbers alone: no families, vectors, bodies, tables.
 
-    Frames may be there for what is drawn.
+    Frames are permitted for drawn shapes.
     """
     text = path.read_text(encoding="utf-8")
     return not re.search(
@@ -160,7 +160,7 @@ class Oracle:
         return cls(path.read_text(encoding="utf-8"))
 
     def name(self, name):
-        """Give what stands for `name`; definitions are written out."""
+        """Return the expression of `name`; definitions are written out."""
         if name not in self._names:
             if name in self.definition_texts:
                 value = self.read(self.definition_texts[name])
@@ -175,17 +175,17 @@ class Oracle:
         return expression(text, self.name, self.functions, self.number)
 
     def rate(self, e):
-        """Give d/dt by the chain rule."""
+        """Return d/dt by the chain rule."""
         inertial = (sp.diff(e, v) * a for v, a in zip(self.v, self.a, strict=True))
         return sp.Add(self.drift(e), *inertial)
 
     def drift(self, e):
-        """Give d/dt for vanishing accelerations."""
+        """Return d/dt for vanishing accelerations."""
         moved = (sp.diff(e, q) * v for q, v in zip(self.q, self.v, strict=True))
         return sp.Add(self.in_time(e), *moved)
 
     def in_time(self, e):
-        """Give the part of d/dt by the time and the states."""
+        """Return the part of d/dt by the time and the states."""
         states = (sp.diff(e, s) * self.name(f"{s.name}_dot") for s in self.s)
         return sp.Add(sp.diff(e, self.t), *states)
 
@@ -258,7 +258,7 @@ class Oracle:
         return self._numbers(np.array([float(x) for x in self.digits(values)]))
 
     def exactly(self, values):
-        """Evaluate with DIGITS digits, and keep them."""
+        """Evaluate with DIGITS digits, and store the values."""
         return self._numbers(np.array(self.digits(values), dtype=object))
 
     def digits(self, values):
@@ -278,7 +278,7 @@ class Oracle:
         )  # fmt: skip
 
     def nominal(self):
-        """Give the parameters' values, each from the earlier ones."""
+        """Return the parameters' values, each from the earlier ones."""
         known: dict[str, sp.Expr] = {"pi": sp.pi}
         for name, text in self.parameter_texts.items():
             known[name] = sp.N(expression(text, known.__getitem__), DIGITS)
@@ -286,7 +286,7 @@ class Oracle:
 
 
 def _texts(section, key="value"):
-    """Give name -> text of a section whose entries are texts or mappings with `key`."""
+    """Return name -> text of a section; entries are texts or mappings with `key`."""
     return {
         name: entry if isinstance(entry, str) else entry[key]
         for name, entry in (section or {}).items()
@@ -294,7 +294,7 @@ def _texts(section, key="value"):
 
 
 def random_values(oracle, start, seed):
-    """Give a state near `start`, and parameters near their own values."""
+    """Return a state near `start`, and parameters near their own values."""
     random = np.random.default_rng(seed)
 
     def near(x, part):

@@ -1,8 +1,8 @@
-"""Examples of README.md, docs/ and docstrings are run, and print what is shown.
+"""Examples of README.md, docs/ and docstrings are run, and print the text shown.
 
 A page is read from top to bottom, in one folder: its models are written there, its
-commands called, one after the other. What a fence says decides: `yaml` with
-coordinates is a model, `console` shows what its commands print, `sh` does not,
+commands called, one after the other. The kind of a fence decides: `yaml` with
+coordinates is a model, `console` shows the output of its commands, `sh` does not,
 `python` and `pycon` are programs; `text`, `csv`, `json` and `latex` are no examples.
 Numbers are masked by their shape: digits change with processors, words do not.
 """
@@ -63,7 +63,7 @@ def only(page, kind, word):
 
 
 def shape(text):
-    """Give a text with its numbers masked, and with single spaces."""
+    """Return a text with its numbers masked, and with single spaces."""
     text = re.sub(r"[-−]?\d+(\.\d+)?(e[-+]?\d+)?", "#", text)
     text = re.sub(r"# (ms|s)\b", "# s", text)
     return re.sub(r"[ \t]+", " ", text).strip()
@@ -105,7 +105,7 @@ def folder(tmp_path):
 
 
 class Reader:
-    """Does what a page shows, block by block."""
+    """Execution of the blocks of a page, one by one."""
 
     def __init__(self, call, folder):
         self.call = call
@@ -160,7 +160,7 @@ class Reader:
 
 
 def shows(told, shown):
-    """Hold what is printed against what a page shows; dots stand for the rest."""
+    """Compare the printed text with that of a page; dots stand for omitted parts."""
     lines, printed = shown.rstrip("\n").splitlines(), told.splitlines()
     if lines[-1].strip() == "...":
         lines.pop()
@@ -279,7 +279,7 @@ def test_parts_of_models_are_valid_in_the_template(block, lagsim):  # noqa: F811
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("block", SETTINGS, ids=lambda b: b.name)
 def test_settings_for_other_tools(block, lagsim, tmp_path):  # noqa: F811
-    """Of pre-commit and GitHub: they parse, and their commands do what they are for."""
+    """Settings of pre-commit and GitHub can be parsed, and their commands work."""
     found = [
         (node[key], node.get("files"))
         for node in _mappings(yaml.safe_load(block.text))

@@ -1,4 +1,4 @@
-"""Long fuzzing of whatever takes random input, and charts of all models in turn."""
+"""Long fuzzing of all parts with random input, and charts of all models in turn."""
 
 import csv
 import importlib

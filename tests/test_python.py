@@ -1,4 +1,4 @@
-"""The Python interface: its page, its bytes, its faults, and what it loads."""
+"""The Python interface: its page, its bytes, its faults, and its imports."""
 
 import doctest
 import json

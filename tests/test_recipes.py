@@ -1,4 +1,4 @@
-"""The models of docs/recipes.md against the formulas that stand beside them."""
+"""The models of docs/recipes.md against the formulas beside these."""
 
 import contextlib
 import io
@@ -164,7 +164,7 @@ def test_each_recipe_is_held_against_its_formula():
 
 @pytest.mark.slow
 def test_one_problem_in_several_tools():
-    """docs/coming-from.md: what it prints of lagsim, and that scipy's text agrees."""
+    """docs/coming-from.md: its output of lagsim, and agreement with scipy's text."""
     (model,) = (b.text for b in blocks("docs/coming-from.md") if b.kind == "yaml")
     result = lagsim.simulate(lagsim.load(model), error_bar="never")
     page = (ROOT / "docs/coming-from.md").read_text("utf-8")

@@ -1,4 +1,4 @@
-"""What SECURITY.md says that a file may cost is what the code refuses."""
+"""Limits on the cost of a file in SECURITY.md are those of the code."""
 
 import re
 
@@ -33,7 +33,7 @@ NUMBER = re.compile(r"10\^(\d+)|(\d[\d,]*)(?: ([KMG]iB))?")
 
 
 def numbers(text):
-    """Give the numbers of a cell: 10^6, 3,000,000, 16 MiB."""
+    """Return the numbers of a cell: 10^6, 3,000,000, 16 MiB."""
     return [
         10 ** int(power) if power else int(whole.replace(",", "")) * UNITS.get(unit, 1)
         for power, whole, unit in NUMBER.findall(text)

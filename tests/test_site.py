@@ -1,4 +1,4 @@
-"""What binds the pages together: links, anchors, commands in the text, pages made."""
+"""Relations between pages: links, anchors, commands in the text, generated pages."""
 
 import re
 import shlex
@@ -50,7 +50,7 @@ def test_the_site_has_all_pages():
 
 
 def test_commands_in_the_text_are_commands():
-    """Those in `back quotes` too: their names and options are those of the program."""
+    """Commands in `back quotes`, too, have names and options of the program."""
     app = typer.Typer()
     for name in COMMANDS:
         app.command(name)(import_module(f"lagsim.cli.{name}").command)

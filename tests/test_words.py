@@ -32,7 +32,7 @@ TEXTS = [*PAGES, "SECURITY.md", *map(str, MEASURED)]
 
 
 def avoided(text):
-    """Give the words of a text that are not to be used."""
+    """Return the words of a text that are to be avoided."""
     text = " ".join(re.sub(r"`[^`]*`", "", text).split())
     found = [hit[0] for hit in AVOIDED.finditer(text)]
     for phrase in THE_SECTION:

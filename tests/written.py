@@ -29,13 +29,13 @@ WORDS = ("unit", "description", "restitution_law", "method", "formulation", "onc
 
 
 def flat(name):
-    """Give the name without dots."""
+    """Return the name without dots."""
     base, order = rated(name)
     return base.replace(HIDDEN, "hidden_").replace(".", "_") + ENDINGS[order]
 
 
 def text_of(parsed):
-    """Give the text of an expression in postfix."""
+    """Return the text of an expression in postfix."""
     stack: list[str] = []
     for kind, payload, *_ in parsed.postfix:
         if kind == "number":
@@ -96,12 +96,12 @@ def _root(path):
 
 
 def is_expanded(path):
-    """Tell whether a file has families, vectors, frames or bodies."""
+    """Return whether a file has families, vectors, frames or bodies."""
     return has_members(_root(path))
 
 
 def written(path):
-    """Give the document of a model file, with texts as its scalars."""
+    """Return the document of a model file, with texts as its scalars."""
     root = _root(path)
     node = File(root, str(path), Faults(str(path)), Graph(10**7), {}, {}).node
     top = {key.text: below for key, below in entries_of(node)}
@@ -119,7 +119,7 @@ def written(path):
 
 
 def _start(path):
-    """Give the start of a motion: positions, velocities and states, as numbers."""
+    """Return the start of a motion: positions, velocities and states, as numbers."""
     model = read_file(str(path))
     row = run(path.stem, duration=1e-6, output_step=1e-6)
     names = [q.name for q in model.coordinates]

@@ -1,4 +1,4 @@
-"""Scenes as text, and what the examination of their starts gives."""
+"""Scenes as text, and the results of the examination of their starts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def scene(
     definitions: str = "",
     more: str = "",
 ) -> str:
-    """Give a model: coordinates are the plain names in `initial`.
+    """Return a model whose coordinates are the plain names in `initial`.
 
     Without `kinetic` each has mass 1. A single relation is called `a`.
     """
@@ -58,12 +58,12 @@ def scene(
 
 
 def codes(start: StartReport) -> list[str]:
-    """Give the codes of the warnings."""
+    """Return the codes of the warnings."""
     return [w.code for w in start.warnings]
 
 
 def warning(start: StartReport, code: str) -> str:
-    """Give the text of the only warning of this code."""
+    """Return the text of the only warning of this code."""
     [text] = [w.text for w in start.warnings if w.code == code]
     return text
 
@@ -92,7 +92,7 @@ ASKED = {
 
 
 def check(start: StartReport, **expected: Any) -> None:
-    """Compare a report with what is expected: texts are parts, numbers to rounding."""
+    """Compare a report with expected values: texts as parts, numbers to rounding."""
     for key, value in expected.items():
         found = ASKED.get(key, attrgetter(key.replace("__", ".")))(start)
         if isinstance(value, str):

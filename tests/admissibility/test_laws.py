@@ -1,4 +1,4 @@
-"""Constraints that hold at times, at the start: closed forms say what each does."""
+"""Constraints that hold at times, at the start: closed forms of their modes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A start is judged the same wherever it stands, however it moves, beside whatever."""
+"""Verdicts on starts do not depend on place, motion, units or other bodies."""
 
 import math
 
@@ -16,7 +16,7 @@ RELATIVE = (
 
 
 def rod(shift, miss, form=RELATIVE[0], unit=1.0):
-    """Give a rod of 1 m, its far end off by `miss` of that."""
+    """Return a rod of 1 m whose far end is off by `miss` of its length."""
     places = {
         "x1": shift * unit,
         "y1": -shift * unit,

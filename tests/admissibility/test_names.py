@@ -1,4 +1,4 @@
-"""What is said of names and places: unused, in degrees, without a value or inertia."""
+"""Warnings on names and places: unused, in degrees, without a value or inertia."""
 
 import pytest
 

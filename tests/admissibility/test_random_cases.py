@@ -12,7 +12,7 @@ ROWS, UNITS = 8.0, 6.0
 
 
 def dependent(rows):
-    """Give each row that earlier ones span by its number, with the coefficients."""
+    """Return each row in the span of earlier rows, by number, with the coefficients."""
     held, found = [], {}
     for k, row in enumerate(rows):
         if np.linalg.matrix_rank(rows[[*held, k]]) > len(held):
@@ -45,7 +45,7 @@ def check(seed: int) -> None:
         wrong = int(random.choice([*spanned]))
 
     def relation(k):
-        """Give scale * (combination of the base functions) = 0, or what contradicts."""
+        """Return scale * (combination of base functions) = 0, or its contradiction."""
         terms = []
         for j, x in enumerate(at):
             for power, table in enumerate((rows, bend), 1):

@@ -1,4 +1,4 @@
-"""Integrability: what velocity constraints let the motion reach."""
+"""Integrability: the configurations that velocity constraints permit."""
 
 import time
 
@@ -22,7 +22,7 @@ DISK = {"x": "x_dot + 0.3*s_dot*cos(p) = 0", "y": "y_dot + 0.3*s_dot*sin(p) = 0"
 
 
 def wheels(unit, factor):
-    """Give the wheels with another unit of the angle, and one relation scaled."""
+    """Return the wheels with another unit of the angle, and one relation scaled."""
     relations = {k: r.replace("(p)", f"(p/{unit!r})") for k, r in WHEELS.items()}
     relations = {
         k: r.replace("*p_dot", f"*p_dot/{unit!r}") for k, r in relations.items()

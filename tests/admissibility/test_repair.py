@@ -120,7 +120,7 @@ ARM = scene(
 
 
 def elbow(sign):
-    """Give the arm's angles with the tip at (0.7, 0.3)."""
+    """Return the arm's angles with the tip at (0.7, 0.3)."""
     b = sign * 2 * math.acos(math.hypot(0.7, 0.3))
     return {"a": math.atan2(0.3, 0.7) - b / 2, "b": b}
 

@@ -35,7 +35,7 @@ def acceleration(start, name):
 
 
 def chain(guesses, d=0.8, shift=0.0, length=1.0, mass=1.0, time=1.0, more="0"):
-    """Give the model in units of so many metres, kilogrammes and seconds."""
+    """Return a hanging chain, in units of `length` m, `mass` kg and `time` s."""
     n = len(guesses)
     lines = [f"parameters: {{m: {M / n / mass!r}, l: {1 / n / length!r}}}"]
     lines += [f"coordinates: {{{', '.join(f'q{i}: ' for i in range(1, n + 1))}, z: }}"]

@@ -1,4 +1,4 @@
-"""Starts and what is said of them: residuals, ranks, contradictions, thin sets."""
+"""Starts and reports on these: residuals, ranks, contradictions, thin sets."""
 
 import math
 import re
@@ -138,7 +138,7 @@ LINKAGE = {"b": "a", "c": 0, "x": "0.5 + cos(a)", "y": "sin(a)"}
 
 
 def parallelogram(angle, b_dot="1"):
-    """Give cranks at an angle, turning at rate 1, joined by a coupler."""
+    """Return cranks at an angle, turning at rate 1, joined by a coupler."""
     rates = {"a_dot": 1, "b_dot": b_dot, "x_dot": "-sin(a)", "y_dot": "cos(a)"}
     return scene(PARALLELOGRAM, {"a": angle} | LINKAGE | rates)
 
@@ -168,7 +168,7 @@ def test_bricard():
 def test_a_gradient_of_rounding_vanishes(at):
     # At the dead centre the row of `across` is (cos a, cos b, 0): 6e-17.
     def slider_crank(angle):
-        """Give a crank and a rod of length 1 at an angle, turning at rate 1."""
+        """Return a crank and a rod of length 1 at an angle, turning at rate 1."""
         places = {"a": angle, "b": "-a", "x": "2*cos(a)"}
         rates = {"a_dot": 1, "b_dot": -1, "x_dot": "-2*sin(a)"}
         rows = {"along": "cos(a) + cos(b) = x", "across": "sin(a) + sin(b) = 0"}
@@ -193,7 +193,7 @@ PLACED = [
 
 
 def elsewhere(relations, initial, lengths, shift, unit, factor):
-    """Give a scene with lengths in another unit, from afar, and its last row scaled."""
+    """Return a scene in other units, far away, with its last row scaled."""
 
     def told(text):
         for q in lengths:

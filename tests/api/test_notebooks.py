@@ -1,4 +1,4 @@
-"""What notebooks show: figures, small pages, formulas."""
+"""Output in notebooks: figures, small pages, formulas."""
 
 import base64
 import json

@@ -1,4 +1,4 @@
-"""What people read of an object at a prompt, and see of it in a notebook."""
+"""Texts of objects at a prompt, and their pages in a notebook."""
 
 import re
 

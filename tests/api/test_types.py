@@ -1,4 +1,4 @@
-"""The types of what `import lagsim` shows, as mypy sees them in a user's script."""
+"""Types of the public names of `lagsim`, as mypy sees them in a user's script."""
 
 import os
 import subprocess

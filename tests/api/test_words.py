@@ -1,4 +1,4 @@
-"""Arguments: what stands for a model, and faults in Python's words."""
+"""Arguments: forms that denote a model, and faults in the words of Python."""
 
 import copy
 import inspect

@@ -1,4 +1,4 @@
-"""Reading what a command has written, and calling it as a process of its own."""
+"""Reading of the files of a command, and calls of it in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from tests.support import ROOT
 
 
 def table(folder):
-    """Give the header, and the rows as floats, of a folder's table."""
+    """Return the header and the rows, as floats, of a folder's table."""
     text = (Path(folder) / "trajectory.csv").read_bytes().decode()
     header, *rows = csv.reader(io.StringIO(text, newline=""))
     return header, np.array(rows, dtype=float)
 
 
 def document(*path):
-    """Give a file of JSON."""
+    """Return a file of JSON."""
     return json.loads(Path(*path).read_bytes())
 
 
@@ -38,14 +38,14 @@ def names(folder):
 
 
 def contents(folder):
-    """Give the files of a folder: name -> bytes."""
+    """Return the files of a folder: name -> bytes."""
     return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
 
 
 def started(*words, before=(), **around):
-    """Start the command as a process of its own, with more in its environment.
+    """Start the command in a process of its own, with a changed environment.
 
-    before : words before it, such as those of a shell
+    before : words before the command, such as those of a shell. around : the changes.
     """
     line = [*before, sys.executable, "-m", "lagsim", *map(str, words)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), **around}

@@ -16,14 +16,14 @@ from tests.blank_pictures import blank_pictures  # noqa: F401  a fixture
 
 @dataclass(frozen=True)
 class Called:
-    """What a call of the command gave."""
+    """Result of a call of the command."""
 
     code: int
     out: str
     err: str
 
     def reports(self, number, *names):
-        """Tell whether stderr has a message of this number, with these names in it."""
+        """Return whether stderr has a message of this number with these names."""
         found = f"[{number}]" in self.err
         return found and all(name in self.err for name in names)
 
@@ -35,9 +35,9 @@ class Called:
 
 @pytest.fixture
 def lagsim(monkeypatch, capsys, tmp_path):
-    """Give a function that calls `lagsim` in an empty folder.
+    """Return a function that calls `lagsim` in an empty folder.
 
-    `code`, `out`, `err` : the exit code and the texts that the call must give.
+    `code`, `out`, `err` : the expected exit code and texts.
     """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
@@ -63,7 +63,7 @@ def actions(lagsim, monkeypatch, tmp_path):  # noqa: ARG001  it comes before
 
 @pytest.fixture
 def at_rows(monkeypatch):
-    """Give a function that has another called with all rows, before they are taken."""
+    """Return a function that registers a call before each block of rows is stored."""
 
     def at_rows(act):
         def add(self, rows):
@@ -78,7 +78,7 @@ def at_rows(monkeypatch):
 
 @pytest.fixture
 def write(tmp_path):
-    """Give a function that writes a model file, and gives its name."""
+    """Return a function that writes a model file and returns its name."""
 
     def write(text, name="model.yaml"):
         (tmp_path / name).write_text(text, encoding="utf-8")

@@ -17,7 +17,7 @@ KEYS = [
 
 
 def refused(lagsim, *arguments):
-    """Give the messages and the errors of a call that is refused, by both commands."""
+    """Return the messages and the errors of a refused call, by both commands."""
     called = lagsim(*arguments, code=2, out="")
     assert "Traceback" not in called.err
     as_json = lagsim(*arguments, "--json", code=2, err="")

@@ -1,4 +1,4 @@
-"""What continuous integration asks for: strictness, JUnit's XML, annotations."""
+"""Needs of continuous integration: strictness, JUnit's XML, annotations."""
 
 import re
 from pathlib import Path

@@ -23,7 +23,7 @@ def csv(rows, head=HEAD, end="\r\n"):
 
 @pytest.fixture
 def pair(tmp_path, lagsim):
-    """Give a function that compares two texts."""
+    """Return a function that compares two texts."""
 
     def pair(golden, new, *options):
         (tmp_path / "golden.csv").write_bytes(golden.encode())

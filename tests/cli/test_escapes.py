@@ -1,4 +1,4 @@
-"""Nothing that a file or a command line holds makes a terminal act."""
+"""No content of a file or a command line controls the terminal."""
 
 import json
 import re

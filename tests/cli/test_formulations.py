@@ -1,4 +1,4 @@
-"""The formulations on the command line: choices, refusals, what run.json says."""
+"""Formulations on the command line: choices, refusals, entries of run.json."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`lagsim golden`: what it reports of how much of a motion and of a model it guards."""
+"""`lagsim golden`: its report on the numbers of a model that a golden guards."""
 
 from pathlib import Path
 

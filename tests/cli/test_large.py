@@ -1,4 +1,4 @@
-"""Files of 100 kB, whatever they are full of: checked, derived or refused."""
+"""Files of 100 kB with any content are checked, derived or refused."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""What is too large is told with the limit, however it comes."""
+"""Input that is too large is refused with the limit, on every way into a command."""
 
 import io
 import shutil
@@ -43,7 +43,7 @@ def refused(done, *words):
 
 
 def sparse(path, size):
-    """Make a file of so many zeros, which takes no room."""
+    """Create a file of zeros that occupies no disk space."""
     with path.open("wb") as file:
         file.truncate(size)
 

@@ -1,4 +1,4 @@
-"""A folder with files of two runs is told: run.json has the sha256 of each."""
+"""A folder with files of two runs is detected by the sha256 in run.json."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ ELASTIC = MODELS / "elastic-pendulum.yaml"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Make two runs, `a` and `b`, that differ."""
+    """Create two different runs, `a` and `b`."""
     folder = tmp_path_factory.mktemp("made")
     for name, g in (("a", 9.8), ("b", 9.7)):
         model = house.load(ELASTIC, g=g)
@@ -27,7 +27,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def two(made, lagsim, tmp_path):
-    """Give the command, in a folder with the two runs."""
+    """Return the command, in a folder with both runs."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     return lagsim
 

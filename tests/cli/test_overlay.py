@@ -82,7 +82,7 @@ RUNS = {
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """Make the results, once."""
+    """Create the results, once."""
     made = tmp_path_factory.mktemp("made")
     for name, (text, values, animate) in RUNS.items():
         result = house.simulate(house.load(text, **values), error_bar="never")
@@ -92,7 +92,7 @@ def results(tmp_path_factory):
 
 @pytest.fixture
 def overlay(results, lagsim, tmp_path):
-    """Give a function that calls the command in a folder with results."""
+    """Return a function that calls the command in a folder with results."""
     shutil.copytree(results, tmp_path, dirs_exist_ok=True)
     return lambda *words: lagsim("overlay", *words)
 

@@ -1,4 +1,4 @@
-"""What no command takes: exit 2, every fault with its place, nothing written."""
+"""Refused command lines: exit 2, every fault with its place, no file written."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ NO_JSON = ("derive", "new", "overlay")
 
 @pytest.fixture
 def files(write):
-    """Write all files; give the names of what is there."""
+    """Write all files; return the names in the folder."""
     for name, text in FILES.items():
         write(text, name)
     for k, content in enumerate(TEXTS):

@@ -1,4 +1,4 @@
-"""`run --resume`: what is gone on with has the bytes of what was never interrupted."""
+"""`run --resume`: a continued run has the bytes of an uninterrupted one."""
 
 import hmac
 import importlib
@@ -56,7 +56,7 @@ def ended(line, after, kind):
 
 
 def content(folder):
-    """Give the files of a folder, without times that clocks have measured."""
+    """Return the files of a folder, without measured times."""
     found = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
     record = json.loads(found["run.json"])
     del record["timings"]
@@ -65,7 +65,7 @@ def content(folder):
 
 @pytest.fixture
 def begun(monkeypatch):
-    """Give the times at which resumed runs have gone on."""
+    """Return the times at which resumed runs have continued."""
     # A record names the versions of what is loaded: the first run's as the second's.
     importlib.import_module("matplotlib")
     times = []
@@ -86,7 +86,7 @@ def line(model, folder, *more):
 
 
 def gone_on(lagsim, begun, model, after, kind, *more):
-    """Go on with a run that was ended; give what there is then, and should be."""
+    """Continue an interrupted run; return its files and those expected."""
     assert lagsim(*line(model, "whole", *more)).code == 0
     ended(line(model, "cut", *more), after, kind)
     assert Path("cut", restart.RESTART).exists()
@@ -172,7 +172,7 @@ def test_what_a_stranger_has_put_there_is_not_opened(lagsim):
 
 
 def sealed(key):
-    """Give a restart that whoever knows the key could write."""
+    """Return a checkpoint that anybody with the key could write."""
     rest = json.dumps([{}, [0, None, 0, ""]]).encode() + b"\n[[0],[[]]]\n"
     return hmac.new(key, rest, "sha256").hexdigest().encode() + b"\n" + rest
 
@@ -276,7 +276,7 @@ def test_rows_that_were_changed_are_made_anew(lagsim, begun):
 
 
 def test_what_cannot_be_kept_is_not(lagsim, monkeypatch):
-    """A run of which something cannot be kept is made to its end all the same."""
+    """A run with a state that cannot be stored is completed all the same."""
 
     def unable(*_):
         raise TypeError("cannot pickle 'generator' object")

@@ -1,4 +1,4 @@
-"""`lagsim run`: what it writes, what it says, and how it ends."""
+"""`lagsim run`: its files, its output, and its end."""
 
 import hashlib
 import io

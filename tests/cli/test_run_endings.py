@@ -1,4 +1,4 @@
-"""How a run ends that does not end well, and what becomes of the files then."""
+"""Runs that end early, and the files that they leave."""
 
 import math
 import os
@@ -141,9 +141,9 @@ def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
 
 @contextmanager
 def small_disk():
-    """Let no file grow beyond 200 kB while the context lasts: EFBIG, as ENOSPC.
+    """Context manager: no file grows beyond 200 kB (EFBIG, as ENOSPC).
 
-    Not longer: what measures coverage writes between tests.
+    The limit ends with the context, since coverage writes files between tests.
     """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))

@@ -17,7 +17,7 @@ def named(name, text=PENDULUM):
 
 @pytest.fixture
 def three(write):
-    """Give three models: two that run, and between them one whose start is wrong."""
+    """Return three models: two that run, and between them one with an invalid start."""
     for name, text in (("a", PENDULUM), ("b", CAPTION), ("c", CONTACT)):
         write(named(name, text), f"{name}.yaml")
     return "a.yaml", "b.yaml", "c.yaml"

@@ -1,4 +1,4 @@
-"""The same files, byte by byte, whatever goes on around a command."""
+"""Files are equal byte by byte, whatever the environment of a command."""
 
 import json
 import os
@@ -24,7 +24,7 @@ AROUND = {
 
 
 def made(folder, line, **around):
-    """Call the command in a process of its own; give what it has written there."""
+    """Call the command in a process of its own; return its files."""
     command, model, *options = line.split()
     folder.mkdir()
     subprocess.run(

@@ -1,4 +1,4 @@
-"""`lagsim schema`: it takes what the reader takes, and refuses wrong shapes."""
+"""`lagsim schema`: it accepts the files of the reader, and refuses wrong shapes."""
 
 import json
 import re

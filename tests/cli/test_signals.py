@@ -257,7 +257,7 @@ def test_a_signal_at_any_moment(write, command, options):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_signal_that_was_lost_before_is_noted(lagsim, write, monkeypatch, kind):
-    """What it raises in a finalizer, or in a callback from C, comes to nobody."""
+    """An exception raised in a finalizer, or in a callback from C, is discarded."""
 
     def lost(*arguments, **options):
         with contextlib.suppress(RAISED):

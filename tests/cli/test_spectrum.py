@@ -1,4 +1,4 @@
-"""`lagsim spectrum`: what is told, what is written, what is refused."""
+"""`lagsim spectrum`: its output, its files, its refusals."""
 
 import csv
 from pathlib import Path

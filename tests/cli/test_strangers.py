@@ -1,4 +1,4 @@
-"""Folders that a stranger has prepared: pipes, links, modules and settings in them."""
+"""Folders prepared by somebody else: with pipes, links, modules and settings."""
 
 import ast
 import os
@@ -105,7 +105,7 @@ def test_what_a_run_writes_is_known_as_its_own(lagsim, write):
 
 
 def prepared(folder):
-    """Plant what Python and matplotlib look for in the working directory."""
+    """Write files that Python and matplotlib look for in the working directory."""
     for name in ("typer", "numpy", "yaml", "matplotlib", "orjson", "multiprocessing"):
         Path(folder, f"{name}.py").write_text('print("a stranger was here")\n')
 

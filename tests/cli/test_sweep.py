@@ -1,4 +1,4 @@
-"""`lagsim sweep`: the rows are those of single runs, whoever makes them."""
+"""`lagsim sweep`: the rows are those of single runs, in any process."""
 
 import csv
 import io
@@ -38,7 +38,7 @@ QUICK = ("--no-plots", "--error-bar", "never")
 
 
 def rows_of(folder):
-    """Give sweep.csv, a mapping for each row."""
+    """Return the rows of sweep.csv as mappings."""
     text = (Path(folder) / "sweep.csv").read_bytes().decode()
     return list(csv.DictReader(io.StringIO(text, newline="")))
 
@@ -248,7 +248,7 @@ def on_each_run(monkeypatch, begin):
 
 @pytest.fixture
 def interrupted(lagsim, monkeypatch):
-    """Give a function that interrupts a sweep in the run of a number, from 1."""
+    """Return a function that interrupts a sweep in run number n, from 1."""
 
     def interrupt(run, *sweep):
         begun = []

@@ -1,4 +1,4 @@
-"""`run --table` and `--units`: the same numbers, whatever they are kept in."""
+"""`run --table` and `--units`: equal numbers in every format."""
 
 import csv
 import sys

@@ -1,4 +1,4 @@
-"""A picture that cannot be drawn costs that picture, and nothing else of a run."""
+"""A picture that cannot be drawn is left out; the rest of a run is unchanged."""
 
 import errno
 from pathlib import Path
@@ -73,7 +73,7 @@ def test_a_folder_that_cannot_be_locked_is_reported(
 
 
 class Killed(BaseException):
-    """What takes the process while it draws."""
+    """Drawing that kills the process."""
 
 
 @pytest.mark.parametrize("before", [False, True])

@@ -7,7 +7,7 @@ from tests.scenes.test_change_point import LINKAGE
 
 
 def anew(document):
-    """Give the choices by which a run was repeated."""
+    """Return the choices by which a run was repeated."""
     return [c for c in document["plan"] if c["choice"].startswith("repeated: ")]
 
 

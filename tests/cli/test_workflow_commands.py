@@ -22,7 +22,7 @@ OWN = re.compile(r"::(error|warning)( [a-z]+=[^:,]*(,[a-z]+=[^:,]*)*)?::")
 
 
 def commands(text, blanks=BLANKS):
-    """Give the lines that the runner takes for commands, our annotations aside."""
+    """Return lines that the runner takes for commands, without our annotations."""
     lines = re.split(r"\r\n|\r|\n", text)
     begun = [line.lstrip(blanks) for line in lines]
     planted = [x for x in begun if x.startswith("::") and not OWN.match(x)]

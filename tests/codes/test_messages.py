@@ -129,7 +129,7 @@ def test_a_message_has_its_number_and_a_hint_in_any_case():
 
 @pytest.fixture
 def example(tmp_path, lagsim):  # noqa: F811
-    """Give a function that runs an example; what its last command says."""
+    """Return a function that runs an example; return its last command's output."""
     (tmp_path / "models").symlink_to(MODELS)
 
     def run(row):

@@ -1,4 +1,4 @@
-"""Scenes of the shipped models, and what may happen to them."""
+"""Scenes of the shipped models, and changes of these."""
 
 import functools
 from dataclasses import replace
@@ -12,7 +12,7 @@ GOLDENS = ROOT / "tests" / "golden"
 
 
 def scene(name, **overrides):
-    """Give a shipped model, with parameters set."""
+    """Return a shipped model, with parameters set."""
     texts = {k: repr(v) for k, v in overrides.items()}
     return open_case(read_file(str(MODELS / f"{name}.yaml"), texts))
 
@@ -23,19 +23,19 @@ def stored(name):
 
 
 def judged(name, other, motion=None):
-    """Hold a scene, or a motion of it, against the golden of a shipped model."""
+    """Compare a scene, or a motion of it, with the golden of a shipped model."""
     motion = run(other, stored(name)) if motion is None else motion
     return judge(other, motion, stored(name))
 
 
 def replaced(motion, column, values):
-    """Give the motion with another column."""
+    """Return the motion with another column."""
     rows = motion.rows.copy()
     rows[:, motion.columns.index(column)] = values
     return replace(motion, rows=rows)
 
 
 def told(judgement):
-    """Say in a few words what was found."""
+    """Return a short text on the result of a comparison."""
     worst = judgement.worst[0]
     return f"{worst.column} at {worst.t:.4g}: {worst.ratio:.2g} of its bound"

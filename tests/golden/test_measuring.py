@@ -1,4 +1,4 @@
-"""What `golden --update` measures: bounds of rows, of invariants, and of impacts."""
+"""Quantities that `golden --update` measures: bounds of rows, invariants, impacts."""
 
 import math
 from dataclasses import replace
@@ -49,9 +49,9 @@ def pendulum():
 
 @pytest.fixture
 def measured(pendulum, monkeypatch):
-    """Give a function that measures with invented runs beside the golden one.
+    """Return a function that measures with invented runs beside the golden one.
 
-    They are (column, function of t that is added to it).
+    The runs are pairs: a column, and a function of t that is added to the column.
     """
 
     def measured(*invented):
@@ -373,7 +373,7 @@ def test_an_impact_that_moves_by_rounding_is_the_same():
 
 
 def shifted(motion, by):
-    """Give the motion with each impact `by` later, and nothing else."""
+    """Return the motion with each impact `by` later, and no other change."""
     rows = motion.rows.copy()
     rows[at_impacts(rows[:, 0]), 0] += by
     return replace(motion, rows=rows)
@@ -444,7 +444,7 @@ simulation: {duration: 5, output_step: 0.05}
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RESTS)
 def test_rows_of_a_motion_at_rest_are_kept(name):
-    """What rounding leaves of a balance is no motion that could be lost."""
+    """Rounding in a balance of forces is no motion that could be lost."""
 
     def opened(p):
         return open_case(read(f"parameters: {{p: {p}}}\n{RESTS[name]}", "rest.yaml"))

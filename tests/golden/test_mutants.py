@@ -1,6 +1,6 @@
-"""What a golden sees: a table of 200 mutants; and what it forgives.
+"""Detection by goldens: a table of 200 mutants, and variants without detection.
 
-That is variants of a run, other processors, other libraries of functions.
+The variants are runs with other tolerances, processors, and libraries of functions.
 """
 
 import functools
@@ -27,7 +27,7 @@ NOISE = 1e-9
 
 @functools.cache
 def whole(name):
-    """Give the unchanged motion in all its rows, and where the golden's rows are."""
+    """Return the unchanged motion in all rows, and the indices of the golden's rows."""
     golden = stored(name)
     other = scene(name)
     motion = motion_of(other, 1)
@@ -36,7 +36,7 @@ def whole(name):
 
 
 def ranges(name):
-    """Give the columns that move, with their ranges in the golden."""
+    """Return the columns that move, with their ranges in the golden."""
     golden = stored(name)
     wide = np.ptp(golden.rows, axis=0)
     size = np.max(np.abs(golden.rows), axis=0)
@@ -48,7 +48,7 @@ def ranges(name):
 
 
 def noisy(column):
-    """Tell what is nothing but errors in the shipped models, whatever its range."""
+    """Return whether a column consists of errors only in the shipped models."""
     return column.startswith(("residual_", "error", "perihelion"))
 
 
@@ -154,7 +154,7 @@ LATER = (
 
 
 def mutants():
-    """Give kind, model, what was changed, scene and motion; the same each time."""
+    """Return kind, model, change, scene and motion of each mutant, reproducibly."""
     for number, name in enumerate(sorted(SHIPPED, key=LATER.count)):
         random = np.random.default_rng(number)
         for kind in MUTANTS:
@@ -186,7 +186,7 @@ def test_mutants_are_seen():
 
 
 def variants(name):
-    """Give what is not to be flagged: label, scene."""
+    """Return label and scene of each variant that must not be detected."""
     other = scene(name)
     for seed in (101, 102):
         yield f"one ulp, seed {seed}", perturbed(other, seed)
@@ -269,7 +269,7 @@ define internal {BOTH} @{SINCOS}({VECTOR} %x) noinline {{
 
 @pytest.fixture
 def rounding_otherwise(monkeypatch, tmp_path):
-    """Make all code that is generated use functions that are off in the last place."""
+    """Generate all code with functions that are off in the last place."""
     # The usual code of a graph is in the usual cache.
     monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "otherwise"))
     for module in (straight_line, tapes):
@@ -297,7 +297,7 @@ def nudged(ir):
 
 
 def some_nightly(every, slow):
-    """Give test parameters: some are slow, the others wait for the night."""
+    """Return test parameters: some are slow, the others nightly."""
     marks = {True: pytest.mark.slow, False: pytest.mark.nightly}
     return [pytest.param(one, marks=marks[one in slow]) for one in every]
 
@@ -321,7 +321,7 @@ def test_functions_do_round_otherwise(request):
 
 
 def other_targets():
-    """Give processors that this one can run code for."""
+    """Return processors whose code this one can run."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return ["generic", "portable"]
     from llvmlite.binding import get_host_cpu_features

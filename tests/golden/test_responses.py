@@ -1,6 +1,6 @@
-"""What goldens record of small changes of their models: seen, not seen, without effect.
+"""Small changes of models as goldens record these: seen, not seen, without effect.
 
-Expected from the equations: which numbers a motion depends on, and when.
+Expected from the equations: the numbers on which a motion depends, and when.
 """
 
 import functools
@@ -21,7 +21,7 @@ from tests.support import MODELS, SHIPPED
 
 
 def measured(text, name="model.yaml"):
-    """Give a golden with its changes, and its case."""
+    """Return a golden with its recorded changes, and its case."""
     case = open_case(read(text, name))
     golden, base = new_golden(case)
     golden.about[CHANGES] = responses(case, golden, base)
@@ -181,7 +181,7 @@ def test_the_golden_of_a_shipped_model_sees_each_number(name):
 
 @functools.cache
 def changed(name):
-    """Give texts of numbers with the opposite changes, by parameter and start value."""
+    """Return texts of numbers with the opposite changes, by name."""
     model, changes = scene(name).model, stored(name).about[CHANGES]
     found = {}
     for section, values in (

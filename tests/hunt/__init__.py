@@ -6,5 +6,5 @@ scenes that are written twice, for lagsim and for the referee; `hybrid` integrat
 from event to event, `hybrid_verdict` compares. `instants` makes models of nested
 switches, tables, limits, events and sections as `trees`; `flights` and `instants_run`
 follow them by Taylor `series` from instant to instant, `instants_verdict` compares.
-Nothing but `lagsim_runs` knows lagsim, and that only as a command.
+Only `lagsim_runs` uses lagsim, as a command.
 """

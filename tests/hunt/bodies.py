@@ -44,7 +44,7 @@ def some_velocity(k, dimensions):
 
 
 def stiffness(k, a, b, low=0.5, high=8):
-    """Give a stiffness whose frequency suits the scene."""
+    """Return a stiffness whose frequency suits the scene."""
     reduced = 1.0 / (1.0 / a.mass + (0.0 if math.isinf(b.mass) else 1.0 / b.mass))
     return short(reduced * k.between(low, high, 1 / k.time) ** 2)
 
@@ -322,7 +322,7 @@ def chain_of_angles(k):
 
 
 def _pivot(k, n):
-    """Give the texts of where a pendulum hangs; may add a cart."""
+    """Return the texts of the position of a pendulum's pivot; may add a cart."""
     kind = k.one_of("fixed", "fixed", "cart", "shaken", "turning")
     if kind == "cart":
         mass, s = k.some_mass(), k.name("s")

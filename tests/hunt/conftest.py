@@ -1,4 +1,4 @@
-"""What hunts share: lagsim as a process, a folder of failures, the seed of a night."""
+"""Fixtures of hunts: lagsim as a process, a folder of failures, a night's seed."""
 
 import datetime as dt
 import os

@@ -1,9 +1,9 @@
-"""Random scenes of contact, each told in other words to lagsim than to the referee.
+"""Random scenes of contact, written for lagsim in another form than for the referee.
 
 A scene is one to three bodies (balls, stops, strings, blocks, wheels), perhaps joined
-by springs. To lagsim it is told with another origin, from a train, in other units, at
-another time, beside something heavy, its constraints in another order: the motion is
-the same.
+by springs. For lagsim it is written with another origin, in a moving frame, in other
+units, at another time, beside a heavy body, with its constraints in another order: the
+motion does not change.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def part(
     q, kinetic, potential, laws, start,
     speeds, forces = None, loose = (),
 ):  # fmt: skip
-    """Give something that moves: its coordinates begin at `start` with `speeds`."""
+    """Return a moving part whose coordinates begin at `start` with `speeds`."""
     states = zip(start, speeds, strict=True)
     return Item(
         "part", coordinates=dict(zip(q, states, strict=True)), kinetic=(kinetic,),
@@ -227,13 +227,13 @@ UNITS = ("metres", "megametres", "microseconds", "years", "grams", "tonnes")
 
 @dataclass(frozen=True)
 class ContactScene:
-    """A scene, as the referee sees it, and the words in which it is told to lagsim."""
+    """A scene as the referee has it, and the form in which lagsim gets it."""
 
     scene: Scene
     words: tuple[str, ...] = ()
 
     def told(self):
-        """Give it in both words; lagsim's columns are those of the scene."""
+        """Return the scene in both forms; lagsim's columns are those of the scene."""
         scene = self.scene
         rates = {f"rate_{q}": f"{q}_dot" for q in scene.q}
         items = (*scene.items, Item("rates", definitions=rates))
@@ -252,7 +252,7 @@ class ContactScene:
 
 
 def plain_of(scene):
-    """Give a scene in the words of the hybrid referee."""
+    """Return a scene in the form of the hybrid referee."""
     items = tuple(replace(item, laws=()) for item in scene.items)
     laws: list[hybrid.Law] = []
     for law in scene.terms("laws"):
@@ -273,7 +273,7 @@ def plain_of(scene):
 
 
 def contact_scene(seed):
-    """Give the scene of a seed."""
+    """Return the scene of a seed."""
     r = random.Random(seed)
     count = r.choice([1, 1, 1, 2, 2, 3])
     parts = [r.choice(PARTS)(r, k) for k in range(count)]

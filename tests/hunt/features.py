@@ -1,9 +1,9 @@
 """Random scenes of families, frames, bodies, tables, states, modes and events.
 
 Each is written twice: for lagsim with the features of the file, and for the referee
-written out, every member, rotation and sum by this generator. A base (sliders, a chain,
-bodies in space, blocks on a ground) has movers: coordinates that what decorates a scene
-acts on.
+with every member, rotation and sum written out by this generator. A base (sliders, a
+chain, bodies in space, blocks on a ground) has movers: coordinates on which the
+features of a scene act.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROWS = 40
 
 
 class Mover(NamedTuple):
-    """A coordinate: what lagsim and the referee call it, its inertia and its start."""
+    """A coordinate: its names for lagsim and the referee, its inertia and its start."""
 
     told: str
     plain: str
@@ -72,7 +72,7 @@ class Maker:
         return f"{letter}{sum(map(len, taken)) + len(modes)}"
 
     def put(self, section, told, plain=None):
-        """Add entries: the same to both files, or to each its own."""
+        """Add entries to a section: equal ones to both files, or one to each."""
         self.told.setdefault(section, {}).update(told)
         self.plain.setdefault(section, {}).update(told if plain is None else plain)
 
@@ -82,7 +82,7 @@ class Maker:
         )
 
     def both(self, mover, text):
-        """Give a text of {x} and {v} for both files."""
+        """Return a text of {x} and {v} for both files."""
         family, bracket, index = mover.told.partition("(")
         pairs = {mover.told: f"{family}_dot{bracket}{index}",
                  mover.plain: f"{mover.plain}_dot"}  # fmt: skip
@@ -96,7 +96,7 @@ class Maker:
         self.add("potential", *self.both(mover, text))
 
     def stop(self, mover):
-        """Have a mover start at rest; tell whether nothing else holds it."""
+        """Start a mover at rest; return whether no other feature holds it."""
         if mover.plain in self.still:
             return False
         self.still.add(mover.plain)
@@ -124,7 +124,7 @@ class Maker:
         return name
 
     def event(self, letter, told, plain, **values):
-        """Add an event: `told` and `plain` are what differs in both files."""
+        """Add an event: `told` and `plain` are entries that differ in both files."""
         name = self.name(letter)
         self.told.setdefault("events", {})[name] = told | values
         self.events[name] = plain | values
@@ -177,7 +177,10 @@ def members(k, letter, starts, speeds, masses):
 
 
 def total(form, *lists, first=1):
-    """Give the written-out sum of a form of i, the index, j, the one before, and a."""
+    """Return the written-out sum of a form.
+
+    The form contains i, the index, j, the index before, and a, an element of each list.
+    """
     return " + ".join(
         form.format(i=i, j=i - 1, a=a)
         for i, *a in zip(range(first, first + len(lists[0])), *lists, strict=False)
@@ -275,7 +278,7 @@ def dot(a, b):
 
 
 def rodrigues(a, angle):
-    """Give the rotation by an angle about a unit vector, as rows of texts."""
+    """Return the rotation by an angle about a unit vector, as rows of texts."""
     cross = [[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]]
     return [
         [f"{float(r == c) - a[r] * a[c]!r}*cos({angle}) + {a[r] * a[c]!r}"
@@ -384,7 +387,7 @@ def ratchet(k, x):
 
 
 def counter(k, x):
-    """Located events that count, once or again, and what they count acts."""
+    """Located events that count, once or repeatedly, and an effect of the count."""
     n = k.name("n")
     k.put("modes", {n: 0})
     sign = k.r.choice(["<=", ">="])
@@ -481,7 +484,7 @@ DECORATIONS = (
 
 
 def feature_scene(seed):
-    """Give the scene of a seed."""
+    """Return the scene of a seed."""
     r = random.Random(seed)
     k = Maker(r, r.choice([0.0, 0.0, 3.0, -2.0]), r.choice([1.0, 2.0, 3.0]))
     r.choices(BASES, [6, 4, 1, 5])[0](k)

@@ -1,4 +1,4 @@
-"""Motions of random models in fixed cells and modes, and the choice of these.
+"""Motions of random models in fixed cells and modes, and the choice of cells and modes.
 
 Bodies of constant mass move along coordinates of their own. Between two instants each
 switch is in one cell and each law in one mode, so that positions, velocities and states
@@ -176,9 +176,9 @@ class Arc:
     """A motion in fixed cells and modes, as series from its start.
 
     readings : one; in a slide those of both sides, and `share` is that of the second
-    held : whether a switch at rest may have another value
-    law_modes : off, on, stick, 1, -1, closed, open; out : the reading of conditions
-    watched : (key, series) of what is positive after the start
+    held : whether a switch at rest may have another value law_modes : off, on, stick,
+    1, -1, closed, open; out : the reading of conditions watched : (key, series) of
+    functions that are positive after the start
     """
 
     t: float
@@ -219,7 +219,7 @@ class Tie:
     cells: dict[Tree, int]
 
     def fits(self, argument):
-        """Tell whether an argument leads into the cell, or stays in it."""
+        """Return whether an argument leads into the cell, or stays in it."""
         sign = first_sign(argument - constant(self.point))
         if self.tree.kind in HALVES:
             return self.cell == sign
@@ -257,7 +257,7 @@ class Flights:
     # What a model leaves open
 
     def fork(self, key, count, why):
-        """Return the way taken at a fork of several ways, the same for one key.
+        """Return the way taken at a fork of several ways; one key has one way.
 
         Raises
         ------
@@ -547,7 +547,7 @@ class Flights:
         return arc if self._laws_fit(arc) else None
 
     def _ties_fit(self, arc, ties, *, loose):
-        """Tell whether a motion leads into the cells chosen for it."""
+        """Whether a motion leads into the cells chosen for it."""
         rests = self._rests(arc, ties)
         for tie in ties:
             # In a slide each side has cells of its own.
@@ -585,9 +585,10 @@ class Flights:
         ]
 
     def _is_ambiguous(self, arc, rests):
-        """Tell whether a motion rests on a jump that is not all there is of its place.
+        """Whether a motion rests on a jump that does not determine the motion alone.
 
-        Its value there or any between both sides: Filippov's motions are several.
+        The value there is arbitrary between both sides: Filippov's motion is not
+        unique.
         """
         held = bool({"stick", "closed"} & set(arc.law_modes)) or len(rests) > 1
         return held and any(map(self._jumps, rests))
@@ -596,7 +597,7 @@ class Flights:
         return tree.kind not in CONTINUOUS or tree in self.kinks
 
     def _is_placed(self, tree):
-        """Tell whether the slope of an argument is known before the motion is."""
+        """Whether the slope of an argument is known before the motion is."""
         if tree not in self.placed:
             names = {x.data[0] for x in tree.nodes() if x.kind == "var"}
             self.placed[tree] = not names & set("vz")
@@ -634,7 +635,7 @@ class Flights:
     # What ends an arc
 
     def observed(self, arc):
-        """Evaluate what no motion depends on, and gather all that is watched."""
+        """Evaluate expressions without effect on the motion; collect conditions."""
         m, slides = self.m, arc.slide is not None
         r = arc.out = self.reading(
             arc.series, {} if slides else dict(arc.readings[0].cells), _later
@@ -681,7 +682,7 @@ class Flights:
 
 
 def _holding(found):
-    """Return the arcs that hold most: what can hold holds, though it might slide."""
+    """Return the arcs that hold most: laws hold rather than slide, if possible."""
     most = max((a.law_modes.count("stick") for a in found), default=0)
     return [a for a in found if a.law_modes.count("stick") == most]
 
@@ -696,7 +697,7 @@ def _different(found):
 
 
 def _same(a, b):
-    """Tell whether two arcs have one motion, in the same cells or not."""
+    """Return whether two arcs have one motion, in equal or in different cells."""
     if a.law_modes != b.law_modes:
         return False
     both = [

@@ -20,7 +20,7 @@ METHODS = ("dop853", "taylor", "radau")
 
 
 def scene(seed):
-    """Make the scene of a seed."""
+    """Return the scene of a seed."""
     rng = np.random.default_rng(zlib.crc32(seed.encode()))
     maker = Maker(rng)
     if maker.chance(OTHER_UNITS):
@@ -75,7 +75,7 @@ def _until(maker):
 
 
 def admissible(made):
-    """Give the scene with velocities that its constraints admit, where stated."""
+    """Return the scene with velocities that satisfy its constraints, where stated."""
     if not made.stated or not made.gathered("constraints"):
         return made
     from tests.hunt.mechanics import Mechanics

@@ -2,10 +2,10 @@
 
 It reads a written-out model (numbers alone) by sympy. Within an arc everything is
 smooth: each kink has a side u = -1 or 1, each table one polynomial, each law a mode. An
-arc ends where what is watched, positive before, gets negative; that is located on the
-dense output.
+arc ends where a watched function, positive before, becomes negative; this time is
+located on the dense output.
 
-    M a = f + C^T x,    A a = b        C = A but for what slides: A_n - s mu A_t
+    M a = f + C^T x,    A a = b        C = A but for sliding laws: A_n - s mu A_t
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Plain:
 
     @property
     def sets(self):
-        """What events set: their names, the modes and the texts."""
+        """Return the assignments of events: names of events, modes and texts."""
         each = ((name, event["set"].items()) for name, event in self.events.items())
         return [(name, mode, text) for name, pairs in each for mode, text in pairs]
 
@@ -97,7 +97,7 @@ class Pieces:
         self.values = y[0], y[-1]
 
     def at(self, x):
-        """Give left end, right end, origin and coefficients (4,) of the piece at x."""
+        """Return left end, right end, origin and coefficients (4,) of a piece at x."""
         period = self.x[-1] - self.x[0]
         shift = np.floor((x - self.x[0]) / period) * period if self.again else 0.0
         k = int(np.searchsorted(self.x, x - shift, side="right")) - 1
@@ -144,7 +144,7 @@ class Reading(Sided):
         return ((names[1] * d + names[2]) * d + names[3]) * d + names[4]
 
     def side(self, relation):
-        """Give an expression that is >= 0 where a relation is true."""
+        """Return an expression that is >= 0 where a relation is true."""
         left, sign, right = relation.replace("=", "").partition(
             "<" if "<" in relation else ">"
         )
@@ -200,14 +200,14 @@ class Equations:
         self._argument = [made([x]) for _, x, _ in o.pieces]
 
     def start(self):
-        """Give y and the modes at the start."""
+        """Return y and the modes at the start."""
         document = self.scene.document
         names = [*self.o.q, *self.o.v, *self.o.s]
         y = np.array([float(document["initial"].get(x.name, 0)) for x in names])
         return y, np.array([float(document["modes"][x]) for x in self.modes])
 
     def look(self, t, y, modes):
-        """Take all sides and pieces from where the state is."""
+        """Set all sides and pieces by the position of the state."""
         o = self.o
         sides, ends = np.zeros(len(o.sides)), np.zeros((len(o.pieces), 2))
         pieces = np.zeros((len(o.pieces), 5))
@@ -222,14 +222,14 @@ class Equations:
         return sides, pieces, ends
 
     def watched(self, t, y, d):
-        """Give what is positive while sides and pieces are right."""
+        """Return functions that are positive while sides and pieces are right."""
         given = (t, *y, *d.modes, *d.sides, *d.pieces.flat)
         x = np.array([f(*given)[0] for f in self._argument])
         s = np.array([f(*given)[0] for f in self._surface])
         return np.concatenate([d.sides * s, x - d.ends[:, 0], d.ends[:, 1] - x])
 
     def at(self, t, y, d, signs=None):
-        """Give all there is at a state, for the modes of an arc."""
+        """Return all quantities at a state, for the modes of an arc."""
         signs = d.signs if signs is None else signs
         x = np.array(
             self._all(t, *y, *d.modes, *d.sides, *d.pieces.flat, *signs), float
@@ -242,9 +242,9 @@ class Equations:
 
 @dataclass
 class Discrete:
-    """What is fixed within an arc.
+    """The sides, pieces and modes that are fixed within an arc.
 
-    held : whether each row has a multiplier of its own; signs : of what slides, or 0
+    held : whether each row has a multiplier of its own; signs : of sliding laws, or 0
     """
 
     modes: Any
@@ -256,10 +256,12 @@ class Discrete:
 
 
 class Hybrid:
-    """One integration. small : speeds of approach that count as none, over the largest.
+    """One integration of a scene.
 
-    rows : (t, y, modes) at the times asked for; events : (time, name, y);
-    impacts : times; crossings : name -> (t, y) of sections
+    small : speeds of approach that count as 0, relative to the largest
+
+    rows : (t, y, modes) at the requested times; events : (time, name, y); impacts :
+    times; crossings : name -> (t, y) of sections
     """
 
     def __init__(self, equations, tolerance=1e-12, small=1e-10, nudge=0.0):
@@ -284,7 +286,7 @@ class Hybrid:
     # Modes of an arc
 
     def accelerations(self, t, y, held, signs):
-        """Give everything at a state, with a (n,) and the multipliers x (m,)."""
+        """Return all quantities at a state, with a (n,) and the multipliers x (m,)."""
         s = self.e.at(t, y, self.d, signs)
         A, f = s["A"], s["f"].copy()
         C = A.copy()
@@ -308,7 +310,7 @@ class Hybrid:
         return np.concatenate([y[n : 2 * n], self.rates])
 
     def _ahead(self, t, y):
-        """Give sides, pieces and their ends a little later: where the state goes to."""
+        """Return sides, pieces and their ends shortly after the time of the state."""
         n, later = self.e.n, TINY * self.span
         rates = np.concatenate([y[n : 2 * n], self.rates])
         return self.e.look(t + later, y + later * rates, self.d.modes)
@@ -318,7 +320,7 @@ class Hybrid:
         return self.small * (1e-2 + np.max(self.size[self.e.n : 2 * self.e.n]))
 
     def choose(self, t, y, barred=()):
-        """Choose the modes of all laws: the first that break none of them."""
+        """Choose the modes of all laws: the first ones that violate no law."""
         d, laws = self.d, self.e.laws
         d.held, d.signs = np.zeros(len(laws), bool), np.zeros(len(laws))
         d.sides, d.pieces, d.ends = self._ahead(t, y)
@@ -378,7 +380,7 @@ class Hybrid:
     # What ends an arc
 
     def watch(self, t, y):
-        """Give (name, value) of all that is positive within the arc."""
+        """Return (name, value) of all functions that are positive within the arc."""
         d, s = self.d, self.accelerations(t, y, self.d.held, self.d.signs)
         found = [("piece", x) for x in self.e.watched(t, y, d)]
         found += [x for k in range(self.e.m) for x in self._watched_law(k, s)]
@@ -393,7 +395,7 @@ class Hybrid:
         return found
 
     def _watched_law(self, k, s):
-        """Give what is positive while a law keeps its mode."""
+        """Return a function that is positive while a law keeps its mode."""
         law, held, sign = self.e.laws[k], self.d.held[k], self.d.signs[k]
         if s["on"][law.normal if law.kind == "slip" else k] <= 0 or law.kind == "hold":
             return
@@ -434,7 +436,7 @@ class Hybrid:
         return self.e.at(t, y, d, np.zeros(self.e.m))
 
     def _next(self, t):
-        """Give the next time that is known beforehand: of a period, or a condition."""
+        """Return the next time known in advance: of a period, or of a condition."""
         events = self.e.scene.events
         clock = [self.start + k * events[name]["every"]
                  for name, k in self.periodic.items()]  # fmt: skip
@@ -467,7 +469,7 @@ class Hybrid:
         return end, y
 
     def _cross(self, t, y):
-        """Give sections a side once the motion has left them."""
+        """Set the sides of sections that the motion has left."""
         if any(side == 0.0 for side in self.beyond.values()):
             s = self.e.at(t, y, self.d)
             for name, x in zip(self.beyond, s["sections"], strict=True):
@@ -475,7 +477,7 @@ class Hybrid:
                     self.beyond[name] = float(np.sign(x))
 
     def _first(self, out, a, b):
-        """Give the first event of a step: its time, and what; or the end and None."""
+        """Return time and kind of the first event of a step; else the end and None."""
         low, before = a, self.watch(a, out(a))
         for part in LOOKS if before else ():
             high = a + part * (b - a)
@@ -492,7 +494,10 @@ class Hybrid:
         return b, None
 
     def _located(self, out, low, high, k, before):
-        """Give the time at which what is watched, negative at `high`, gets so."""
+        """Return the time at which a watched function becomes negative.
+
+        Its value is negative at `high`.
+        """
 
         def value(t):
             return self.watch(t, out(t))[k][1]
@@ -558,7 +563,7 @@ class Hybrid:
         return bool(due)
 
     def _after(self, t, y, struck=()):
-        """Go on after a change: events that it makes true, impacts, modes."""
+        """Process a change: the events that become true, impacts, and modes."""
         for _ in range(20):
             s = self._looked(t, y)
             fired = False
@@ -582,7 +587,7 @@ class Hybrid:
         return self._settled(t, y)
 
     def _settled(self, t, y):
-        """Give the state without what is left of rates that are held from now on."""
+        """Return the state with the rates that are held from now on set to 0."""
         n, rows = self.e.n, np.flatnonzero(self.d.held)
         s = self.e.at(t, y, self.d, self.d.signs)
         A = s["A"][rows]
@@ -592,7 +597,7 @@ class Hybrid:
     # Impacts
 
     def impact(self, t, y, struck):
-        """Give velocities after an impact, or None where there is none."""
+        """Return velocities after an impact, or None where there is none."""
         s, laws = self._looked(t, y), self.e.laws
         small, near = self._small, 2 * self._small
         on = [s["on"][law.normal if law.kind == "slip" else k] > 0
@@ -624,10 +629,10 @@ class Hybrid:
         return self._phase(s, v, held, closed, targets, None)[0]
 
     def _phase(self, s, v, held, closed, targets, given):
-        """Give velocities and normal impulses of a phase, by trying all kinds.
+        """Return velocities and normal impulses of a phase, by trial of all kinds.
 
-        targets : rates of gaps that contacts with an impulse have afterwards
-        given : or the normal impulses themselves
+        targets : rates of gaps that contacts with an impulse have afterwards given : or
+        the normal impulses themselves
         """
         laws = self.e.laws
         s.setdefault("drift", s["rate"] - s["A"] @ v)
@@ -651,7 +656,7 @@ class Hybrid:
         raise NoTruthError("no impulses")
 
     def _impulses(self, s, v, held, of, slips, targets, given):
-        """Give velocities after impulses of these kinds, and the impulses by row."""
+        """Return velocities after impulses of these kinds, and the impulses by row."""
         A, rate = s["A"], s["A"] @ v + s["drift"]
         rows = {k: (A[k], -rate[k]) for k in held}
         push, known = np.zeros(self.e.n), {}
@@ -691,7 +696,7 @@ def solved(M, A, C, f, b):
 
 
 def _holds(kind, s, v, p, k, slip, targets, near):
-    """Tell whether impulses p and the velocities v after them break no law."""
+    """Return whether impulses p, with the velocities v after these, violate no law."""
     rate = s["A"] @ v + s["drift"]
     if kind == "none":
         return rate[k] >= targets[k] - near

@@ -26,13 +26,12 @@ BESIDE = 1e-6
 
 
 class Told(NamedTuple):
-    """A scene in the words of both.
+    """A scene in both forms, for lagsim and for the referee.
 
-    names : the referee's name -> lagsim's column
-    near : what times of rows may differ by
-    shift, scale : of lagsim's clock; rounding : of its places and times
-    floor : the least size of a velocity, as a part of the largest
-    excused : codes of warnings that excuse so many times what is granted
+    names : the referee's name -> lagsim's column near : permitted difference of the
+    times of rows shift, scale : of lagsim's clock; rounding : of its places and times
+    floor : the least size of a velocity, as a part of the largest excused : codes of
+    warnings -> factor by which these enlarge the tolerance
     """
 
     text: str
@@ -49,7 +48,7 @@ class Told(NamedTuple):
 
 
 def truth(told):
-    """Give the motion, how far its rows (k, 2n + states) are known, and their sizes."""
+    """Return the motion, the errors of its rows (k, 2n + states), and their sizes."""
     equations = Equations(told.plain)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -124,7 +123,7 @@ def judged(told, lagsim, answer, path, known, size):
 
 
 def _others(told, lagsim, answer, path, beside, at, known):
-    """Say what is wrong with modes, events, sections or the balance of energy."""
+    """Return texts on wrong modes, events, sections or energy balance."""
     near = 1e-8 + 1e3 * float(np.max(known))
     for k, mode in enumerate(path.e.modes):
         values = np.array([row[2][k] for row in path.rows])
@@ -155,7 +154,7 @@ def _others(told, lagsim, answer, path, beside, at, known):
 
 
 def _alike(some, others, near):
-    """Tell whether times, of as many pairs, are the same."""
+    """Return whether the times of as many pairs agree."""
     return len(some) == len(others) and all(
         abs(a[0] - b[0]) <= near for a, b in zip(some, others, strict=True)
     )

@@ -1,7 +1,7 @@
-"""Random models in which much is decided at instants: nested switches, limits, events.
+"""Random models with decisions at instants: nested switches, limits, events.
 
-A model is made once, as trees: `flights` integrates these, and `told` writes them for
-lagsim, in one of several spellings, from another origin, in other units, in another
+A model is made once, as trees: `flights` integrates the trees, and `told` writes these
+for lagsim, in one of several spellings, from another origin, in other units, in another
 order, beside a heavy body.
 """
 
@@ -31,7 +31,7 @@ def var(name):
 
 @dataclass
 class Words:
-    """How a model is told: coordinates x = length (far + q), times time t."""
+    """Form of a model for lagsim: coordinates x = length (far + q), times time t."""
 
     far: float = 0.0
     length: float = 1.0
@@ -88,7 +88,7 @@ class Maker:
         return x
 
     def argument(self, depth, only=None):
-        """Return what a switch depends on."""
+        """Return the argument of a switch."""
         if depth <= 0 or self.chance(0.3):
             return self.line(only)
         inner = self.switch(depth - 1, only)
@@ -192,7 +192,7 @@ class Maker:
 
 @dataclass
 class Made:
-    """A model, its words, and what is written in its file."""
+    """A model, its form for lagsim, and the text of its file."""
 
     seed: str
     model: Model
@@ -281,7 +281,7 @@ def _modes(k, model):
 
 
 def _places(k, found):
-    """Put switched expressions where forces, energies and rates stand."""
+    """Insert switched expressions as forces, energies and rates."""
     r, model = k.r, found.model
     for _ in range(r.choice([1, 1, 2, 3])):
         depth = r.choice([1, 1, 2, 2, 3])

@@ -1,8 +1,9 @@
 """The referee's run of a random model: from instant to instant.
 
-An arc ends at the first root of all that is watched: arguments of switches, multipliers
-at their bounds, gaps, rates of slips, relations of sections. At an instant impacts,
-acts of events and a choice of cells and modes follow one another until nothing changes.
+An arc ends at the first root of all watched functions: arguments of switches,
+multipliers at their bounds, gaps, rates of slips, relations of sections. At an instant
+impacts, acts of events and a choice of cells and modes follow one another until the
+state no longer changes.
 """
 
 from __future__ import annotations
@@ -246,7 +247,8 @@ class Run:
     def _in_order(self, fired, arc):
         """Return the events that act now, and store which conditions were true.
 
-        Where one of them moves the condition of another, this may be decided anew.
+        Where one event moves the condition of another one, that condition is decided
+        again.
         """
         events = [e for e in self.m.events if e.name in fired]
         sets = {u for e in events for u, _ in e.sets}
@@ -397,9 +399,9 @@ class Run:
 
 
 def _impulses(A, masses, jumps, kinds):
-    """Return the impulses (k,) of rows: of contacts those that push.
+    """Return the impulses (k,) of rows; contacts have impulses that push.
 
-    What has no impulse leaves faster than it aims at. jumps : (k,), of rates
+    A row without an impulse leaves faster than its target rate. jumps : (k,), of rates
     """
     loose = [k for k, kind in enumerate(kinds) if kind == "contact"]
     found = []

@@ -88,14 +88,14 @@ def _run(model, nudge, script):
 
 
 def truths(model):
-    """Return the motions of a model: several where it leaves open how it moves on.
+    """Return the motions of a model: several where the model does not determine one.
 
-    They are `open` where there may be more of them.
+    They are `open` where further motions may exist.
 
     Raises
     ------
     UndecidedError
-        The referee knows none, or there are too many.
+        If the referee finds no motion, or too many.
     """
     found, faults, script = [], [], Script()
     for _ in range(MOST_WAYS):
@@ -115,7 +115,7 @@ def truths(model):
 
 
 def _beside(times, instants):
-    """Tell which rows are beside an instant that not only clocks made."""
+    """Return marks of the rows beside an instant that not only clocks made."""
     turns = np.array([t for t, clocked in instants if not clocked] + [math.inf])
     return np.min(np.abs(times[:, None] - turns), axis=1) < BESIDE
 
@@ -133,7 +133,7 @@ def tried(seed, lagsim, *options):
 
 
 def judged_by(ways, lagsim, answer):
-    """Return what a run is worth: it is to follow one of several motions."""
+    """Return the verdict on a run, which must follow one of several motions."""
     found = [judged(truth, lagsim, answer) for truth in ways]
     best = next((x for x in found if not x.is_fault), found[0])
     broke = best.kind in ("hang", "crash", "repeated")
@@ -143,7 +143,7 @@ def judged_by(ways, lagsim, answer):
 
 
 def judged(truth, lagsim, answer):
-    """Return what a run is worth against one motion."""
+    """Return the verdict on a run against one motion."""
     found = broken(answer)
     if truth.first.chatters is not None:
         return _chatters(truth, answer)
@@ -167,7 +167,7 @@ def judged(truth, lagsim, answer):
 
 
 def _chatters(truth, answer):
-    """Return what a run is worth whose events undo each other."""
+    """Return the verdict on a run whose events undo each other."""
     end = truth.first.chatters
     if answer.record is None or "chatter" not in str(answer.record["reason"]):
         return Verdict("no-end", f"events undo each other at {end!r}")
@@ -190,7 +190,7 @@ def _times(truth, answer):
 
 
 def _grain(truth):
-    """Return what is granted (rows, columns), in the model's own units."""
+    """Return the permitted differences (rows, columns), in the model's own units."""
     w, n = truth.made.words, truth.made.model.n
     grain = GRANTED * truth.size + GAIN * truth.known
     if w.far:

@@ -50,7 +50,7 @@ class Extrapolation:
     noise: Any = 0.0
 
     def leap(self, t, y, dy, h):
-        """Give the state at t + h and the error of the next lower order."""
+        """Return the state at t + h and the error of the next lower order."""
         before: list[Any] = []
         early: list[Any] = []
         for j in range(self.columns):
@@ -72,7 +72,7 @@ class Extrapolation:
         return before[-1], np.maximum(apart, beyond)
 
     def advance(self, t, y, end):
-        """Take one accepted step, not past `end`; give h, dy, the state, the time."""
+        """Advance by one accepted step, not past `end`; return h, dy, state, time."""
         dy = self.slope(t, y)
         self.evaluations += 1
         self._widen(y)
@@ -106,7 +106,7 @@ class Extrapolation:
         self.high = y if self.high is None else np.maximum(self.high, y)
 
     def _ratio(self, y, dy, h, found, error):
-        """Give the error over what is allowed; each component by itself."""
+        """Return the error over the permitted error, the largest over components."""
         if not np.all(np.isfinite(found)):
             return np.inf
         own = self.high - self.low + np.abs(h * dy) + 1e-7 * self.sizes
@@ -128,7 +128,7 @@ class Extrapolation:
 
 
 def _extrapolated(value, before, n):
-    """Give the row of the tableau that a result by n substeps begins."""
+    """Return the row of the tableau that a result by n substeps begins."""
     row = [value]
     for k in range(1, len(before) + 1):
         ratio = Long(n) / (n - 2 * k)

@@ -1,11 +1,11 @@
-"""Kills at random moments, some inside the renames: what stands afterwards is whole.
+"""Kills at random moments, some inside the renames: the files left are complete.
 
     python -m tests.hunt.kills SEED COUNT FOLDER
 
-A process that is warm forks for each kill. Half of them die at the n-th call that
-touches files, the others within the time that the command takes. What is then in the
-folder must be a result as a whole, the old one or the new one, and the next run must
-go through.
+A process with loaded modules forks for each kill. Half of the forks die at the n-th
+call that touches files, the others within the time that the command takes. The folder
+must then hold a complete result, the old one or the new one, and the next run must
+succeed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def killed(line, moment):
 
 
 def _die_at(number):
-    """Have the n-th call that touches files kill this process, before or after it."""
+    """Kill this process at the n-th call that touches files, before or after it."""
     left = [number // 2]
 
     def counted(call):
@@ -82,7 +82,7 @@ def _die_at(number):
 
 
 def wrong(folder, whole):
-    """Say what is not whole in a folder, or give ""; `whole` are the equations."""
+    """Return a text on an incomplete folder, or ""; `whole` are the equations."""
     names = {path.name for path in folder.iterdir()}
     for record in ("run.json", "sweep.json"):
         if record in names:
@@ -105,7 +105,7 @@ def wrong(folder, whole):
 
 
 def hunt(seed, count, folder):
-    """Kill so often; give the counts, and what was found wrong."""
+    """Kill `count` times; return the counts, and the faults found."""
     os.chdir(folder)
     os.environ["LAGSIM_CACHE"] = str(folder / "cache")
     texts, whole, seconds = {"one": PENDULUM, "other": OTHER}, b"", {}

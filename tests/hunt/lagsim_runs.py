@@ -29,7 +29,7 @@ _TICKS = os.sysconf("SC_CLK_TCK")
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a run; code -1 is a hang or a crash of the process."""
+    """Result of a run; code -1 is a hang or a crash of the process."""
 
     code: int
     told: str
@@ -43,7 +43,7 @@ class Answer:
 
 
 class Lagsim:
-    """A process that runs models, and is replaced when one of them kills it."""
+    """A process that runs models, and is replaced if a model kills it."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -98,7 +98,7 @@ class Lagsim:
 
 
 def _processor(number):
-    """Give the processor seconds that a process has used."""
+    """Return the processor seconds that a process has used."""
     try:
         fields = Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:  # no such system, or no such process: the clock decides

@@ -1,4 +1,4 @@
-"""Model files of 100 kB as nobody would write them: each makes one thing very large."""
+"""Model files of 100 kB that nobody would write: each makes one part very large."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def model(
     parameters="k: 2",
     more="",
 ):
-    """Give a model whose coordinates, named with blanks between, begin at 1."""
+    """Return a model whose coordinates, named with blanks between, begin at 1."""
     names = coordinates.split()
     return "\n".join(
         [
@@ -33,7 +33,7 @@ def model(
 
 
 def _sum(form, letters, sign="+"):
-    """Give terms with the numbers 1, 2, 3 ... in the place of @."""
+    """Return a sum of terms with the numbers 1, 2, 3 ... in place of @."""
     many = letters // (len(form) + 3)
     return sign.join(form.replace("@", str(k)) for k in range(1, many))
 
@@ -48,7 +48,7 @@ def _entries(form, letters, separator="\n"):
 
 
 def _q(letters, form):
-    """Give coordinates, and a sum with a term for each."""
+    """Return coordinates, and a sum with a term for each."""
     many = letters // (2 * len(form) + 12)
     names = [f"q{k}" for k in range(many)]
     return " ".join(names), "+".join(form.replace("@", name) for name in names)
@@ -61,7 +61,7 @@ def _coupled(letters, whole, form):
 
 
 def _constraints(letters, count, form, by):
-    """Give constraints that join a form of each of so many coordinates: @ is one."""
+    """Return constraints that each join a form of `count` coordinates: @ is one."""
     names = [f"q{k}" for k in range(count)]
     whole = by.join(form.replace("@", name) for name in names)
     many = max(2, letters // (len(whole) + 12))
@@ -72,7 +72,7 @@ def _constraints(letters, count, form, by):
 
 
 def _definitions(letters, form, first="x"):
-    """Give definitions each of the one before: @ is its name."""
+    """Return definitions, each a form of the one before, whose name replaces @."""
     many = letters // (2 * len(form) + 8)
     lines = ["definitions:", f"  d0: {first}"]
     lines += [f"  d{k}: '{form.replace('@', f'd{k - 1}')}'" for k in range(1, many)]
@@ -80,7 +80,7 @@ def _definitions(letters, form, first="x"):
 
 
 def rods(count, length):
-    """Give rods of length 1 in a row, whose ends begin so far from each other."""
+    """Return rods of length 1 in a row; neighbouring ends begin `length` apart."""
     names = [f"{x}{k}" for k in range(1, count + 1) for x in "xy"]
     lines = [
         f"  c{k}: (x{k} - x{k - 1})^2 + (y{k} - y{k - 1})^2 = 1"

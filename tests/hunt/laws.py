@@ -176,7 +176,7 @@ def forcing(k):
 
 
 def bystander(k):
-    """A body that touches nothing: heavy or light, near or far, at rest or fast."""
+    """A body without contact: heavy or light, near or far, at rest or fast."""
     d = k.one_of(1, 2)
     far = k.one_of(0, 0, 1e3, 1e6, 1e9) * k.length
     place = tuple(far + k.signed(0.1, 2, k.length) for _ in range(d))

@@ -1,4 +1,4 @@
-"""What the grammar builds with: scales, numbers with few digits, points, names."""
+"""Elements of the grammar: scales, numbers with few digits, points, names."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Maker:
 
 
 class Numbers(dict[str, float]):
-    """Parameters of one item, named as they are asked for."""
+    """Parameters of one item, named in the order of requests."""
 
     def __init__(self, maker):
         super().__init__()
@@ -90,7 +90,7 @@ class Numbers(dict[str, float]):
 
 
 def short(value):
-    """Give a number with three digits, as people write them."""
+    """Return a number with three digits, as people write them."""
     return float(f"{value:.3g}")
 
 
@@ -99,12 +99,12 @@ def squares(*names):
 
 
 def distance(a, b):
-    """Give the text of the distance of two points, and its value."""
+    """Return the text of the distance of two points, and its value."""
     steps = [f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True)]
     value = math.dist(a.place, b.place)
     return f"sqrt({squares(*steps)})", value
 
 
 def weight(k, m, height, n):
-    """Give the energy of a mass at a height."""
+    """Return the energy of a mass at a height."""
     return f"{m}*{n('g', k.between(0.5, 10, k.gravity))}*{height}"

@@ -41,7 +41,7 @@ class Sided(Oracle):
         super().__init__(text)
 
     def _side(self, surface):
-        """Give the side of a surface, the same for the same surface."""
+        """Return the side of a surface; equal surfaces have one side."""
         if surface.is_number:
             return sp.sign(surface)
         for side, known in zip(self.sides, self.kinks, strict=True):
@@ -54,7 +54,7 @@ class Sided(Oracle):
         return self.sides[-1]
 
     def _truth(self, condition):
-        """Give 1 where a condition holds and -1 where not."""
+        """Return 1 where a condition is true, and -1 where it is false."""
         if isinstance(condition, (sp.And, sp.Or)):
             sign = -1 if isinstance(condition, sp.And) else 1
             none = sp.Mul(*((1 - sign * self._truth(c)) / 2 for c in condition.args))
@@ -103,15 +103,15 @@ class Mechanics(Sided):
         self.looks = function([*state, self.a], [*self.features, *rates])
 
     def motion(self, t, y, p, u):
-        """Give q'' (n,) and lam (m,)."""
+        """Return q'' (n,) and lam (m,)."""
         return self._solved(self._forces([t], y, p, u))
 
     def positions(self, t, y, p):
-        """Give the displacement (n,) that takes a state onto its constraints."""
+        """Return the displacement (n,) that moves a state onto its constraints."""
         return self._solved(self._off([t], y, p))[0]
 
     def velocities(self, t, y, p):
-        """Give the change of velocity (n,) after which its constraints stay met."""
+        """Return the least change of velocity (n,) that satisfies the constraints."""
         return self._solved(self._drift([t], y, p))[0]
 
     def _solved(self, x):
@@ -207,7 +207,7 @@ class _Printer(StrPrinter):
 
 
 def _power(base, exponent):
-    """Give a power; a base that a step's last bit took below 0 counts as 0."""
+    """Return a power; a base that rounding made negative counts as 0."""
     if exponent == int(exponent):
         return base ** int(exponent)
     return base**exponent if base > 0 else Long(0)

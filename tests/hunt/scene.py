@@ -1,4 +1,4 @@
-"""A scene: texts, as a model file has them, in items that can be left out."""
+"""A scene: texts, as a model file has them, in items that can be omitted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Law:
     until: float = math.inf
 
     def text(self):
-        """Give what a model file says of it."""
+        """Return the text of the law in a model file."""
         sign = "=" if self.kind in ("limit", "equality") else ">="
         found: dict[str, Any] = {"relation": f"{self.gap} {sign} 0"}
         if self.kind == "contact":
@@ -43,16 +43,13 @@ class Law:
 
 @dataclass(frozen=True)
 class Item:
-    """What stands or falls together; every text is in the language of model files.
+    """Part of a scene, kept or omitted as a whole; texts are as in model files.
 
-    coordinates : name -> (position, velocity) at the start, floats
-    parameters : name -> float
-    definitions, constraints : name -> text
-    kinetic, potential, dissipation : terms
-    forces : (key, text)
-    breaks : times at which something in the texts jumps
-    features : (text of an argument, its width): what a large step would not see
-    loose : coordinates whose start may be anything that its laws admit
+    coordinates : name -> (position, velocity) at the start, floats parameters : name ->
+    float definitions, constraints : name -> text kinetic, potential, dissipation :
+    terms forces : (key, text) breaks : times at which an expression in the texts jumps
+    features : (text of an argument, its width) of terms that a large step would miss
+    loose : coordinates with an arbitrary start that the laws admit
     """
 
     tag: str
@@ -88,11 +85,11 @@ class Scene:
     velocities: dict[str, float] = field(default_factory=dict)
 
     def gathered(self, name):
-        """Give a mapping of all items: coordinates, parameters, ..."""
+        """Return a mapping of all items: coordinates, parameters, ..."""
         return {k: v for item in self.items for k, v in getattr(item, name).items()}
 
     def terms(self, name):
-        """Give a list of all items: kinetic, forces, ..."""
+        """Return a list of all items: kinetic, forces, ..."""
         return [term for item in self.items for term in getattr(item, name)]
 
     @property

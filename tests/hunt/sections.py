@@ -62,7 +62,7 @@ class Flight(NamedTuple):
 
 
 def random_scene(seed):
-    """Give a scene, and the sections that are asked of it, as kinds with numbers."""
+    """Return a scene, and its sections as kinds with numbers."""
     random = np.random.default_rng(seed)
     u = random.uniform
     scene = Scene(
@@ -114,7 +114,7 @@ RELATIONS = {
 
 
 def pieces(kind, c, flight, start):
-    """Give (from, to, polynomial) of a relation on a flight, in s = t - t0."""
+    """Return (from, to, polynomial) of a relation on a flight, in s = t - t0."""
     a, b, z = flight.ball, flight.flyer, flight.begin.mode
     end, one = flight.end - flight.begin.t, Polynomial([1.0])
     clock = Polynomial([flight.begin.t - start, 1.0])
@@ -167,7 +167,7 @@ def pieces(kind, c, flight, start):
 
 
 def real_roots(polynomial):
-    """Give the real roots of a polynomial of low degree, in order."""
+    """Return the real roots of a polynomial of low degree, in order."""
     coefficients = np.trim_zeros(polynomial.coef, "b")
     if len(coefficients) < 2:
         return []
@@ -176,7 +176,7 @@ def real_roots(polynomial):
 
 
 def flights(scene):
-    """Give the flights of a scene up to its end, or to where the ball may rest."""
+    """Yield the flights of a scene up to its end, or to where the ball may rest."""
     end = scene.start + scene.duration
     now = Instant(scene.start, *scene.ball, *scene.flyer, 0.0)  # it has ticked
     ticks, armed = 1, scene.flyer[0] < scene.place
@@ -207,7 +207,7 @@ def flights(scene):
 
 
 def acted(scene, now, what, armed):
-    """Give what follows an instant."""
+    """Return the state after an instant."""
     if what == "tick":
         return now._replace(mode=1.0 - min(now.mode, 1.0))
     if what == "floor":
@@ -218,7 +218,7 @@ def acted(scene, now, what, armed):
 
 
 def expected(scene, kind, c, way):
-    """Give the instants at which a section is crossed, and the time they end at."""
+    """Return the instants at which a section is crossed, and the time they end at."""
     side, rows = 0.0, []
     last = scene.start
     for flight in flights(scene):
@@ -238,7 +238,7 @@ def expected(scene, kind, c, way):
 
 
 def text_of(scene, sections):
-    """Give the model file."""
+    """Return the model file."""
     written = "\n".join(
         f'    s{k}: {{at: "{RELATIONS[kind].format(*c)}", direction: {way}}}'
         for k, (kind, c, way) in enumerate(sections)

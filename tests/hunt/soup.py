@@ -1,7 +1,7 @@
-"""Cases without end for the command: expressions, files and command lines, by number.
+"""Endless cases for the command: expressions, files and command lines, by number.
 
-Each case follows from a seed and its number alone, so that one that fails can be made
-again; what fails is made small, and stands in a file.
+Each case follows from a seed and its number alone, so that a failing case can be made
+again; it is made small, and stored in a file.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Case(NamedTuple):
 
 
 def case(seed, number):
-    """Give a case: of ten, five of an expression, four of a file, one of a line."""
+    """Return a case: of ten, five are expressions, four files, one a command line."""
     rng = random.Random(f"{seed} {number}")
     kind = number % 10
     if kind < 5:
@@ -108,7 +108,7 @@ OF_WRITTEN = (
 
 
 def expression(rng):
-    """Give an expression that is grown, or a soup of its words."""
+    """Return an expression that is grown, or a random sequence of words."""
     if rng.random() < 0.3:
         return "".join(rng.choice(WORDS) for _ in range(rng.randint(1, 12)))
     grown = _grown(rng, rng.randint(0, 4))
@@ -127,7 +127,7 @@ def _grown(rng, depth):
 
 
 def written(rng):
-    """Give a model of a grammar over the file, now and then with a letter wrong."""
+    """Return a model by a grammar of the file, sometimes with a wrong letter."""
 
     def grown(*more):
         names = rng.choice((*more, "x", "y", "x", "y", "t", "k", number()))
@@ -158,7 +158,7 @@ def written(rng):
 
 
 def mutated(rng):
-    """Give a shipped model in which a few things are wrong."""
+    """Return a shipped model with a few faults."""
     text = rng.choice(SHIPPED)
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
         text = rng.choice(CHANGES)(rng, text)
@@ -199,7 +199,7 @@ CHANGES: tuple[Callable[[random.Random, str], str], ...] = (
 
 
 def _options():
-    """Give the options of each command, and whether they take a value."""
+    """Return the options of each command, and whether they take a value."""
     group = typer.main.get_command(_application())
     found = {}
     for name, command in group.commands.items():  # type: ignore[attr-defined]
@@ -216,7 +216,7 @@ OPTIONS = _options()
 
 
 def command_line(rng):
-    """Give a command with arguments and options, few of which make sense."""
+    """Return a command with arguments and options, few of which are sensible."""
     name = rng.choice((*OPTIONS, "check", "derive", "run", "--help", "nonsense"))
     words = [name]
     known = [*OPTIONS.get(name, ()), ("--nonsense", True), ("-q", False)]

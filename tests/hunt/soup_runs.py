@@ -1,8 +1,8 @@
-"""Running cases of a soup in this process, and keeping what fails: the hunt itself.
+"""Runs of random cases in this process, and storage of failures: the hunt itself.
 
     python -m tests.hunt.soup_runs SEED FIRST COUNT FOLDER
 
-hunts from the command line, without pytest; it tells what it has found, and how much.
+hunts from the command line, without pytest, and prints the faults with their number.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class TooLongError(BaseException):
 
 
 def prepared(folder):
-    """Make the files that command lines name, and go there."""
+    """Create the files that command lines name, and change into their folder."""
     inner = folder / "a" / "b"
     inner.mkdir(parents=True, exist_ok=True)
     os.chdir(inner)
@@ -51,7 +51,7 @@ def prepared(folder):
 
 
 def wrong(case):
-    """Call the command; say what is wrong with what it does, or give ""."""
+    """Call the command; return a text on a fault of its behaviour, or ""."""
     if case.line[1:2] != ("m.yaml",) or case.text == MODEL:
         _tidy()
     Path("m.yaml").write_text(case.text, encoding="utf-8", errors="surrogatepass")
@@ -78,7 +78,7 @@ def wrong(case):
 
 
 def judged(case, code, out, err):
-    """Say what is wrong with an answer."""
+    """Return a text on the fault of an answer, or ""."""
     if code > 128:
         raise KeyboardInterrupt
     if code not in CALM or "Traceback" in err:
@@ -105,7 +105,7 @@ def judged(case, code, out, err):
 
 
 def hunt(seed, numbers, folder):
-    """Try cases; keep what fails in files of the folder."""
+    """Try cases; write failures to files of the folder."""
     sorts: Counter[str] = Counter()
     tried = 0
     for number in numbers:
@@ -123,7 +123,7 @@ def hunt(seed, numbers, folder):
 
 
 def _tidy():
-    """Have the working directory as it was: a command line may have changed it."""
+    """Restore the working directory, which a command line may have changed."""
     here = Path.cwd()
     kept = here.parent.parent / "kept"
     assert here.parts[-2:] == ("a", "b")
@@ -137,7 +137,7 @@ def _tidy():
 
 
 def _sort(why):
-    """Give what failures of one sort have in common: what was raised, not the case."""
+    """Return the common part of failures of one sort: the exception, not the case."""
     return "".join(c for c in why if not c.isdigit())[:160]
 
 

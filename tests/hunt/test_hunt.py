@@ -1,10 +1,10 @@
 """lagsim against the referees: a few scenes slowly, three hundred nightly.
 
-HUNT_SEED, HUNT_SCENES, HUNT_CONTACTS, HUNT_FEATURES and HUNT_INSTANTS choose what a
-night tries, HUNT_FOLDER its failures. A scene takes 0.6 s of one core, others a little
-more. All but smooth scenes, whose reported errors are judged, run without the repeat
-that estimates the error: the first integration must be right. Of smooth scenes a repeat
-that has replaced the run is a fault.
+HUNT_SEED, HUNT_SCENES, HUNT_CONTACTS, HUNT_FEATURES and HUNT_INSTANTS set the seed and
+the numbers of scenes of a night, HUNT_FOLDER the folder of its failures. A scene takes
+0.6 s of one core, others a little more. All but smooth scenes, whose reported errors
+are judged, run without the repeat that estimates the error: the first integration must
+be right. Of smooth scenes a repeat that has replaced the run is a fault.
 """
 
 import itertools
@@ -29,7 +29,7 @@ TOO_LONG = "its series would need about"
 
 
 def tried_scene(seed, lagsim):
-    """Give a smooth scene's text, and what its run is worth."""
+    """Return the text of a smooth scene, and the verdict on its run."""
     scene = grammar.scene(seed)
     try:
         exact = verdict.truth(scene)
@@ -83,7 +83,7 @@ HUNTS = {
 
 @dataclass
 class Tally:
-    """What came of a hunt. ratios : true over told errors, by scene."""
+    """Results of a hunt. ratios : true over reported errors, by scene."""
 
     counted: int = 0
     uncounted: int = 0
@@ -92,7 +92,7 @@ class Tally:
 
 
 def hunted(tried, seed, count, lagsim, folder):
-    """Try scenes of a seed until so many have counted; write those that fail."""
+    """Try scenes of a seed until `count` of them have counted; write failing ones."""
     tally = Tally()
     for number in itertools.count():
         if tally.counted >= count:

@@ -29,7 +29,7 @@ def a_scene(*items, duration=10.0, step=0.5, **more):
 
 
 def slider(x=1.0, v=0.0, *, potential="0", force=None, **more):
-    """Give a unit mass on a line."""
+    """Return a unit mass on a line."""
     return Item(
         "slider", coordinates={"x": (x, v)}, kinetic=("x_dot^2/2",),
         potential=(potential,), forces=(("x", force),) if force else (), **more,
@@ -41,7 +41,7 @@ def motion(item, **more):
 
 
 def path(scene):
-    """Give the hybrid referee's motion of a scene, and how far it is known."""
+    """Return the hybrid referee's motion of a scene, and its error."""
     return hybrid_truth(ContactScene(scene).told())[:2]
 
 

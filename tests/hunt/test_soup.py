@@ -1,4 +1,4 @@
-"""No expression, file or command line, and no kill, does what nobody expects."""
+"""No expression, file, command line or kill has an unexpected effect."""
 
 import json
 import os

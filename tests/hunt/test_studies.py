@@ -17,13 +17,13 @@ from tests.scenes.pairs.test_physical import BOUND, ROUNDING
 
 
 def away(times, result):
-    """Give those of some times that are no event's."""
+    """Return the times that are at no event."""
     events = np.array([e.time for e in result.events] or [-1.0])
     return times[np.min(np.abs(times[:, None] - events), axis=1) > 1e-6]
 
 
 def interpolated(features, result, bound, later):
-    """Rows again, in another order, with the same bits; between them the motion."""
+    """Rows in another order have equal bits; between them the motion is right."""
     rows = np.isin(result.t, away(result.t, result))
     again = result.at(result.t[rows][::-1])
     for name in result.columns:
@@ -66,7 +66,7 @@ def derived(model, result):
 
 
 def studied(features, words):
-    """Hold the studies of a scene against its run, see above."""
+    """Compare the studies of a scene with its run, see the module."""
     model = lagsim.load(scene(*features, **MIXED, **words))
     result = lagsim.simulate(model)
     later = words.get("later", 0.0)

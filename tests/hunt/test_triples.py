@@ -2,10 +2,10 @@
 
 To the fragments of `tests.scenes.pairs` come those of larger files: closed loops of
 rods, quaternions, brakes in the plane, sliders without mass, tables beside periodic
-events, latches. The first coordinates of the three are mixed by a reflection,
-so that no expression is one feature's alone, and the scene is told in other words:
-elsewhere, moving, later, beside a heavy body. HUNT_TRIPLES (60) is how many a night
-tries.
+events, latches. The first coordinates of the three are mixed by a reflection, so that
+no expression is one feature's alone, and the scene is written in another form:
+elsewhere, moving, later, beside a heavy body. HUNT_TRIPLES (60) is the number of
+triples of a night.
 """
 
 import os
@@ -166,7 +166,7 @@ FEATURES = (
 
 
 def drawn(seed, count):
-    """Give triples and their words; nothing ends twice, or goes one way only."""
+    """Return triples and their forms; each has at most one end, and one direction."""
     chosen = random.Random(seed)
     while count:
         features, words = chosen.sample(FEATURES, 3), chosen.choice(WORDS)

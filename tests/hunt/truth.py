@@ -18,7 +18,7 @@ PROJECTIONS = 4
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard to try. `nudge`: start and parameters are moved by so many of 2^-52."""
+    """Effort of the integration; `nudge` changes the start, in units of 2^-52."""
 
     columns: int = 8
     tolerance: float = 1e-16
@@ -66,7 +66,7 @@ class Run:
         return self._forced(t, y)[0]
 
     def _forced(self, t, y):
-        """Give q'' (n,) and lam (m,)."""
+        """Return q'' (n,) and lam (m,)."""
         state = list(y)
         if self.stuck:
             self._balance(t, state)
@@ -99,7 +99,7 @@ class Run:
         return np.concatenate([y[self.n :], self.acceleration(t, y)])
 
     def cap(self, t, y, dy):
-        """Give the longest step that sees every feature: a quarter of its width."""
+        """Return the longest step that resolves every feature: 1/4 of its width."""
         longest = float(self.m.scene.duration) / 20
         if not self.m.features:
             return longest
@@ -139,9 +139,10 @@ class Run:
         return y
 
     def sizes(self, t, y):
-        """Give what the forces at the place of the start do within one longest step.
+        """Return the changes that forces at the start cause within one longest step.
 
-        Without it the first trace of a pulse would have to be followed exactly.
+        Without these sizes the first trace of a pulse would have to be followed
+        exactly.
         """
         end, most = t + Long(self.m.scene.duration), np.zeros(2 * self.n, Long)
         while t < end:
@@ -163,7 +164,7 @@ class Run:
         return self.m.slopes([t], list(y), self.p, self.u, a)
 
     def look(self, t, y):
-        """Take all sides from where the state is; inner kinks stand before outer."""
+        """Set all sides by the position of the state, inner kinks before outer ones."""
         for k in range(len(self.u)):
             self.u[k] = Long(1) if self.surfaces(t, y)[k] > 0 else Long(-1)
 
@@ -189,7 +190,7 @@ class Run:
             raise NoTruthError("a start that may leave a surface on either side")
 
     def settle(self, t, y, later):
-        """Choose all sides anew, those of t alone by the middle of what follows."""
+        """Choose all sides again, those of t alone by the middle of the next piece."""
         self.stuck = []
         self.look((t + later) / 2, y)
         ruled = list(self.u)
@@ -202,7 +203,7 @@ class Run:
                 self.choose(t, y, k, self._size(t, y, k))
 
     def _size(self, t, y, k):
-        """What counts as nothing for a surface: rounding of the terms that make it."""
+        """Size below which a surface's value counts as 0: the rounding of its terms."""
         moved = self.surfaces(t, y * (1 + Long(2) ** -50))[k]
         return abs(moved - self.surfaces(t, y)[k]) + Long(10) ** -30
 
@@ -245,7 +246,7 @@ class Referee(Run):
         self.method.step = None
 
     def _wanted(self, times):
-        """Some rows of many: about forty, spread evenly, both ends among them."""
+        """Some of many rows: about forty, evenly spaced, with both ends."""
         stride = -(-len(times) // 40)
         return sorted({*times[::stride], times[-1]})
 
@@ -288,7 +289,7 @@ class Referee(Run):
     # Events
 
     def _watched(self, t, y):
-        """Give what changes its sign at an event, positive before it."""
+        """Return functions that change their sign at an event, positive before it."""
         values = self.surfaces(t, y)
         count = len(self.u)
         if self.stuck:
@@ -306,7 +307,7 @@ class Referee(Run):
         return watched
 
     def _first_event(self, t, y, dy, h, found):
-        """Give the first event within a step: after how long, and which."""
+        """Return the first event within a step: the time until it, and its index."""
         if not self.u and not self.m.scene.until:
             return None
         before, rates = self._watched(t, y), self._rates(t, y)
@@ -335,7 +336,7 @@ class Referee(Run):
         return first
 
     def _rates(self, t, y):
-        """Give the rates of what is watched; of stuck ones by a small difference."""
+        """Return the rates of watched functions; of held ones by a small difference."""
         slopes = self.slopes(t, y)
         rates = [u * s for u, s in zip(self.u, slopes, strict=False)]
         if self.stuck:
@@ -347,7 +348,7 @@ class Referee(Run):
         return [*rates, sign * slopes[-1]] if self.m.scene.until else rates
 
     def _positive(self, at, k, end, before):
-        """Give a time before `end` at which the watched number is positive."""
+        """Return a time before `end` at which the watched number is positive."""
         if before[k] > 0:
             return Long(0)
         part = end
@@ -361,7 +362,7 @@ class Referee(Run):
         return Long(0)
 
     def _dip(self, t, y, dy, h, k):
-        """Give a time within the step at which the number is negative, if any.
+        """Return a time within the step at which the number is negative, if any.
 
         It falls at the start and rises at the end: least where its rate vanishes.
         """

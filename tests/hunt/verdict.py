@@ -1,4 +1,4 @@
-"""lagsim's run against the referee's: what a silent wrong answer is."""
+"""lagsim's run against the referee's: the definition of a silent wrong answer."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is to be said. kind: fine, uncounted, or a fault; ratio: true over told."""
+    """Verdict on a run: its kind, and the ratio of true to reported error.
+
+    kind : fine, uncounted, or a fault
+    """
 
     kind: str
     text: str = ""
@@ -57,7 +60,7 @@ class Verdict:
 
 
 def truth(scene):
-    """Give the referee's motion of a scene.
+    """Return the referee's motion of a scene.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def truth(scene):
 
 
 def broken(answer):
-    """Say what is wrong with a run that has no rows to compare."""
+    """Return a text on the fault of a run that has no rows to compare."""
     if answer.code == -1:
         return Verdict("hang", answer.told)
     if answer.code == 70:
@@ -96,7 +99,7 @@ def broken(answer):
 
 
 def replaced(record):
-    """Say that a repeat has replaced the run: the repeat is not to be the net."""
+    """Return a text if a repeat has replaced the run; the first run must be right."""
     for choice in record["plan"]:
         if choice["choice"].startswith("repeated"):
             return Verdict("repeated", f"{choice['choice']}: {choice['reason']}")
@@ -104,7 +107,7 @@ def replaced(record):
 
 
 def judge(scene, answer, exact):
-    """Say what a run is worth."""
+    """Return the verdict on the run of a scene."""
     if fault := broken(answer):
         return fault
     record = answer.record
@@ -124,7 +127,7 @@ def judge(scene, answer, exact):
 
 
 def _rows(answer, exact, scene):
-    """Give the rows (k, 2n) at the times of the truth, or what is wrong with them."""
+    """Return the rows (k, 2n) at the times of the truth, or a text on their fault."""
     times, t = exact.motion.times.astype(float), answer.column("t")
     ends = abs(t[-1] - times[-1])
     # `until` is located as well as the motion is known.
@@ -171,7 +174,7 @@ def _compared(scene, record, rows, exact, warned):
 
 
 def _lost(off, told):
-    """Say whether any coordinate is off by a fair part of what was told."""
+    """Return whether a coordinate is off by a large part of its reported error."""
     return bool(np.any(off * MUTE > told))
 
 
@@ -180,7 +183,7 @@ def _far(over, exact):
 
 
 def _told(record, scene, exact):
-    """Give the told error of each coordinate, and what it means for its velocity."""
+    """Return the reported error of each coordinate, and its effect on the velocity."""
     n = len(scene.q)
     spread = exact.range.astype(float)
     if record["error"] is None:
@@ -196,10 +199,10 @@ def _told(record, scene, exact):
 
 
 def _whole_ratio(off, over, told):
-    """Give the true error over the told one, of the coordinate where it is largest.
+    """Return the true over the reported error, of the coordinate where it is largest.
 
-    What rounding may have done is none of it where that makes the told one too small;
-    it is where that makes it too large, for the told error has it, too.
+    Possible rounding is subtracted where it makes the reported error too small, and not
+    where it makes that too large, since the reported error contains rounding as well.
     """
     seen = np.max(over, axis=0) > 0
     if not np.any(seen):

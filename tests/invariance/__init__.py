@@ -1,1 +1,1 @@
-"""The same motion, told in other words."""
+"""Invariance of the motion of a model under changes of its form."""

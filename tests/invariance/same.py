@@ -1,4 +1,4 @@
-"""What must be the same, and within what."""
+"""Quantities that must be equal for two forms of a model, with their tolerances."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Sizes:
-    """What a model's motion measures: its ranges of positions and of speeds.
+    """Sizes of a model's motion: its ranges of positions and of speeds.
 
-    own : the range of each coordinate, where they are known
+    own : the range of each coordinate, where it is known
     """
 
     length: float
@@ -48,9 +48,9 @@ class Sizes:
     own: dict[str, float] = field(default_factory=dict)
 
     def far(self, model, part):
-        """Give how far each coordinate goes, at most ten times `part` of its own range.
+        """Return the shift of each coordinate, at most ten times `part` of its range.
 
-        A quaternion is not moved as far as the wheel beside it that turns and turns.
+        A quaternion is not moved as far as a wheel beside it that turns many times.
         """
         return {
             q: part * min(self.length, 10.0 * self.own.get(q, self.length))
@@ -92,7 +92,7 @@ class Motion:
 
 
 def moved(model, names, **options):
-    """Run a model; give the columns of these names, with the times they stand for."""
+    """Run a model; return the named columns, with the times of the first form."""
     found = run(model.text(), **options)
     assert found.trajectory.outcome.word == "done"
     rows = at_outputs(found["t"], model.start, model.output_step)
@@ -102,9 +102,9 @@ def moved(model, names, **options):
 
 @dataclass(frozen=True)
 class Known:
-    """A model's motion, its error (k, n), and what it makes of a nudge (k, n).
+    """A model's motion, its error, and its change by a small perturbation, (k, n).
 
-    `gain` is the change of each coordinate for one of the start by its range.
+    `gain` is the change of each coordinate per change of the start by its range.
     """
 
     model: Document
@@ -144,7 +144,7 @@ def known(model):
 
 
 def differs(base, change):
-    """Give the greatest difference over what is allowed, and where it is."""
+    """Return the largest ratio of a difference to its tolerance, and its place."""
     model = change.put(base.model, base.sizes)
     other = moved(model, base.model.coordinates)
     assert np.allclose(

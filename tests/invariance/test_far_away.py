@@ -1,4 +1,4 @@
-"""Where the origin lies, how fast it moves and what the units are changes nothing."""
+"""Motions do not depend on the origin, its velocity, and the units."""
 
 import math
 
@@ -24,7 +24,7 @@ simulation: {{duration: {end!r}, output_step: {step!r}}}
 
 
 def crane(place=0.0, speed=0.0, metre=1.0, second=1.0):
-    """Give a cart with a pendulum, in units of which there are so many to metre, s."""
+    """Return a cart with a pendulum, in units of 1/`metre` m and 1/`second` s."""
     return CRANE.format(
         place=place * metre, speed=speed * metre / second, length=LENGTH * metre,
         weight=WEIGHT * metre / second**2, end=10.0 * second, step=0.1 * second,
@@ -33,7 +33,7 @@ def crane(place=0.0, speed=0.0, metre=1.0, second=1.0):
 
 @pytest.fixture(scope="module")
 def swing():
-    """Give the angle from the vertical by the reduced equation, momentum being 0."""
+    """Return the angle from the vertical by the reduced equation, momentum being 0."""
     part = BOB / (BOB + CART)
 
     def rates(_t, s):

@@ -28,9 +28,9 @@ MOVED = {FREE: "c", HELD: "ac"}
 
 @functools.cache
 def motion(method, *, bystander=False, far=0.0, unit=1.0):
-    """Give a, b and c of a double pendulum on a heavy, sprung cart, or a single one.
+    """Return a, b and c of a double pendulum on a heavy, sprung cart, or a single one.
 
-    `bystander` is of mass 1e24, 1e6 away; the time is in units of 1/unit.
+    bystander : whether a body of mass 1e24 is 1e6 away. unit : inverse unit of time.
     """
     frequency = 0.3 / unit
     parts = {

@@ -20,7 +20,7 @@ WITHIN = 1e-7
 
 @functools.cache
 def known(number):
-    """Give a scene that has a truth, and that; the referee alone decides which."""
+    """Return a scene whose truth the referee knows, and the truth."""
     while True:
         scene = replace(scene_of(f"same-{number}"), until="", settings={})
         try:
@@ -30,7 +30,7 @@ def known(number):
 
 
 def drowned(spread, name):
-    """Give what doubles lose of all places where they lose all digits of some.
+    """Return what doubles lose of all places where they lose all digits of some.
 
     All coordinates are moved by the same, many times the largest range: where a body
     has come 1e9 times as far as an angle has turned, no six digits are left of that.
@@ -45,7 +45,7 @@ def drowned(spread, name):
 
 
 def judged(scene, exact, name):
-    """Say what is wrong with a scene in other words, or nothing."""
+    """Return a text on the fault of a scene in another form, or None."""
     change = CHANGES[name]
     n, spread = len(scene.q), exact.range.astype(float)
     rates = np.max(np.abs(exact.state[:, n:].astype(float)))

@@ -1,6 +1,6 @@
-"""Shipped models, and some with switches, in other words: the same motion.
+"""Shipped models, and some with switches, in other forms: their motion is unchanged.
 
-Elsewhere, moving, in other units, later, beside others, in another order.
+Elsewhere, moving, in other units, later, beside other bodies, in another order.
 """
 
 import functools

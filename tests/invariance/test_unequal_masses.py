@@ -1,4 +1,4 @@
-"""A light body is followed by its own scale, whatever heavy ones are in the scene."""
+"""A light body has its own scale of errors, whatever heavy bodies the scene has."""
 
 import math
 

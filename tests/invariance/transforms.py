@@ -1,8 +1,8 @@
-"""Models rewritten so that they say the same: elsewhere, moving, in other units, ...
+"""Models rewritten to equivalent ones: elsewhere, moving, in other units, ...
 
-Each transformation takes a Document and gives one whose columns `q` mean what they
-meant: a coordinate q that is replaced becomes a definition of the same name, so that
-no other text changes. Works on texts alone; start values are evaluated by sympy.
+Each transformation maps a Document to one whose columns `q` keep their meaning: a
+coordinate q that is replaced becomes a definition of that name, so that no other text
+changes. It works on texts alone; start values are evaluated by sympy.
 """
 
 from __future__ import annotations
@@ -27,11 +27,10 @@ LAWS = ("restitution", "friction", "slip", "when", "limit")
 class Document:
     """A model's texts, its start as numbers, and its times.
 
-    laws : what constraints have besides their relations: texts, or numbers' texts
-    states : the rate of each first-order state
-    events, sections : of each what the file has, in times of the model it came from
-    scale : columns of t times this are the times of the model it came from
-    shift : ... after this was taken off
+    laws : the entries of constraints besides their relations: texts, or numbers' texts
+    states : the rate of each first-order state events, sections : entries of the file,
+    in times of the first model scale : factor from columns of t to the times of the
+    first model shift : subtracted from t before
     """
 
     parameters: dict[str, str]
@@ -90,7 +89,7 @@ class Document:
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
 
     def _in_time(self, asked):
-        """Give events or sections in this document's times."""
+        """Return events or sections in this document's times."""
         return {
             name: {**x, "every": f"({x['every']})/({self.scale!r})"}
             if "every" in x
@@ -99,7 +98,7 @@ class Document:
         }
 
     def everywhere(self, change):
-        """Give the document with all texts of the motion changed."""
+        """Return the document with all texts of the motion changed."""
 
         def each(texts):
             return {name: _in_all(change, text) for name, text in texts.items()}
@@ -131,9 +130,9 @@ def _in_all(change, text):
 
 
 def document(given, keep=()):
-    """Read a model's text, or its document, less what only its output needs.
+    """Read a model's text, or its document, without parts that only outputs need.
 
-    keep : names that are needed all the same
+    keep : names that are kept all the same
     """
     # BaseLoader keeps all scalars text.
     raw = yaml.load(given, Loader=yaml.BaseLoader) if isinstance(given, str) else given  # noqa: S506
@@ -201,7 +200,7 @@ def _texts(mapping, key):
 
 
 def _needed(definitions, used):
-    """Give the definitions that the motion needs, by name or by rate."""
+    """Return the definitions that the motion needs, by name or by rate."""
     names: set[str] = set()
     pending = list(used)
     while pending:
@@ -213,15 +212,15 @@ def _needed(definitions, used):
 
 
 def fresh(model, name):
-    """Give a parameter's name that no other change of the model has taken."""
+    """Return a parameter's name that no other change of the model has taken."""
     count = sum(known.startswith(f"new_{name}") for known in model.parameters)
     return f"new_{name}{count or ''}"
 
 
 def replaced(model, factor=1.0, far=None, speed=None):
-    """Put q = factor*Q - far[q] - speed[q]*(t - start) for each coordinate.
+    """Replace q by factor*Q - far[q] - speed[q]*(t - start) for each coordinate.
 
-    far, speed : of each, or one number for all
+    far, speed : of each coordinate, or one number for all
     """
     definitions, initial = {}, {s: model.initial[s] for s in model.states}
     L, X, V, begin = (fresh(model, name) for name in ("L", "X", "V", "t"))
@@ -259,7 +258,7 @@ def _new(name):
 
 
 def _with_impulses(events, factor):
-    """Give events with impulses multiplied by a factor, a text."""
+    """Return events with impulses multiplied by a factor, a text."""
     return {
         name: {
             key: {on: f"{factor}*({x})" for on, x in value.items()}
@@ -330,7 +329,7 @@ def kilograms(model, factor):
 
 
 def with_bystander(model, mass, place, speed):
-    """Add a body that touches nothing."""
+    """Add a body that no contact or force joins to the others."""
     energy = dict(model.energy)
     key = "lagrangian" if "lagrangian" in energy else "kinetic"
     m = fresh(model, "m")

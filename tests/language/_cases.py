@@ -1,4 +1,4 @@
-"""Each function of the language by mpmath, and where to try it. Nothing from lagsim."""
+"""Each function of the language by mpmath, with arguments to test, without lagsim."""
 
 from __future__ import annotations
 

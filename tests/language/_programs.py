@@ -38,7 +38,7 @@ class AsWritten(Graph):
 
 
 def build(g: Graph, text: str) -> int:
-    """Give the node of a text."""
+    """Return the node of a text."""
     return parse(text).build(g, g.variable)
 
 
@@ -60,7 +60,7 @@ states = st.tuples(*(st.floats(-4.0, 4.0, width=32) for _ in VARIABLES)).map(
 
 
 def perform(program: Program, leaves: Sequence[Any], call: Callable[..., Any]) -> Any:
-    """Give the last value; later lines favour recent ones."""
+    """Return the last value of a program; later lines favour recent values."""
     values = list(leaves)
     for op, *places in program:
         i, j, k = (values[-1 - place % len(values)] for place in places)
@@ -81,7 +81,7 @@ def on_graph(g: Graph, program: Program) -> int:
 
 
 def exactly(program: Program, state: Mapping[str, Any]) -> Any:
-    """Give the value with DIGITS digits.
+    """Return the value with DIGITS digits.
 
     Raises
     ------

@@ -25,7 +25,7 @@ from tests.language._programs import (
 
 
 def slope(text, x, order=1, **values):
-    """Give the derivative of `text` in x, by both ways, which must agree."""
+    """Return the derivative of `text` by x, by two ways, which must agree."""
     g = Graph()
     node = parse(text).build(g, g.variable)
     v = g.variable("x")

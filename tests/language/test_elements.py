@@ -1,4 +1,4 @@
-"""Sums over pairs as elements: equal to the same model written out.
+"""Sums over pairs as elements, compared with the model written out.
 
 Models are small, so that they can be written out, and the number of terms from which a
 sum becomes elements is set to 1.
@@ -123,7 +123,7 @@ def _small_sums(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def both(model: str) -> tuple[Equations, Equations]:
-    """Return the equations with elements, and those written out."""
+    """Return the equations with elements, and the equations written out."""
     gathered = read(model, "a.yaml")
     assert gathered.graph.of((ELEMENTS,))
     apart = gathered.written_out()

@@ -1,4 +1,4 @@
-"""Sums of products: known identities, what cancels, and small differences."""
+"""Sums of products: known identities, cancellation, and small differences."""
 
 import numpy as np
 import pytest

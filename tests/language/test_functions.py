@@ -35,7 +35,7 @@ SPECIAL = (
 
 
 def call(g: Graph, name: str) -> int:
-    """Give `name` of x, y; conditions as 1 or 0."""
+    """Return `name` of x, y; conditions as 1 or 0."""
     x, y, z = map(g.variable, NAMES)
     if name in ("if", SMOOTH):
         return g.call(name, g.call("gt", x, g.zero), y, z)
@@ -83,7 +83,7 @@ def test_value(name: str) -> None:
 
 
 def slopes(name: str, args: tuple[float, ...]) -> list[float]:
-    """Give the partial derivatives by central differences with many digits."""
+    """Return the partial derivatives by central differences with many digits."""
     h = mp.mpf(10) ** -12  # truncation h^2, rounding 1e-40/h
 
     def difference(i: int) -> float:
@@ -109,9 +109,10 @@ def test_derivative(name: str) -> None:
 
 
 def limits(name: str, args: tuple[float, ...], i: int) -> tuple[float, ...] | None:
-    """Give value, slope and second slope in an argument as limits, where there are.
+    """Return value, slope and second slope by an argument as limits, if they exist.
 
-    From both sides, not from the point itself: where a formula is 0/0 it tells nothing.
+    The limits are taken from both sides, not from the point itself, where a formula may
+    be 0/0.
     """
 
     def around(h: Any) -> tuple[Any, ...]:
@@ -191,7 +192,7 @@ def test_sympy_twin(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def compiled() -> Any:
-    """Give all rows compiled: (x, y) -> values by name."""
+    """Return all functions compiled: (x, y) -> values by name."""
     g = AsWritten()
     rows = {name: row for name, row in OPERATIONS.items() if row.native}
     nodes = {name: call(g, name) for name, row in rows.items() if not row.data}

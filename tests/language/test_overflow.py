@@ -27,7 +27,7 @@ FAR = {"x/exp(50*x)": [1e3], "exp(10*x)/cosh(100*x)": [-1e3, 30.0]}
 
 
 def slopes_at(text, x, order):
-    """Give the derivative in x, by both ways."""
+    """Return the derivative in x, by both ways."""
     g = Graph()
     v, node = g.variable("x"), build(g, text)
     for _ in range(order - 1):
@@ -37,7 +37,7 @@ def slopes_at(text, x, order):
 
 
 def series_at(text, x):
-    """Give the coefficients along x' = 1, after the value: those of y' = it."""
+    """Return the coefficients along x' = 1, after the value, from y' = text."""
     g = Graph()
     v, node = g.variable("x"), build(g, text)
     rows = taylor_series(g, [v, g.variable("y")], [g.one, node], ORDER)

@@ -34,7 +34,10 @@ def value(coefficients, t):
 
 
 def coefficients(g, node, **values):
-    """Give those of `node` in t: y' = node has them divided by k + 1 at k + 1."""
+    """Return the coefficients of `node` in t.
+
+    The series of y' = node has these coefficients, divided by k + 1, at order k + 1.
+    """
     rows = taylor_series(g, [g.variable("y")], [node], ORDER + 1)
     nodes = [g.call("mul", g.constant(k), y) for k, (y,) in enumerate(rows)]
     return evaluate(g, nodes[1:], {"t": START, **values})

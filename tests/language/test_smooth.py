@@ -17,7 +17,7 @@ DIGITS = 60
 
 
 def exact(x, order=0):
-    """Give the derivative of sin(x)/x by its series, sum of x^k/(k + 1)! cos terms."""
+    """Return the derivative of sin(x)/x by the series, sum of x^k/(k + 1)! cos."""
     with mp.workdps(DIGITS):
         # The integral of cos(x s) over s from 0 to 1, differentiated under it.
         return mp.quad(lambda s: s**order * mp.cos(x * s + order * mp.pi / 2), [0, 1])
@@ -52,7 +52,7 @@ simulation: {duration: 12, output_step: 0.1}
 
 
 def pull(x):
-    """Give the slope of 4 sinc(x)."""
+    """Return the slope of 4 sinc(x)."""
     if abs(x) < 0.1:
         return 4 * x * (-1 / 3 + x**2 / 30 - x**4 / 840 + x**6 / 45360)
     return 4 * (np.cos(x) - np.sin(x) / x) / x

@@ -85,7 +85,7 @@ SOLVED = [name for name in NAMES if not has_laws(name)]
 
 
 def rows_of(e):
-    """Give the row of each constraint, in the order of the file."""
+    """Return the row of each constraint, in the order of the file."""
     rows = {row.name: row for row in (*e.rows, *(law.row for law in e.laws))}
     return [rows[c.name] for c in e.model.constraints]
 
@@ -107,10 +107,10 @@ def matrix(e, values):
 
 
 def agrees(found, expected, part=1e-12):
-    """Hold each array to 1e-12 of its largest entry.
+    """Assert that arrays agree to 1e-12 of their largest entries.
 
-    Single entries may be differences of large terms, of which 1e-16 is what doubles
-    leave; 1e-12 allows for some hundreds of operations and cancellation.
+    Single entries may be differences of large terms, which doubles represent to 1e-16;
+    1e-12 allows for some hundreds of operations and cancellation.
     """
     found, expected = np.asarray(found, float), np.asarray(expected, float)
     scale = np.max(np.abs(expected), initial=0.0)
@@ -118,7 +118,7 @@ def agrees(found, expected, part=1e-12):
 
 
 def solves(x, q_ddot, lam):
-    """Hold a motion to the equations x: backward errors of 1e-10 of what is added."""
+    """Assert that a motion satisfies the equations: backward errors up to 1e-10."""
     size = np.abs(x.M) @ np.abs(q_ddot) + np.abs(x.f) + np.abs(x.A.T) @ np.abs(lam)
     balance = x.M @ q_ddot - x.f - x.A.T @ lam
     assert np.all(np.abs(balance) <= 1e-10 * np.max(size))
@@ -172,7 +172,7 @@ class Native:
         self.runner = self.system.link("dop853")
 
     def motion(self, values):
-        """Give y', q'' and lambda; the latter two are columns of the rows."""
+        """Return y', q'' and lambda; the latter two are columns of the rows."""
         e = self.equations
         for k, parameter in enumerate(e.model.parameters):
             self.system.p.fixed[k] = values[parameter.name]

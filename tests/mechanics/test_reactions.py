@@ -27,7 +27,7 @@ output:
 
 
 def at_rows(model, **options):
-    """Give the columns of a run by name."""
+    """Return the columns of a run by name."""
     r = run(model, **options)
     return {name: r[name] for name in r.system.columns.names}
 

@@ -1,4 +1,4 @@
-"""Reduced equations: what is left out, and the same motion as of the full ones."""
+"""Reduced equations: omitted coordinates, and the motion of the full equations."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ SCENES = [
 
 
 def differences(reduced, full):
-    """Give, by column, the greatest difference against the size of the column."""
+    """Return, by column, the greatest difference against the size of the column."""
     table = full.system.columns.table
     names = full.system.columns.names[:table]
     assert reduced.system.columns.names[:table] == names

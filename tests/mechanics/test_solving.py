@@ -1,7 +1,7 @@
-"""q'' and lambda as nodes of the graph: values, digits, and how many operations.
+"""q'' and lambda as nodes of the graph: values, digits, and counts of operations.
 
 They are found along chains, by the forces in massless links, or entry by entry; the
-same equations with M and A written out tell what they are.
+expected values come from the equations with M and A written out.
 """
 
 from functools import cache
@@ -48,7 +48,7 @@ def bodies(
     lengths=(),
     more="",
 ):
-    """Give the text of masses on links, link k on the mass above[k - 1] or the pivot.
+    """Return the text of masses on links, link k on the mass above[k - 1] or the pivot.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def bodies(
     relative
         Angles are those between links.
     energy
-        What is added to the kinetic and to the potential energy.
+        Terms added to the kinetic and to the potential energy.
     """
     count = len(above)
     m = [f"{x!r}" for x in map(float, masses)] or ["m"] * count
@@ -84,7 +84,7 @@ def chain(n):
 
 
 def tree(seed, n, *, relative=False, closed=False):
-    """Give a random tree of masses and wheels on links of a pivot that moves."""
+    """Return a random tree of masses and wheels on links of a pivot that moves."""
     random = np.random.default_rng(seed)
     above = [0, *(int(random.integers(max(0, k - 4), k)) for k in range(2, n + 1))]
     wheels = (f"0.05*a{k}_dot^2" for k in range(3, n + 1, 3))
@@ -105,7 +105,7 @@ def tree(seed, n, *, relative=False, closed=False):
 
 
 def in_rows(n, coordinates, definitions, kinetic, potential):
-    """Give n alike bodies in a row: K stands for the number of each, J for the last."""
+    """Return n equal bodies in a row; K is the number of each, J that of the last."""
 
     def each(text):
         return [
@@ -122,7 +122,7 @@ def in_rows(n, coordinates, definitions, kinetic, potential):
 
 
 def in_space(n):
-    """Give a chain of masses on links in space, in two angles each."""
+    """Return a chain of masses on links in space, in two angles each."""
     return in_rows(
         n, "uw",
         ["xK: xJ + sin(uK)*cos(wK)", "yK: yJ + sin(uK)*sin(wK)", "zK: zJ + cos(uK)"],
@@ -190,7 +190,7 @@ def equations_of(name, *, chained=True):
 
 
 def states(model, number=2):
-    """Give random states; they need not meet constraints."""
+    """Return random states, which need not satisfy constraints."""
     random = np.random.default_rng(5)
     given = {p.name: p.value for p in model.parameters}
     found = []
@@ -204,7 +204,7 @@ def states(model, number=2):
 
 
 def written_out(e, values):
-    """Give q'' and lambda of M, A, f and b in numbers, and what rounding changes."""
+    """Return q'' and lambda from M, A, f and b as numbers, and rounding errors."""
     g, n, m = e.graph, len(e.q), len(e.rows)
     M = np.reshape(evaluate(g, [x for row in e.M for x in row], values), (n, n))
     A = np.reshape(evaluate(g, [x for r in e.rows for x in r.A], values), (m, n))
@@ -220,7 +220,7 @@ def written_out(e, values):
 
 
 def moving_operations(e, nodes):
-    """Count what each evaluation takes."""
+    """Return the number of operations of each evaluation."""
     return sum(bool(e.graph.args[k]) for k in e.graph.dependent(nodes, e.moving))
 
 
@@ -255,7 +255,7 @@ def test_tensions_take_fewer_operations(name):
 
 
 def exact(masses, lengths, a, w):
-    """Give the accelerations of a chain by its closed form.
+    """Return the accelerations of a chain by its closed form.
 
     sum_j S_ij l_i l_j (cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2) is the torque of
     gravity, -S_ii g l_i sin(a_i), where S_ij is the mass that hangs on both links.
@@ -384,7 +384,7 @@ def test_what_is_no_chain_of_masses_keeps_its_matrix(text, kept):
 
 
 def matrices_of_loops(loops):
-    """Give so many squares side by side, of rods of length and mass 1, on the ground.
+    """Return `loops` squares side by side, of rods of length and mass 1, on the ground.
 
     In the points of their joints: neighbours share the masses of rods, so that the
     inverse of M has no zeros.

@@ -41,7 +41,7 @@ simulation: {{duration: 1, output_step: 0.1}}
 
 
 def tree(parents, axes, **given):
-    """Give the text of a tree: body i on `parents[i - 1]`, turned about an axis."""
+    """Return the text of a tree: body i on `parents[i - 1]`, turned about an axis."""
     frames, tips, bodies = [], [], []
     pairs = zip(parents, axes, strict=True)
     for i, (p, axis) in enumerate(pairs, 1):
@@ -64,13 +64,13 @@ def tree(parents, axes, **given):
 
 
 def chain(n):
-    """Give parents and axes of a chain whose joints are about y and z by turns."""
+    """Return parents and axes of a chain whose joints are alternately about y and z."""
     axes = [(0, 1, 0) if i % 2 else (0, 0, 1) for i in range(n)]
     return [*range(n)], axes
 
 
 def branched(n):
-    """Give parents and axes of a tree, some of whose axes are along no side."""
+    """Return parents and axes of a tree, some of whose axes are oblique."""
     axes = [(0, 1, 0), (1, 0, 0), (1, 2, -2), (0, 0, 1), (0.6, 0, 0.8)]
     return [max(0, i - 1 - i % 3) for i in range(n)], [axes[i % 5] for i in range(n)]
 
@@ -82,7 +82,7 @@ def equations_of(text, **how):
 
 
 def values_of(e, seed, size=1.0):
-    """Give random values of all variables and the values of parameters."""
+    """Return random values of all variables and the values of parameters."""
     rng = random.Random(seed)
     names = (*e.state, *e.accelerations, *e.multipliers)
     values = {name: rng.uniform(-size, size) for name in names}
@@ -94,7 +94,7 @@ def cross(a, b):
 
 
 def newton_euler(parents, axes, q, v, a):
-    """Give the torques of the joints by recursive Newton and Euler equations.
+    """Return the torques of the joints by recursive Newton and Euler equations.
 
     R. Featherstone, Rigid Body Dynamics Algorithms, section 5.3, in space components.
     """
@@ -227,7 +227,7 @@ EXACTLY = {
 
 
 def exactly(g, nodes, values):
-    """Give the values of nodes to 40 digits."""
+    """Return the values of nodes to 40 digits."""
     found = {}
     with mpmath.workdps(40):
         for n in g.cone(nodes):

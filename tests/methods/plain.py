@@ -10,7 +10,7 @@ from tests.kernels import bind
 
 
 class Plain:
-    """The kernels of a method, bound; what is called of the model is given by name."""
+    """The kernels of a method, bound; the functions of the model are given by name."""
 
     def __init__(self, method, model, **statics):
         self.method = method
@@ -24,7 +24,7 @@ class Plain:
         self.driven = model | {name: self.kernel(name) for name in own}
 
     def kernel(self, name):
-        """Give a kernel of the method."""
+        """Return a kernel of the method."""
         called = self.model
         if name != "interpolate":
             called = called | {"interpolate": self.kernel("interpolate")}
@@ -33,13 +33,13 @@ class Plain:
         return bind(getattr(self.method, name), called, self.statics)
 
     def advance(self, s, p, out, rows, budget):
-        """Do what the native `advance` does; `out` is flat."""
+        """Integrate as the native `advance` does; `out` is flat."""
         advance = bind(driver.advance, self.driven, self.statics)
         return int(advance(s, p, out, rows, budget))
 
 
 def linked(runner):
-    """Give the model's native functions, as kernels call them."""
+    """Return the model's native functions as callables for kernels."""
     names = ["energies_masses", "terms", "observe", *runner.method.NEEDS]
     if "balance" in names:
         names.append("effort")

@@ -1,4 +1,4 @@
-"""Implicit methods: their linear algebra, what they keep, and how they fail."""
+"""Implicit methods: their linear algebra, invariants, and failures."""
 
 import math
 

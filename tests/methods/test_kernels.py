@@ -1,4 +1,4 @@
-"""Each kernel in plain Python against native: the same counts, the same states."""
+"""Each kernel in plain Python against native code: equal counts, equal states."""
 
 import numpy as np
 import pytest
@@ -164,7 +164,7 @@ MOTION = (30.0, 400.0), (20.0, 500.0)  # of order 5 and of 3
 
 
 def test_a_work_hides_no_error_of_the_motion():
-    """One of which the estimate of order 3 alone is large, whatever its tolerance."""
+    """A work of which only the estimate of order 3 is large, at any tolerance."""
     alone = hairers([30.0, 20.0], [400.0, 500.0])
     assert norm_with(MOTION, []) == pytest.approx(alone)
     assert norm_with(MOTION, [(0.0, 1e18)]) == pytest.approx(alone)

@@ -62,7 +62,7 @@ def errors(found, u, v, modes, frequencies, c):
     ("u", "v"), [("1e-3", "1e-9*i"), ("1", "1e-7*i"), ("1e6", "1e-3*i")]
 )
 def test_a_chain_that_begins_to_stretch(method, u, v):
-    """Only its ends have a force; what rounding does inside is no motion."""
+    """Only its ends have a force; rounding inside the chain is no motion."""
     c, size = 1e4, float(u)
     found, places, rates = motion(CHAIN, method, c=c, u=u, v=v)
     assert found.trajectory.statistics.steps < FEW
@@ -102,7 +102,7 @@ def test_a_beam_that_turns(method, mass, u, more):
     ],
 )  # fmt: skip
 def test_a_long_string_that_begins_to_swing(method, n, T, rows, most):
-    """It begins at rest; its forces are 1e-6 of what each link alone would do."""
+    """It begins at rest; its forces are 1e-6 of the force of a single link."""
     options = {"n": n, "c": 250, "T": T, "u": "0.1*sin(pi*i/(n+1))", "v": "0"}
     found, places, rates = motion(STRING, method, **options, rows=rows)
     assert found.trajectory.statistics.steps <= most

@@ -1,4 +1,4 @@
-"""What every method must have and do: a new file in `methods` is tested at once."""
+"""Requirements on every method: a new file in `methods` is tested at once."""
 
 import math
 import re

@@ -25,7 +25,7 @@ COLUMNS = ("x", "z", "x_dot", "z_dot")
 
 
 def motion_of(A):
-    """Give a function of times (k,): exp(A t) (1, 0, 0, 0), to 30 digits, (k, 4)."""
+    """Return a function of times (k,): exp(A t) (1, 0, 0, 0), to 30 digits, (k, 4)."""
     with mpmath.workdps(30):
         rates, modes = mpmath.eig(mpmath.matrix(A))
         shares = mpmath.lu_solve(modes, mpmath.matrix([1, 0, 0, 0]))

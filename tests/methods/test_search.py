@@ -22,33 +22,33 @@ simulation: {{duration: 4, output_step: {step}, method: {method}, step: {step}}}
 
 
 def single(draw):
-    """Give a polynomial, and its roots."""
+    """Return a polynomial, and its roots."""
     first = draw.uniform(0.1, 0.2)
     roots = sorted(first + 0.13 * k for k in draw.sample(range(28), draw.randint(1, 4)))
     return "*".join(f"(x - {r!r})" for r in roots), roots
 
 
 def close_pair(draw):
-    """Give a parabola with two roots that are close together."""
+    """Return a parabola with two roots that are close together."""
     first, apart = draw.uniform(0.1, 3.8), 10 ** draw.uniform(-5, -2)
     second = first + apart
     return f"{draw.uniform(1, 50)!r}*(x - {first!r})*(x - {second!r})", [first, second]
 
 
 def dip(draw):
-    """Give what is below 0 by 1e-8 between two roots."""
+    """Return a function that is below 0 by 1e-8 between two roots."""
     steep, at = 10 ** draw.uniform(0, 2), draw.uniform(0.1, 3.9)
     half = math.sqrt(1e-8 / steep)
     return f"{steep!r}*(x - {at!r})^2 - 1e-8", [at - half, at + half]
 
 
 def touch(draw):
-    """Give what comes as close to 0 as 1e-8, and no closer."""
+    """Return a function whose distance from 0 is at least 1e-8."""
     return f"{10 ** draw.uniform(0, 2)!r}*(x - {draw.uniform(0.1, 3.9)!r})^2 + 1e-8", []
 
 
 def periods(draw):
-    """Give an oscillation of many periods, and its roots."""
+    """Return an oscillation of many periods, and its roots."""
     w, phase = draw.uniform(5, 60), draw.uniform(0, 2 * math.pi)
     first, last = phase / math.pi, (4 * w + phase) / math.pi
     roots = [(math.pi * k - phase) / w for k in range(math.ceil(first), int(last) + 1)]
@@ -59,7 +59,7 @@ KINDS = (single, close_pair, dip, touch, periods)
 
 
 def downward(text, roots):
-    """Give the roots at which a function falls below 0."""
+    """Return the roots at which a function falls below 0."""
     gaps = np.diff([0.0, *roots, 4.0])
     before = [r - gap / 4 for r, gap in zip(roots, gaps, strict=False)]
     values = eval(text.replace("^", "**"), {"x": np.array(before), "sin": np.sin})  # noqa: S307
@@ -93,7 +93,7 @@ def test_each_root_is_met_once(seed, as_switch, method):
 @pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
 @pytest.mark.parametrize("shape", ["pulse", "dip"])
 def test_what_is_narrow_beside_a_point_is_met(shape, method):
-    """It begins and ends between a point of the one step and what is seen beside it."""
+    """A feature begins and ends between two neighbouring points of the search."""
     draw = random.Random(f"{shape} {method}")
     for _ in range(40):
         w, point = 10 ** draw.uniform(-7, -4.5), draw.choice([1, 2, 3, 0.618, 1.618])
@@ -109,7 +109,7 @@ def test_what_is_narrow_beside_a_point_is_met(shape, method):
 
 
 def dips(draw):
-    """Give a narrow pulse in each period, and where it rises."""
+    """Return a narrow pulse in each period, and where it rises."""
     w, d, phase = draw.uniform(3, 200), 10 ** draw.uniform(-4, -1.5), draw.uniform(0, 6)
     half = math.acos(1 - d * math.sqrt(math.log(2))) / w
     roots = [(math.pi * (2 * j + 1) - phase) / w - half for j in range(-2, 200)]
@@ -117,7 +117,7 @@ def dips(draw):
 
 
 def gate(draw):
-    """Give a gate that opens at a time."""
+    """Return a gate that opens at a time."""
     steep, opens = 10 ** draw.uniform(3, 7), draw.uniform(0.1, 3.5)
     closes = opens + 50 / steep + 10 ** draw.uniform(-3, -1)
     step = "tanh({!r}*(x - {!r}))".format
@@ -125,20 +125,20 @@ def gate(draw):
 
 
 def resonance(draw):
-    """Give a quotient that is large about a time."""
+    """Return a quotient that is large about a time."""
     e, at = 10 ** draw.uniform(-14, -5), draw.uniform(0.1, 3.9)
     return f"{e!r}/({e!r} + (x - {at!r})^2) >= 0.5", [at - math.sqrt(e)]
 
 
 def three_pulses(draw):
-    """Give three pulses of one width."""
+    """Return three pulses of one width."""
     w, places = 10 ** draw.uniform(-7, -4), [draw.uniform(k, k + 0.9) for k in range(3)]
     pulses = " + ".join(f"exp(-((x - {at!r})/{w!r})^2)" for at in places)
     return f"{pulses} >= 0.5", [at - w * math.sqrt(math.log(2)) for at in places]
 
 
 def high_power(draw):
-    """Give a high power of a sine, and where it rises."""
+    """Return a high power of a sine, and where it rises."""
     power, w = draw.choice([20, 100, 1000]), draw.uniform(3, 30)
     rises = math.asin(0.5 ** (1 / power))
     return f"sin({w!r}*x)^{power} >= 0.5", [

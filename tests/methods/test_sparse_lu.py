@@ -18,7 +18,7 @@ from tests.support import case_of, refused, run
 
 
 def stiff_chain(n, *, method="radau", rtol="1e-8", more=""):
-    """Give masses on stiff springs and dampers, the first tied to the ground."""
+    """Return masses on stiff springs and dampers, the first tied to the ground."""
     q = [f"x{i}" for i in range(n)]
     forces = []
     for i in range(n):
@@ -85,7 +85,7 @@ simulation: {duration: 1, output_step: 0.25, rtol: 1e-7, method: radau}
 
 
 def slopes(found):
-    """Give dq''/d(q, q') (n, 2 n) at the start of a run."""
+    """Return dq''/d(q, q') (n, 2 n) at the start of a run."""
     system, n = found.system, found.system.n
     runner = system.link("radau")
     runner.prepare()

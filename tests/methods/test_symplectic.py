@@ -1,4 +1,4 @@
-"""What the symplectic methods keep: structure over one step, energy over many."""
+"""Invariants of symplectic methods: structure over one step, energy over many."""
 
 import math
 
@@ -63,7 +63,7 @@ def test_the_tables_of_the_dense_output_are_inverses(table, power, derivative):
 
 
 def reversed_error(text, **options):
-    """Give how far a run there and back ends from where it began."""
+    """Return the distance from the start after a run there and back."""
     session = ready(text, **options)
     case = session.case
     start, n = case.start, len(case.equations.q)
@@ -133,7 +133,7 @@ simulation: {duration: 2*pi*ORBITS, output_step: 2*pi*EVERY, method: METHOD, ste
 
 
 def kepler(name, orbits, step):
-    """Give Kepler's motion with rows at the nearest point, at most 1000 of them."""
+    """Return Kepler's motion with rows at the nearest point, at most 1000 of them."""
     words = {"METHOD": name, "ORBITS": orbits, "EVERY": max(1, orbits // 1000)}
     text = KEPLER.replace("step: H", f"step: {step}")
     for word, value in words.items():

@@ -1,6 +1,6 @@
-"""The coefficients of Runge-Kutta methods: no digit of them may be mistyped.
+"""The coefficients of Runge-Kutta methods: no digit may be mistyped.
 
-A tableau checks itself; what its orders are is seen in `order`.
+A tableau checks itself; `order` tests the orders.
 """
 
 import numpy as np
@@ -16,13 +16,13 @@ ESTIMATES = {"dop853": (5, 3), "dopri5": (4,)}
 
 
 def moments(pair, weights, order):
-    """Give sum b c^(k-1), k = 1 ... order, against the sizes of their terms."""
+    """Return sum b c^(k-1), k = 1 ... order, against the sizes of their terms."""
     nodes = np.power(np.array(pair.C[: len(weights)])[:, None], np.arange(order))
     return weights @ nodes, 1.0 + np.abs(weights) @ nodes
 
 
 def dense_weights(pair, x):
-    """Give b_i(x) of the continuous solution y0 + h sum b_i(x) k_i."""
+    """Return b_i(x) of the continuous solution y0 + h sum b_i(x) k_i."""
     stages = len(pair.C)
     first, last = np.eye(stages)[[0, pair.last]]
     change = np.pad(pair.weights, (0, stages - pair.last))
@@ -69,7 +69,7 @@ def test_dopri5_is_rk45_of_scipy():
 
 
 def mistyped(number, digit):
-    """Give `number` with one significant digit raised by one, 9 becoming 0."""
+    """Return `number` with one significant digit raised by one, 9 becoming 0."""
     text = list(f"{abs(number):.16e}")
     place = [i for i, c in enumerate(text) if c.isdigit()][digit]
     text[place] = str((int(text[place]) + 1) % 10)

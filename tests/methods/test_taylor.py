@@ -1,4 +1,4 @@
-"""The method `taylor`: accuracy, its order, its guard, and what it refuses."""
+"""The method `taylor`: accuracy, its order, its guard, and its refusals."""
 
 import ctypes
 import math

@@ -1,9 +1,9 @@
-"""Tight tolerances: what doubles can hold of a motion, and the sums that carry it.
+"""Tight tolerances: the accuracy of a motion in doubles, with compensated sums.
 
 The references were made in quadruple precision (113 bits) by extrapolation of the
 midpoint rule over 13 columns, order 26 (Hairer, Norsett and Wanner, Solving ODEs I,
-II.9), from the doubles of the models, by textbook equations. Half of the step
-changed the ends by less than 1e-14 (double pendulum), two thirds by 4e-21.
+II.9), from the doubles of the models, by textbook equations. Half of the step changed
+the ends by less than 1e-14 (double pendulum), two thirds by 4e-21.
 """
 
 import math
@@ -68,7 +68,7 @@ def test_a_fixed_step_carries_what_is_cut_off():
 
 
 def kepler(t):
-    """Give x, y and their rates at the time of a row of the model, exactly."""
+    """Return x, y and their rates at the time of a row of the model, exactly."""
     with mpmath.workdps(40):
         x, rate = mpmath.mpf(1 - 0.6), mpmath.mpf(math.sqrt((1 + 0.6) / (1 - 0.6)))
         a = 1 / (2 / x - rate**2)
@@ -84,13 +84,13 @@ def kepler(t):
 
 
 def off(found, names, reference):
-    """Give the largest error of the last row."""
+    """Return the largest error of the last row."""
     ends = zip(names, reference, strict=True)
     return max(abs(float(found[name][-1] - end)) for name, end in ends)
 
 
 def after(orbits, rtol="1e-15", method="taylor"):
-    """Give Kepler's motion, the error at its end, and the energy's."""
+    """Return Kepler's motion, the error at its end, and the energy's."""
     span = f"{2 * orbits}*pi"
     options = {"method": method, "rtol": rtol, "duration": span, "output_step": span}
     found = run("kepler", **options)

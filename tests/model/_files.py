@@ -1,4 +1,4 @@
-"""Model texts for tests: what a test does not give is filled in."""
+"""Model texts for tests: missing sections are filled in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SECTIONS = {
 
 
 def completed(text: str, omit: str = "") -> str:
-    """Give `text` with the required sections that it lacks, after it."""
+    """Return `text` with the required sections that it lacks, after it."""
     text = text.lstrip("\n")
     for key, section in SECTIONS.items():
         if key not in omit.split() and not re.search(rf"^{key}:", text, re.MULTILINE):
@@ -28,7 +28,7 @@ def model(text: str, **arguments):
 
 
 def problems(text: str, omit: str = "", **arguments) -> list[Problem]:
-    """Give the faults of a text."""
+    """Return the faults of a text."""
     try:
         read(completed(text, omit), "model.yaml", **arguments)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""A model bound to other values is the one that the text with them gives."""
+"""A model bound to other values equals the model of a text with these values."""
 
 import pytest
 
@@ -64,7 +64,7 @@ def texts(values):
 
 
 def told(make):
-    """Give what a model is made of in numbers, or the faults that keep it from it."""
+    """Return the numbers of a model, or the faults of its text."""
     try:
         found = make()
         starts = [(v.name, v.value, v.error, v.guess) for v in found.initial]

@@ -1,7 +1,7 @@
-"""One letter of a file is another: a fault at a place, or another model.
+"""A file with one letter changed has a fault at a place, or is another model.
 
-What changes neither was dropped in silence; what raises anything else is a fault of
-lagsim's.
+A change without either effect was ignored in silence; any other exception is a fault of
+lagsim.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ WORDS = [m.span() for m in re.finditer(r"[A-Za-z]\w*|\d+(\.\d+)?(e-\d+)?", FILE)
 
 
 def content(text):
-    """Give all that is read, but for the digest of the file."""
+    """Return all data of a model except the digest of the file."""
     model = read(text, "model.yaml")
     g = model.graph
     leaves = {n: g.payload(n) for n in range(len(g.ops)) if not g.args[n]}

@@ -1,4 +1,4 @@
-"""Families and vectors mean what the file written out by hand means."""
+"""Families and vectors, compared with the file written out by hand."""
 
 import re
 
@@ -13,7 +13,7 @@ from tests.support import refused, simulate
 
 
 def columns(text, **options):
-    """Give the columns of a run, by name."""
+    """Return the columns of a run, by name."""
     result = simulate(lagsim.load(text), **options)
     assert result.complete
     return {name: result[name] for name in result.columns}
@@ -40,7 +40,7 @@ output: {plots: [{x: x(n), y: "y(1..n)"}]}
 
 
 def chain_by_hand(n=4, masses=(1, 1, 2, 1)):
-    """Write the same file without families: every name has its number behind it."""
+    """Write the file without families: every name ends in its number."""
     k = range(1, n + 1)
     lines = [f"parameters: {{n: {n}, l: 1/n, g: 9.81, c: 0.1"]
     lines[0] += "".join(f", m{i}: {m}" for i, m in zip(k, masses, strict=True)) + "}"
@@ -89,7 +89,7 @@ simulation: {{duration: 0.5, output_step: 0.05}}
 
 
 def planets_by_hand():
-    """Write the same file by components."""
+    """Write the file by components."""
     n, k = BODIES, range(1, BODIES + 1)
     m = [1, 0.1, 0.2, 0.05]
     pairs = [(i, j) for i in k for j in k if i < j]

@@ -2,7 +2,7 @@
 
 A row of the table: the code, a part of the message or of its hint, and the text. The
 token that the caret must stand under is marked ⟪so⟫, and ¶ is a line break. Words in
-capitals stand for what many texts begin with.
+capitals abbreviate common beginnings of texts.
 """
 
 import re
@@ -317,7 +317,7 @@ yaml-syntax | expected `key: value` | x-a: 1¶⟪b⟫
 
 
 def table(text, words=BEGINNINGS):
-    """Give the cells of a table; a line that is indented continues the last."""
+    """Return the cells of a table; a line that is indented continues the last."""
     whole = re.sub(r"\n    ", " ", re.sub(r"¶\n    ", "¶", text))
     for word, meaning in words.items():
         whole = whole.replace(word, meaning)

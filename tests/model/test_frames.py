@@ -1,4 +1,4 @@
-"""Frames and bodies: what they stand for, and the faults that they may have."""
+"""Frames and bodies: their expansion, and their possible faults."""
 
 import math
 from itertools import pairwise, product
@@ -27,7 +27,7 @@ def definitions(text, **values):
 
 
 def spinning(turned, q, speeds):
-    """Give R and its angular velocity in the frame by differences."""
+    """Return R and its angular velocity in the frame by differences."""
     h = 1e-5
     R = turned(q)
     ahead, behind = (turned(q + sign * h * speeds) for sign in (1, -1))

@@ -1,9 +1,9 @@
-"""A hint names what was meant, and followed to the letter it gives what was meant.
+"""A hint names the intended form; a file that follows the hint is right.
 
-What a hint says to write is put in the place of the mistake by a rule, not by hand;
-then the file must have no fault, an admissible start, and the value that was meant. The
-mistake is marked ⟪so⟫ where it is not the whole text; ¶ is a line break, and three
-blanks stand between texts that mean the same.
+The advice of a hint replaces the mistake by a rule, not by hand; then the file must
+have no fault, an admissible start, and the intended value. The mistake is marked ⟪so⟫
+where it is not the whole text; ¶ is a line break, and three blanks separate texts of
+equal meaning.
 """
 
 import functools
@@ -68,7 +68,7 @@ SAYS = [
 
 
 def said(hint):
-    """Give what a hint says to write."""
+    """Return the advice in a hint: the text to write."""
     for pattern in SAYS:
         if found := re.search(pattern, hint):
             text = next((g for g in found.groups() if g is not None), "")
@@ -331,7 +331,7 @@ MISTAKES = [
 
 
 def meaning(model):
-    """Give what a file says, as far as mistakes here can change it."""
+    """Return the content of a file, as far as the mistakes here can change it."""
     settings = model.settings({})
     return (
         {p.name: p.value for p in model.parameters},
@@ -347,7 +347,7 @@ def meaning(model):
 
 
 def faults_of(old, new):
-    """Give the faults of the file with something replaced."""
+    """Return the faults of the file with `old` replaced by `new`."""
     assert FILE.count(old) >= 1
     with pytest.raises(InputError) as raised:
         read(FILE.replace(old, new, 1), "model.yaml")

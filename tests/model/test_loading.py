@@ -37,7 +37,7 @@ def test_sections_given_twice_are_read_together():
     "text", ["atan2(y, x) = 0", "if(x > 0,\n  max(x, min(1, y)), 2) + 1"]
 )
 def test_a_comma_within_parentheses_ends_no_value(text):
-    """What stands unquoted between braces and brackets is read as quoted."""
+    """Unquoted text between braces and brackets is read as quoted text."""
     root, faults = load(f"a: {{b: {text}, c: {text}}}\nd: [{text}, [{text}]]", "f")
     values = {key.text: value for key, value in root.entries}
     read = [value for _, value in values["a"].entries]

@@ -1,4 +1,4 @@
-"""Valid files: what each section becomes. Expected values are worked out by hand."""
+"""Valid files: the data of each section, with expected values worked out by hand."""
 
 import hashlib
 import math

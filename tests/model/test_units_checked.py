@@ -1,4 +1,4 @@
-"""Units of expressions that do not fit, by place and both units; and those that do."""
+"""Inconsistent units in expressions, with places and both units; consistent ones."""
 
 import re
 

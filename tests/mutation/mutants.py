@@ -1,8 +1,8 @@
-"""Small changes of the source, one at a time, that some test should notice.
+"""Small changes of the source, one at a time, that a test should detect.
 
 A mutant is another operator, number or word at one place of a file. Mutants are taken
 from a few rooms in turn, by a commit's hash: each commit has others, and the same ones
-again. One that no test of its room notices has survived.
+again. A mutant that no test of its room detects has survived.
 
 mutmut and cosmic-ray change Python alone. The first puts its switches into functions,
 whose text is translated here; neither knows the page's script.
@@ -135,7 +135,7 @@ class Mutant(NamedTuple):
 
 
 def words_of_python(text: str) -> list[tuple[int, str]]:
-    """Give each word of Python that is code, and where it begins."""
+    """Return each word of Python that is code, and where it begins."""
     begins = [0]
     for line in text.splitlines(keepends=True):
         begins.append(begins[-1] + len(line))
@@ -148,7 +148,7 @@ def words_of_python(text: str) -> list[tuple[int, str]]:
 
 
 def words_of_script(text: str) -> list[tuple[int, str]]:
-    """Give each word of JavaScript, and where it begins."""
+    """Return each word of JavaScript, and where it begins."""
     return [(found.start(), found[0]) for found in _SCRIPT.finditer(text)]
 
 
@@ -163,7 +163,7 @@ def _other(word: str, table: dict[str, str]) -> str | None:
 
 
 def mutants_of(room: str, path: str, text: str) -> list[Mutant]:
-    """Give all mutants of a file; those that do not compile are among them."""
+    """Return all mutants of a file; those that do not compile are among them."""
     script = path.endswith(".js")
     words = words_of_script(text) if script else words_of_python(text)
     table = SCRIPT if script else PYTHON
@@ -180,7 +180,7 @@ def mutants_of(room: str, path: str, text: str) -> list[Mutant]:
 
 
 def compiles(mutant: Mutant, text: str) -> bool:
-    """Tell whether a mutant of a file can be read at all."""
+    """Return whether a mutant of a file can be compiled."""
     changed = mutant.applied(text)
     if mutant.path.endswith(".js"):
         node = ["node", "--check", "-"]
@@ -195,14 +195,14 @@ def compiles(mutant: Mutant, text: str) -> bool:
 
 
 def rooms_of(commit: str) -> tuple[str, ...]:
-    """Give the rooms whose turn it is: each has to be run once without a mutant."""
+    """Return the rooms of a commit; each has to be run once without a mutant."""
     others = [name for name in ROOMS if name != "page"]
     first = int(hashlib.sha256(commit.encode()).hexdigest(), 16) % len(others)
     return ("page", *(2 * others)[first : first + A_NIGHT])
 
 
 def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]:
-    """Give so many mutants by the hash of a commit, from some rooms in turn."""
+    """Return `count` mutants by the hash of a commit, from some rooms in turn."""
     names = rooms or rooms_of(commit)
     every: dict[str, list[Mutant]] = {}
     found: list[Mutant] = []
@@ -257,10 +257,10 @@ class Copy:
     def _pytest(
         self, options: Sequence[str], cases: str, cache: Path, limit: float
     ) -> tuple[int | None, str]:
-        """Give pytest's exit code and text; None past a limit of processor time.
+        """Return pytest's exit code and text; None past a limit of processor time.
 
-        The limit holds for each process; what waits for others ends at four times it,
-        and more on a busy machine.
+        The limit holds for each process; a process that waits for others ends at four
+        times the limit, later on a busy machine.
         """
         line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
         # With the settings' `--dist` coverage waits for workers, and names no test.
@@ -310,7 +310,7 @@ class Copy:
         return Clean(seconds, lines)
 
     def notices(self, mutant: Mutant, tests: Sequence[str], limit: float) -> bool:
-        """Tell whether a test fails, crashes or does not end where a mutant is in."""
+        """Return whether a test fails, crashes or hangs with a mutant."""
         # What a broken mutant leaves in the cache is not for the next one.
         shutil.rmtree(self.used, ignore_errors=True)
         shutil.copytree(self.cache, self.used)
@@ -330,10 +330,10 @@ class Copy:
 def exercising(
     mutant: Mutant, text: str, clean: Sequence[Clean]
 ) -> tuple[list[str], float]:
-    """Give tests that may notice a mutant, the soonest first, and their time limit.
+    """Return tests that may detect a mutant, the soonest first, and their time limit.
 
-    Tests of a file with a like name come first, then one case of each test, then what
-    takes least. The limit is in seconds of processor time.
+    Tests of a file with a similar name come first, then one case of each test, then the
+    fastest. The limit is in seconds of processor time.
     """
     seconds = {test: took for one in clean for test, took in one.seconds.items()}
     running: set[str] = set()
@@ -357,14 +357,14 @@ def exercising(
 
 
 class Trial:
-    """Mutants against the tests of their rooms, and against all that hold behaviour.
+    """Mutants against the tests of their rooms, and against all tests of behaviour.
 
-    A mutant meets the tests of its room, all cases of them, and where these let it live
-    the quick ones of all that holds behaviour. Coverage without a mutant tells which of
-    them run its line: it meets these alone, the soonest first, as many as take `MOST`
+    A mutant is run with the tests of its room, all cases of these, and if it survives
+    with the quick tests of all that describes behaviour. Coverage without a mutant
+    selects the tests that run its line, the soonest first, as many as take `MOST`
     seconds. Kernels are translated and leave no lines: a mutant in a file with kernels
-    meets the others, too. It has three times the processor time of the same tests
-    without it, and what starting them takes.
+    is run with the other tests, too. It has three times the processor time of these
+    tests without the mutant, and the time to start them.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -398,7 +398,7 @@ class Trial:
         return True
 
     def survivors(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, bool]]:
-        """Give each mutant, and whether no test notices it."""
+        """Return each mutant, and whether no test detects it."""
         rooms = {tests for one in mutants for tests in ROOMS[one.room].tests}
         runs = dict.fromkeys(WAISTS, "") | dict.fromkeys(sorted(rooms), "all")
         with ThreadPoolExecutor(self.side) as pool:
@@ -407,9 +407,9 @@ class Trial:
 
 
 def over_budget(tried: list[tuple[Mutant, bool]]) -> list[str]:
-    """Say where more mutants live than the table allows: in a room, or in all.
+    """Return texts on rooms in which more mutants survive than the table permits.
 
-    By more than two standard deviations of as many that live at these rates.
+    The excess is more than two standard deviations of the number at these rates.
     """
     found = []
     rooms = sorted({mutant.room for mutant, _ in tried})

@@ -1,8 +1,8 @@
-"""Whether tests notice small changes of the source; what makes these, by itself.
+"""Detection of small changes of the source by tests; tests of the generator.
 
     pytest -m nightly tests/mutation -n0 -s
 
-tries 50 mutants of this commit; `LAGSIM_MUTANTS=20` that many, and
+tries 50 mutants of this commit; `LAGSIM_MUTANTS=20` tries 20, and
 `LAGSIM_MUTATED=page,run` in these rooms alone.
 """
 

@@ -1,4 +1,4 @@
-"""What a second process makes while the first goes on."""
+"""Work of a second process beside the first."""
 
 import os
 import signal

@@ -37,7 +37,7 @@ def wrong() -> None:
 
 
 def made(ir: str) -> bytes:
-    """Make an object from the cache, or compile it; its IR tells it from all others."""
+    """Return an object from the cache, or compile it; its IR is unique."""
     part = cache.graph_part(ir, lambda: (ir, 7))
     assert part.p_size == 7
     return part.object
@@ -51,14 +51,14 @@ def value(code: bytes) -> float:
 
 @pytest.fixture
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give the folder of the objects."""
+    """Return the folder of the objects."""
     monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache" / "objects"
 
 
 @pytest.fixture
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Give a list that grows by each IR compiled."""
+    """Return a list to which the IR of each compilation is appended."""
     seen: list[str] = []
     original = engine.compile_object
 

@@ -42,7 +42,7 @@ SPECIAL = (
 
 @pytest.fixture(scope="module")
 def native():
-    """Give each function as it is compiled for portable targets."""
+    """Return each function as compiled for portable targets."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LAGSIM_CPU", "portable")
         engine = Engine([compile_object(translate(elementary.FUNCTIONS))])

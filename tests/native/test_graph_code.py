@@ -85,12 +85,12 @@ def bits(found: list[float]) -> list[bytes]:
 
 
 def pair(g: Graph, functions: Any) -> tuple[Compiled, Compiled]:
-    """Give the same functions on tapes and in straight-line code."""
+    """Return the functions on tapes and in straight-line code."""
     return Compiled(g, functions, tapes.generate), Compiled(g, functions)
 
 
 def same(g: Graph, functions: Any, *states: Mapping[str, float]) -> Compiled:
-    """Hold both to the same bits, and give the straight-line code."""
+    """Assert that both forms have equal bits; return the straight-line code."""
     tape, code = pair(g, functions)
     for state in states or (VALUES,):
         for name in functions:
@@ -129,7 +129,7 @@ def test_leaves_numbers_parameters_and_repeats() -> None:
 
 
 def body(ir: str, name: str) -> str:
-    """Give the text of a function."""
+    """Return the text of a function."""
     start = ir.index(f"@{name}(")
     start = ir.rindex("define", 0, start)
     return ir[start : ir.index("\n}", start)]
@@ -169,7 +169,7 @@ def test_powers(twice: float) -> None:
 
 
 def long_functions(g: Graph) -> dict[str, list[int]]:
-    """Give functions where all kinds of nodes are used far from where they are made."""
+    """Return functions that use all kinds of nodes far from their evaluation."""
     x, y, a, b, t = map(g.variable, ("x", "y", "a", "b", "t"))
     made, conditions = [x, y], []
     for k in range(12):

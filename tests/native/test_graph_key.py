@@ -1,4 +1,4 @@
-"""The digest of a graph tells what its code depends on, and nothing else."""
+"""The digest of a graph depends on the inputs of its code, and on no other data."""
 
 from __future__ import annotations
 

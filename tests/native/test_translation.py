@@ -1,4 +1,4 @@
-"""Kernels: native against plain Python, bit for bit, and what is refused."""
+"""Kernels: native code against plain Python, bit for bit, and refusals."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def engine() -> Engine:
 
 
 def bits(value: object) -> object:
-    """Give what must agree: the bits of a float, but any nan is like another."""
+    """Return the bits of a float, which must agree; all nan are equal."""
     if isinstance(value, float):
         return "nan" if math.isnan(value) else struct.pack("<d", value)
     return value

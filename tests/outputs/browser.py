@@ -1,4 +1,4 @@
-"""A real browser, without a window: what a page has drawn."""
+"""A real browser, without a window, that returns the drawing of a page."""
 
 import base64
 import fcntl
@@ -28,7 +28,7 @@ needs_browser = pytest.mark.skipif(
 
 
 def said(page, folder, fragment="", *options):
-    """Give what the body of a page says of itself: its data attributes."""
+    """Return the data attributes of the body of a page."""
     assert FOUND is not None
     command = [FOUND, *OPTIONS, *options, f"--user-data-dir={folder}", "--dump-dom"]
     command.append(f"{page.resolve().as_uri()}{fragment}")
@@ -41,7 +41,7 @@ def said(page, folder, fragment="", *options):
 
 
 def shown(page, folder, fragment="", *options):
-    """Give the time and the points that a page has drawn."""
+    """Return the time and the points that a page has drawn."""
     found = said(page, folder, fragment, *options)
     return float(found["t"]), json.loads(found["points"])
 
@@ -119,7 +119,7 @@ class Tab:
         return json.loads(first)
 
     def _note(self, found):
-        """Keep what the page has complained of."""
+        """Store the complaints of the page."""
         given = found.get("params", {})
         if found.get("method") == "Runtime.exceptionThrown":
             details = given["exceptionDetails"]
@@ -152,7 +152,7 @@ class Tab:
                   "document.body.dataset.error)")  # fmt: skip
 
     def run(self, script):
-        """Give the value of an expression; that of a promise once it is resolved."""
+        """Return the value of an expression; of a promise, once it is resolved."""
         done = self.send(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )

@@ -1,6 +1,6 @@
-"""What matplotlib is asked to draw while a picture is made, read off its artists.
+"""Calls of matplotlib while a picture is made, read off its artists.
 
-Everything is noted at the moment it is drawn: places in pixels from the lower left
+Everything is recorded at the moment it is drawn: places in pixels from the lower left
 corner, as on the picture.
 """
 
@@ -53,11 +53,11 @@ class Panel:
 
     @property
     def name(self):
-        """What runs up, at the side or above."""
+        """Name of the quantity of the vertical axis, at the side or above."""
         return self.labels[1] or self.labels[2]
 
     def at(self, times):
-        """Where values of what runs across lie, in pixels."""
+        """Places of values of the horizontal axis, in pixels."""
         low, high = self.limits[0]
         share = (np.asarray(times) - low) / (high - low)
         return self.box.x0 + share * self.box.width
@@ -68,7 +68,7 @@ class Panel:
 
 @dataclass
 class Scale:
-    """A scale on paper: value = slope * pixels + start, of what, in which unit."""
+    """A scale on paper: value = slope * pixels + start, with a name and a unit."""
 
     name: str
     unit: str
@@ -80,7 +80,7 @@ class Scale:
 
 
 def scale_of(label, ticks):
-    """Make a scale from an axis label and (pixels, text) of its ticks."""
+    """Return the scale that follows from an axis label and ticks (pixels, text)."""
     m = LABEL.fullmatch(label)
     assert m, label
     unit = 10.0 ** int((m["power"] or "0").translate(PLAIN))
@@ -109,7 +109,7 @@ class Drawing:
 
 
 def below(letters, subscript):
-    """What matplotlib is given for a name with a subscript."""
+    """Return the text for matplotlib of a name with a subscript."""
     return rf"{letters}$_\mathrm{{{subscript}}}$"
 
 
@@ -161,7 +161,7 @@ def panel_of(axes):
 
 @contextmanager
 def noted():
-    """Note what is drawn."""
+    """Context manager: record all drawing."""
     drawing = Drawing()
     plain = {kind: kind.draw for kind in (Axes, Text, Line2D, Figure)}
 
@@ -207,7 +207,7 @@ def noted():
 
 
 def record(columns, differences=None, **fields):
-    """What pictures of columns have in common; one number is a column, too."""
+    """Return the data that pictures of columns share; one number is a column, too."""
     fields = {"title": "swing", "units": UNITS} | fields
     t = np.asarray(columns["t"], float)
     thinning = Thinning(tuple(columns), differences=differences)
@@ -217,7 +217,7 @@ def record(columns, differences=None, **fields):
 
 
 def drawn(draw, *args, **kwargs):
-    """Draw a sheet and give what was drawn on it."""
+    """Draw a sheet, and return the record of its drawing."""
     with noted() as drawing:
         drawing.sheet = draw(*args, **kwargs)
         if isinstance(drawing.sheet, Picture):
@@ -233,7 +233,7 @@ def coordinates(columns, names, scene=NOWHERE, **fields):
 
 
 def plotted(columns, wanted, scene=NOWHERE, **fields):
-    """Draw a plot that the model asks for."""
+    """Draw a plot of a model file."""
     return drawn(plots.plot, record(columns, **fields), 0, wanted, scene)
 
 

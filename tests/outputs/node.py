@@ -1,4 +1,4 @@
-"""The page under node: what it draws, call by call, and what it says."""
+"""The page run by node: its drawing, call by call, and its texts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROUND = sorted(m * 10.0**k for k in range(-7, 7) for m in (1, 2, 5))
 
 
 def played(films, *steps, **more) -> list[dict[str, Any]]:
-    """Give what a page shows at first, and after each of the steps."""
+    """Return the states of a page at first, and after each of the steps."""
     here = Path(animation.__file__).parent
     script = "\n".join((here / name).read_text("utf-8") for name in SCRIPTS)
     films = [films] if isinstance(films, Film) else films
@@ -42,7 +42,7 @@ def played(films, *steps, **more) -> list[dict[str, Any]]:
 
 @functools.cache
 def pages_under_node():
-    """Give the one process that answers for all pages; it ends with this one."""
+    """Return the process that runs all pages; it ends with this process."""
     line = [FOUND, Path(__file__).with_name("page_under_node.js")]
     pipe = subprocess.PIPE
     pages = subprocess.Popen(line, stdin=pipe, stdout=pipe, bufsize=1, encoding="utf-8")
@@ -51,12 +51,12 @@ def pages_under_node():
 
 
 def stopped(films, *steps, **more) -> list[dict[str, Any]]:
-    """Give the same of a page that does not play, from its stop on."""
+    """Return the states of a page that does not play, from its stop on."""
     return played(films, ("key", " "), *steps, **more)[1:]
 
 
 def shown(films, *steps, **more) -> dict[str, Any]:
-    """Give what such a page shows in the end."""
+    """Return the last state of a page that does not play."""
     return stopped(films, *steps, **more)[-1]
 
 
@@ -88,7 +88,7 @@ def times(every):
 
 
 def strokes(seen, canvas=0, **wanted):
-    """Give what is drawn with these properties, in order."""
+    """Return the drawing calls with these properties, in order."""
     return [
         one
         for one in seen["drawn"][canvas]
@@ -105,29 +105,29 @@ def lines(seen, colour, canvas=0, **wanted):
 
 
 def labels(seen, canvas=0, **wanted):
-    """Give the numbers and words in grey."""
+    """Return the numbers and words in grey."""
     return strokes(seen, canvas, op="fillText", colour="dim", **wanted)
 
 
 def ends(one):
-    """Give the corners of a path."""
+    """Return the corners of a path."""
     return np.array([p[1:] for p in one["path"] if p[0] in ("moveTo", "lineTo")])
 
 
 def arcs(drawn):
-    """Give (x, y, radius) of the circles among what is drawn."""
+    """Return (x, y, radius) of the circles in a drawing."""
     paths = [one["path"][0] for one in drawn if "path" in one]
     return [path[1:4] for path in paths if path[0] == "arc"]
 
 
 def dot(seen, canvas=0, colour=FIRST):
-    """Give where the one point of a colour is."""
+    """Return the place of the one point of a colour."""
     [found] = arcs(fills(seen, colour, canvas))
     return np.array(found[:2])
 
 
 def film(t, tracks, **more):
-    """Give a film of closed forms: each track a pair of arrays or a fixed place."""
+    """Return a film of closed forms: each track a pair of arrays or a fixed place."""
     t = np.asarray(t, float)
     found = {}
     for name, track in tracks.items():
@@ -141,17 +141,17 @@ def film(t, tracks, **more):
 
 
 def swing(t=(0.0, 8.0), rows=81, size=1.0, **more):
-    """Give the film of x = size sin t, beside a point at the origin."""
+    """Return the film of x = size sin t, beside a point at the origin."""
     t = np.linspace(*t, rows)
     track = ([size * np.sin(t), 0 * t], [size * np.cos(t), 0 * t])
     return film(t, {"bob": track, "o": [0, 0]}, **more)
 
 
 class Screen:
-    """Where the places of films lie, in pixels: at one scale, upwards.
+    """Map from the places of films to pixels: at one scale, upwards.
 
     A space is seen from an azimuth and a height above the horizon; the latter is at
-    first what the page leaves room for.
+    first the height for which the page has room.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class Screen:
 
 
 def near(found, wanted, within=2e-4):
-    """Hold numbers of pixels to others; a page has 24 bits of a number."""
+    """Assert that numbers of pixels agree; a page has 24 bits of a number."""
     return np.allclose(np.array(found), np.array(wanted), rtol=0, atol=within)
 
 

@@ -1,4 +1,4 @@
-"""The motion on a page: points, rates, forces of constraints, what links are like."""
+"""The motion on a page: points, rates, forces of constraints, looks of links."""
 
 import base64
 import json
@@ -85,7 +85,7 @@ simulation: {duration: 3, output_step: 0.5}
 
 
 def filmed(text, **options):
-    """Give the film of a model, and its result."""
+    """Return the film of a model, and its result."""
     result = lagsim.simulate(lagsim.load(text), error_bar="never", **options)
     made = result._made
     equations = made.session.case.equations
@@ -149,7 +149,7 @@ def test_forces_on_points(name):
 
 
 def test_forces_do_the_work_of_the_constraint():
-    """J^T F = Qc in every row, for what a mechanism of the notes is held by."""
+    """J^T F = Qc in every row, for the constraints of a mechanism of the notes."""
     path = MODELS / "elastic-pendulum-curve.yaml"
     film, result = filmed(path, duration=2)
     [F] = [push.force for push in film.pushes if push.constraint == "path"]

@@ -1,7 +1,7 @@
-"""What a reader of a picture reads off it, with a ruler: artists' data, read back.
+"""Values that a reader reads off a picture with a ruler: artists' data, read back.
 
-Ticks and labels give a scale, as on paper; what the lines are worth on that scale is
-held against the rows.
+Ticks and labels give a scale, as on paper; the values of lines on that scale are
+compared with the rows.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def panels(drawing):
 
 
 def assert_drawn(panel, *curves):
-    """Hold the lines of a panel, each of its own colour, to curves (x, y[, size])."""
+    """Compare the lines of a panel, by colour, with curves (x, y[, size])."""
     found = [line for group in panel.lines.values() for line in group]
     assert len(panel.lines) == len(found)
     for (across, up), (x, y, *size) in zip(found, curves, strict=True):
@@ -107,7 +107,7 @@ def test_coordinates_are_drawn_where_they_are(name, start):
 
 
 def test_each_coordinate_has_the_unit_and_name_of_its_own():
-    """Those of one unit share a panel where each of them stays readable."""
+    """Coordinates of one unit share a panel where each stays readable."""
     columns = {"t": T, "a": np.sin(T), "b": 2 * np.cos(T), "c": 1e-8 * T, "d": T**2}
     columns |= {"e": T, "f": 1000 * T}
     units = {"t": "s", "a": "m", "b": "m", "c": "rad", "e": "N", "f": "N"}

@@ -1,4 +1,4 @@
-"""JUnit's XML: what CI servers read, whatever stands in names and texts."""
+"""JUnit's XML for CI servers, with any names and texts."""
 
 from xml.etree import ElementTree as ET
 

@@ -1,4 +1,4 @@
-"""Names and units as pictures write them."""
+"""Names and units as written in pictures."""
 
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +17,7 @@ DOT, TWO_DOTS = "\u0307", "\u0308"
 
 
 def below(text):
-    """Mark as subscripts what stands in brackets."""
+    """Mark text in brackets as subscripts."""
     return text.replace("[", BELOW).replace("]", END)
 
 

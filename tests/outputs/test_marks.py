@@ -1,4 +1,4 @@
-"""Impacts, rest and other events in pictures, and what jumps at them."""
+"""Impacts, rest and other events in pictures, and jumps of columns there."""
 
 from itertools import groupby
 

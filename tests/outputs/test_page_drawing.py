@@ -1,4 +1,4 @@
-"""What the page draws of a plane, call by call, against closed forms of the motion."""
+"""Drawing calls of the page for a plane, against closed forms of the motion."""
 
 import json
 
@@ -45,7 +45,7 @@ def circle(**more):
 
 
 def pulled(size):
-    """A force towards the hub, of so many N at each time."""
+    """A force towards the hub, of `size` N at each time."""
     force = -np.stack([np.cos(T), np.sin(T)], axis=1) * np.reshape(size, (-1, 1))
     return [Push("rod", "rim", np.broadcast_to(force, (len(T), 2)))]
 
@@ -330,7 +330,7 @@ def test_how_far_it_zooms():
 
 
 def test_two_fingers():
-    """What is between them stays there, and grows as they part; also up and down."""
+    """The picture between two fingers stays there, and grows as they part."""
     made, moved = page.swing(), page.move(220, 260, finger=2)
     steps = [page.press(100, 100), page.press(160, 180, finger=2), moved]
     # One that is lifted moves nothing; the other one drags.

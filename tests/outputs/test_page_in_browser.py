@@ -1,4 +1,4 @@
-"""What the page draws, asked of a real browser, against closed forms."""
+"""Drawing of the page in a real browser, against closed forms."""
 
 import math
 
@@ -114,7 +114,7 @@ def test_every_model_with_a_scene(tmp_path, moment):
 
 
 def places(result, model, t):
-    """Give where the points of a result are, if it has a row then, or has ended."""
+    """Return the places of points of a result at t, or at its end."""
     rows = result._rows
     row = min(np.searchsorted(rows[:, 0], t - 1e-9), len(rows) - 1)
     there = rows[row, 0] >= t or row == len(rows) - 1

@@ -1,4 +1,4 @@
-"""What stands around a picture: clock, bars, line of time, buttons, keys and mouse."""
+"""Elements around a picture: clock, bars, line of time, buttons, keys and mouse."""
 
 import json
 

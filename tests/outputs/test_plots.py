@@ -1,4 +1,4 @@
-"""The pictures of a run: what they say, where it stands, and that it is repeatable."""
+"""The pictures of a run: their content, its place, and that it is repeatable."""
 
 import functools
 import io
@@ -325,7 +325,7 @@ def test_long_names_share_a_legend():
 
 
 def scales_of(panel):
-    """Of what runs across, and up: how much a pixel is."""
+    """Return the units per pixel of both axes."""
     (left, right), (low, high) = panel.limits
     return (right - left) / panel.box.width, (high - low) / panel.box.height
 

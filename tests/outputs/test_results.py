@@ -19,7 +19,7 @@ def names(folder):
 
 
 def put(folder, **files):
-    """Write files, and a run.json that lists them."""
+    """Write files, and a run.json that lists the files."""
     with open_results(folder) as results:
         for name, content in files.items():
             results.write(name, content)
@@ -211,7 +211,7 @@ def test_what_cannot_be_written_leaves_the_old_results(folder, monkeypatch, call
 
 
 def test_a_commit_is_whole_at_any_point(folder, monkeypatch):
-    """What one who is killed there would leave is what is there."""
+    """A process killed at any point leaves a complete result."""
     kept, texts = ("energy.png", "events.csv"), {False: b"old", True: b"new"}
     put(folder, **dict.fromkeys((*kept, "plot_1.png"), b"old"))
     seen = []

@@ -1,4 +1,4 @@
-"""Scales: what is flat, what is offset, what is a spike, and ticks where they say."""
+"""Scales: constant values, offsets, spikes, and ticks at the right places."""
 
 import re
 
@@ -150,7 +150,7 @@ def spiked(height, at=700):
 
 
 def shown(values):
-    """Give panel, line, and what is said of logarithms where they begin."""
+    """Return panel, line, and the note on the begin of the logarithmic part."""
     drawing = coordinates({"t": T, "q": values}, ["q"])
     [panel] = drawing.panels
     notes = [text for text in drawing.texts if "logarithmic" in text.said]

@@ -1,4 +1,4 @@
-"""Tables: the same bits come back, in bounded memory, and no half rows."""
+"""Tables: equal bits are read back, in bounded memory, without partial rows."""
 
 import csv
 import errno
@@ -69,7 +69,7 @@ def test_what_is_not_finite_reads_back(tmp_path):
 
 
 class Full:
-    """A file on a disk with `room` for so many bytes more."""
+    """A file on a disk with `room` bytes left."""
 
     def __init__(self, file, room):
         self.file, self.room = file, room

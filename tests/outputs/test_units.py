@@ -1,4 +1,4 @@
-"""Units that follow from those of a file, and those that do not."""
+"""Units that follow from the units of a file, and units that do not."""
 
 import json
 

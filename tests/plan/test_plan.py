@@ -1,4 +1,4 @@
-"""What is chosen for a scene, and that the reason is told."""
+"""Choices for a scene, and their reasons."""
 
 import pytest
 

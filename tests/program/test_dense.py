@@ -25,7 +25,7 @@ ROUNDING = 2.0**-53
 
 # The model's functions that the loops call: they give the system that lies in y.
 def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
-    """Give M, A, f, b."""
+    """Store M, A, f, b."""
     n = p.n
     m = p.m
     for i in range(n * n + n * m + n + m):
@@ -33,7 +33,7 @@ def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
 
 
 def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
-    """Give M, A, residuals (from b), rates (twice them), the scales 1 of both."""
+    """Store M, A, residuals (from b), rates (twice these), the scales 1 of both."""
     n = p.n
     m = p.m
     for i in range(n * n + n * m):
@@ -46,7 +46,7 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
 
 
 def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
-    """Give what Newton steps leave."""
+    """Store the residuals that remain after Newton steps."""
     for i in range(p.m):
         out[i] = 0.125 / (1.0 + i)
         out[p.m + i] = 0.125 * (1.0 + i)
@@ -67,7 +67,7 @@ def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def compiled(whole: bool) -> Any:
-    """Give the compiled kernels: of rows by their reaches, or of whole rows."""
+    """Return the compiled kernels: of rows by their reaches, or of whole rows."""
     statics = {"WHOLE": whole}
     engine = Engine([cache.kernel_part([*KERNELS, *MODEL.values()], statics).object])
     pointer = ctypes.c_void_p
@@ -97,7 +97,7 @@ def call(request: pytest.FixtureRequest) -> Any:
 
 @dataclass(frozen=True)
 class System:
-    """M (n, n), A (m, n), f (n,), b (m,), and what the plan says of them."""
+    """M (n, n), A (m, n), f (n,), b (m,), and the data that a plan has about these."""
 
     M: Any
     A: Any
@@ -122,7 +122,7 @@ class System:
         return y, p, np.zeros(n + 3)
 
     def motion(self, call: Any) -> tuple[Any, Any]:
-        """Give q'' and lambda."""
+        """Return q'' and lambda."""
         y, p, out = self.arrays
         call("solve", y, p, out)
         assert p.flat[-4:].tolist() == GUARD  # no more memory than is declared
@@ -137,7 +137,7 @@ def motion_in(p: Any) -> tuple[Any, Any]:
 
 
 def random_system(seed: int, n: int, m: int, rank: int | None = None) -> System:
-    """Give a consistent system with rows of the given rank."""
+    """Return a consistent system with rows of the given rank."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n))
     M = root @ root.T + np.eye(n)
@@ -147,7 +147,7 @@ def random_system(seed: int, n: int, m: int, rank: int | None = None) -> System:
 
 
 def least_norm(x: System) -> tuple[Any, Any]:
-    """Give q'' and the shortest lambda, by the null space of A and lstsq."""
+    """Return q'' and the shortest lambda, by the null space of A and lstsq."""
     _, sizes, V = np.linalg.svd(x.A)
     rank = int(np.sum(sizes > 1e-9 * sizes[0])) if len(sizes) else 0
     free = V[rank:].T
@@ -230,7 +230,7 @@ def test_the_scale_of_a_row_changes_nothing(
 
 
 def singular_mass(seed: int, n: int, m: int) -> System:
-    """Give a system whose M has rank n - m + 1, and [M; A] full column rank."""
+    """Return a system whose M has rank n - m + 1, and [M; A] full column rank."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n - m + 1))
     A = random.normal(size=(m, n))

@@ -48,13 +48,13 @@ def linked(model, **options):
 
 
 def exact(system, runner, t, y):
-    """Give the Jacobian; the rates of states and works are the last rows."""
+    """Return the Jacobian; the rates of states and works are the last rows."""
     rows, d = system.size - system.n, len(system.equations.state)
     return runner.function("jacobian", rows * d)(t, y).reshape(rows, d)
 
 
 def differences(system, runner, t, y):
-    """Give the same by central differences of order 4."""
+    """Return the Jacobian by central differences of order 4."""
     derivative = runner.function("derivative")
     columns = []
     for k in range(len(system.equations.state)):

@@ -48,7 +48,7 @@ def test_cost_grows_in_proportion(monkeypatch, tmp_path):
 
 
 def states(start, number=3):
-    """Give random states; they need not meet the constraints."""
+    """Return random states, which need not satisfy the constraints."""
     random = np.random.default_rng(8)
     for _ in range(number):
         q = start.q + 0.2 * random.standard_normal(len(start.q))
@@ -56,7 +56,7 @@ def states(start, number=3):
 
 
 def motion(e, plan, y, t):
-    """Give q'' and lambda."""
+    """Return q'' and lambda."""
     system = System(e, plan)
     runner = system.link("dop853")
     if system.switches.modes:
@@ -117,7 +117,7 @@ def test_the_plan_chooses_by_operations():
 
 
 def full_matrix(n):
-    """Give a scene in which each velocity meets all others in a product."""
+    """Return a scene in which each velocity occurs in products with all others."""
     names = [f"a{k}" for k in range(n)]
     terms = [f"{n}*{a}_dot^2" for a in names]
     pairs = [(a, b) for i, a in enumerate(names) for b in names[:i]]

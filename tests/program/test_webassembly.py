@@ -47,7 +47,7 @@ def _portable(monkeypatch):
 
 
 def made(source, method="auto", **values):
-    """Give a module, and the rows of the run that it was made of."""
+    """Return a module, and the rows of the run from which it was made."""
     model = model_of(source).bind(**values)
     session = open_case(model, model.settings({"method": method})).ready()
     keep = Keep()
@@ -60,7 +60,7 @@ def made(source, method="auto", **values):
 
 @pytest.fixture(scope="module")
 def pendulum():
-    """Give the module and the portable rows of the double pendulum."""
+    """Return the module and the portable rows of the double pendulum."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("LAGSIM_CPU", "portable")
         return made(PENDULUM)

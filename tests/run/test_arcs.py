@@ -1,4 +1,4 @@
-"""What begins and ends arcs: breaks in time, `until`, constraints that jump."""
+"""Begins and ends of arcs: breaks in time, `until`, constraints that jump."""
 
 import math
 
@@ -33,7 +33,7 @@ def test_a_pulse_of_a_millisecond_is_met():
 
 
 def driven_by_sign(t):
-    """Give x of x'' + x = sign(sin t) from rest: in resonance, half wave by half wave.
+    """Return x of x'' + x = sign(sin t) from rest, by half periods of the drive.
 
     On [n pi, (n+1) pi]: x = s + A cos t + B sin t, s = (-1)^n; x and x' continue.
     """

@@ -9,7 +9,7 @@ from lagsim.studies.restart import CLASSES, decoded, encoded
 
 
 def test_events_come_back_in_order_of_time_and_after_a_checkpoint():
-    """Some are dated later than those added after them, as ends of accumulations."""
+    """Some events are dated later than later entries, as ends of accumulations."""
     rng, store = random.Random(29), EventStore()
     given = [
         Event(k / 7 + 40.0 * (rng.random() < 0.01), "impact", "floor", energy=-1.0 / k)

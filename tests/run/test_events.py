@@ -20,20 +20,20 @@ FREE = "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
 
 
 def scene(text, begin="x: 0", duration=3, sections=FREE, **options):
-    """Give the text of a model of a unit mass on a line."""
+    """Return the text of a model of a unit mass on a line."""
     asked = "".join(f", {key}: {value}" for key, value in options.items())
     simulation = f"simulation: {{duration: {duration}{asked}}}\n"
     return f"{sections}{text}\ninitial: {{{begin}}}\n{simulation}"
 
 
 def acts(found, name=None):
-    """Give names and times of events of the file, or the times of one."""
+    """Return names and times of events of the file, or the times of one."""
     own = [(e.name, e.time) for e in found.events if e.kind == "event"]
     return own if name is None else [t for n, t in own if n == name]
 
 
 def drift(found):
-    """Give the largest change of energy - work, against the largest energy."""
+    """Return the largest change of energy - work, against the largest energy."""
     balance = found["energy"] - (found["work"] if "work" in found.columns else 0.0)
     return np.ptp(balance) / np.max(np.abs(found["energy"]))
 
@@ -76,7 +76,7 @@ def test_a_latch_opens_at_a_speed(name):
 
 
 def trebuchet(p):
-    """Give the times at which a stone leaves trough and sling, by scipy."""
+    """Return the times at which a stone leaves trough and sling, by scipy."""
     W, B, m, s, l, r, h, c, g = (p[k] for k in "WBmslrhcg")  # noqa: E741
     M = np.diag([W * s**2 + B * (l**2 - l * s + s**2) / 3, m, m])
 
@@ -129,7 +129,7 @@ def test_a_sling_lets_go():
 
 
 def hop(y, m=80.0, g=9.81, k=2e4, energy=80 * (9.81 + 12.5)):
-    """Give the next apex of a runner after one at the height y, by scipy."""
+    """Return the next apex of a runner after the apex at height y, by scipy."""
     low, foot = math.cos(math.radians(22)), math.sin(math.radians(22))
     z = [0, low, math.sqrt(2 * (energy / m - g * y)), -math.sqrt(2 * g * (y - low))]
 
@@ -211,7 +211,7 @@ def test_events_that_undo_each_other_end_the_run(events, named):
 
 
 def relay(v, A, c, k, f, w):
-    """Give acts of v' = a - k v + f sin(w t) at v = c: (names, times, chatters)."""
+    """Return acts of v' = a - k v + f sin(w t) at v = c: (names, times, chatters)."""
     t, names, times, a = 0.0, [], [], A[0]
     side = 1 if v > c else -1
     while True:
@@ -342,7 +342,7 @@ def test_an_event_at_the_ground_counts_each_impact(at, e, ground, unit, options)
 def test_what_an_impact_makes_true_for_the_shortest_flight(name):
     """A ball's rate becomes positive at every impact, also where a step is a flight.
 
-    The second row of an impact shows what has been set, and so what that has done.
+    The second row of an impact shows the modes set, and their effect.
     """
     ball = FREE.replace("potential: 0", "potential: 9.81*x + hits")
     text = """modes: {hits: 0}
@@ -374,7 +374,7 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
     ],
 )
 def test_at_an_impact_gaps_are_closed(a, b, start, method, until):
-    """A ball meets two walls at once: both gaps are 0, whatever rounding leaves."""
+    """A ball meets two walls at once: both gaps are 0, whatever the rounding."""
     potential = "10*(x + z)" if a == "x" else "10*z"
     text = f"""
 coordinates: {{x: {{}}, z: {{}}}}
@@ -406,7 +406,7 @@ events:
 
 
 def balanced(p, duration, start):
-    """Give states of the cart-pole at its samples, by scipy from one to the next."""
+    """Return states of the cart-pole at its samples, by scipy from one to the next."""
     M, m, l, g, T, F = (p[k] for k in "MmlgTF")  # noqa: E741
 
     def rates(_t, z, u):

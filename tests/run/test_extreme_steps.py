@@ -1,4 +1,4 @@
-"""Steps, and runs, of extreme lengths: an outcome or a fault, whatever the method."""
+"""Steps, and runs, of extreme lengths: an outcome or a fault, with any method."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Where a series does not exist and the motion does, asked for or not."""
+"""Motions without a Taylor series, with the method `taylor` requested or not."""
 
 import math
 
@@ -29,7 +29,7 @@ METHODS = ["taylor", "auto"]
 
 
 def took_over(found):
-    """Give the times from which dop853 goes on."""
+    """Return the times from which dop853 continues."""
     choices = [c.choice for c in found.trajectory.choices]
     return [c for c in choices if c.startswith("method: dop853 from t = ")]
 

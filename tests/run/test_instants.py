@@ -12,7 +12,7 @@ from tests.run.test_events import FREE, acts, scene
 
 
 def beside(time, places):
-    """Give the double that is so many units in the last place from a time."""
+    """Return the double that is `places` units in the last place from a time."""
     return time + places * math.ulp(time)
 
 
@@ -68,7 +68,7 @@ def test_events_at_one_time_have_one_time_in_rows_lists_and_answers(start, step)
 
 
 def modes_at(found, time, *names):
-    """Give values of modes in the row at a time."""
+    """Return values of modes in the row at a time."""
     row = int(np.argmin(np.abs(found.t - time)))
     return [found[name][row] for name in names]
 
@@ -95,7 +95,7 @@ simulation: {duration: 30, output_step: 0.1, METHOD}
 )  # fmt: skip
 @pytest.mark.parametrize(("mass", "level"), [("1", None), ("3", None), ("1", 0.3)])
 def test_events_of_complementary_conditions_act_by_turns(mass, level, method):
-    """Beside a constraint whose projection leaves rounding in what both depend on."""
+    """Beside a constraint whose projection leaves rounding in a common argument."""
     a, at = ("a_dot", 0.0) if level is None else ("a", level)
     text = COMPLEMENTARY.replace("MASS", mass).replace("METHOD", method)
     text = text.replace("RISES", f"{a} >= {at}").replace("FALLS", f"{a} <= {at}")

@@ -1,4 +1,4 @@
-"""Numbers that leave the range of doubles end a run in order, or are told."""
+"""Numbers outside the range of doubles end a run in order, or are reported."""
 
 import numpy as np
 import pytest

@@ -26,7 +26,7 @@ class Regular:
         self.steps, self.rows = steps, rows
 
     def lasted(self, seconds):
-        """Take no notice of the clock."""
+        """Ignore the clock."""
 
 
 # Steps shrink with the distance to t = 0.6: no number of them passes it.

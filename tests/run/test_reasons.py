@@ -1,4 +1,4 @@
-"""What a run says when it ends: the right names, numbers and times."""
+"""Texts of a run at its end: the right names, numbers and times."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ def scene(names, potential, initial, forces=""):
 
 
 def runaway(which, *, coupled=True, force=False):
-    """Give three coordinates of which `which` runs away: w'' = 2 w^3, or w'' = w'^3.
+    """Return three coordinates of which `which` runs away: w'' = 2 w^3, or w'' = w'^3.
 
     From 1 at speed 1 the first is 1/(1 - t).
     """

@@ -1,4 +1,4 @@
-"""The way of a model to its rows: cases, what they ask for, and sessions."""
+"""Stages from a model to its rows: cases, their settings, and sessions."""
 
 import itertools
 import time

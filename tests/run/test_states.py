@@ -182,7 +182,7 @@ simulation: {duration: 4, until: belt >= 1.9}
 
 
 def chance(seed):
-    """Give the text of a model with one or two coordinates, and one to three states."""
+    """Return the text of a model with 1 or 2 coordinates and 1 to 3 states."""
     random = np.random.default_rng(seed)
 
     def number(low=0.2, high=1.5):

@@ -25,7 +25,7 @@ def table(x, y, **more):
 
 
 def scene(tables, forces, initial, *, potential="0", duration=1, step=None, **more):
-    """Give the text of unit masses under forces that call tables."""
+    """Return the text of unit masses under forces that call tables."""
     q = [name for name in initial if not name.endswith("_dot")]
     squares = " + ".join(f"{name}_dot^2/2" for name in q)
     asked = {"duration": duration} | ({"output_step": step} if step else {})
@@ -39,7 +39,7 @@ def scene(tables, forces, initial, *, potential="0", duration=1, step=None, **mo
 
 
 def steps(name, step):
-    """Give the step that a method with fixed ones is asked for."""
+    """Return the step for a method with fixed steps."""
     return {} if method(name).ADAPTIVE else {"step": step}
 
 
@@ -161,7 +161,7 @@ def test_a_smooth_table_of_two_arguments_is_that_of_scipy():
 
 
 def beyond(how, outside):
-    """Give a table's function of s, on the piece on which a middle lies."""
+    """Return a table's function of s, on the piece that contains a middle point."""
     period, ends = X[-1], {"bc_type": "periodic"}
     if outside != "repeat":
         inner = CURVES[how](X, Y)
@@ -188,7 +188,7 @@ def beyond(how, outside):
 @pytest.mark.parametrize("name", ["dop853", "taylor", "radau"])
 @pytest.mark.parametrize("argument", ["rate*t - 1", "s", "s - sin(t)^2 - cos(t)^2 + 1"])
 def test_steps_end_at_the_points_of_a_smooth_table(how, outside, name, argument):
-    """Each piece is a polynomial: what it moves is one, too, and so is the work.
+    """Each piece is a polynomial: so are the motion under it, and the work.
 
     s moves uniformly. The error estimate of dop853 alone left 1e-9 where s is the
     argument.

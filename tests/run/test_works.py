@@ -50,7 +50,7 @@ def test_by_each_method(method):
 
 
 def test_impacts_of_moving_constraints():
-    """What strikes at t = 1 takes 2 v^2 m of a body of 1 kg, beside one of 1e15 J."""
+    """An impact at t = 1 costs a body of 1 kg 2 v^2 m, beside a body of 1e15 J."""
     found = run("""
 coordinates: {p: {}, s: {}, z: {}}
 energy:

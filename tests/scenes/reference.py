@@ -1,4 +1,4 @@
-"""The reference problems as model files, and what they should give."""
+"""The reference problems as model files, and their expected results."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class State:
 
 
 def states(name):
-    """Give the reference states of a problem, in order of time."""
+    """Return the reference states of a problem, in order of time."""
     found = []
     for r in PROBLEMS[name]["reference"]:
         floats = {k: float(x) for k, x in r["q"].items()}
@@ -66,7 +66,7 @@ def states(name):
 
 
 def model_text(name, end=None):
-    """Give the YAML of a problem.
+    """Return the YAML of a problem.
 
     Rows are spaced by the first reference time, of which the others are multiples.
     """
@@ -101,7 +101,7 @@ def oracle_of(name):
 
 
 def accelerations(name, reference):
-    """Give q'', lambda (of least norm) and A^T lambda at a state, by sympy."""
+    """Return q'', lambda (of least norm) and A^T lambda at a state, by sympy."""
     oracle = oracle_of(name)
     values: dict[str, Any] = {"t": reference["t_value"], **oracle.nominal()}
     values |= reference["q"]

@@ -47,7 +47,7 @@ AT_1_S = [
 
 
 def torques(q, v, a, axes=AXES, g=9.81):
-    """Give the torques (7,) at the joints that a motion takes."""
+    """Return the torques (7,) at the joints for a motion."""
     w = dw = r = np.zeros(3)
     acceleration = np.array([0, 0, g])
     passed = []
@@ -267,7 +267,7 @@ def freely(method, step=None, more=""):
     "method", [pytest.param("dop853", marks=pytest.mark.slow), "taylor"]
 )
 def test_a_body_that_tumbles(method):
-    """By elliptic functions. Nothing but its length constrains it: Gauss's a is q''."""
+    """By elliptic functions. Only the quaternion's length is held: Gauss's a is q''."""
     w, r = freely(method, more="output: {gauss: true}\n")
     assert r.record["method"] == method
     np.testing.assert_allclose(w, spun(r.t, 0.6, 0.8), atol=1e-10)

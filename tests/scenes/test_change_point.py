@@ -33,7 +33,7 @@ simulation: {{duration: 3, output_step: 0.01}}
 
 
 def truth(times):
-    """Give (x, y, u, v) on the smooth branch, by the angle past the line.
+    """Return (x, y, u, v) on the smooth branch, by the angle past the line.
 
     The signed height of the joint of coupler and rocker over the line from the crank's
     tip to the rocker's pivot is analytic through the change point.

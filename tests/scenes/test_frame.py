@@ -20,7 +20,7 @@ RECORD = np.loadtxt(MODELS / "el_centro_1940_ns.csv", delimiter=",", skiprows=8)
 
 
 def oscillator(w, t, ground):
-    """Give p and p' of p'' + 2 zeta w p' + w^2 p = -ground, linear between points.
+    """Return p and p' of p'' + 2 zeta w p' + w^2 p = -ground, linear between points.
 
     Source: N. C. Nigam and P. C. Jennings, Bull. Seism. Soc. Am. 59 (1969), 909.
     """
@@ -38,7 +38,7 @@ def oscillator(w, t, ground):
 
 @pytest.fixture(scope="module")
 def exact():
-    """Give times, displacements (3, k) and felt accelerations (3, k) of the floors."""
+    """Return times, displacements (3, k) and accelerations felt (3, k) of floors."""
     t, ground = RECORD.T * [[1.0], [G]]
     p, v = np.moveaxis([oscillator(w, t, ground) for w in RATES], 1, 0)
     parts = SHAPES.sum(axis=0) / (SHAPES**2).sum(axis=0)

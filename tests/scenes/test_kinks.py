@@ -23,7 +23,7 @@ def simulated(text, **options):
 
 
 def wire(relation="y = k*abs(x)", k=0.5, **changes):
-    """Give the model of a bead on a wire; in units of `length`, `time`, off by `X`."""
+    """Return the model of a bead on a wire, in other units, and shifted by X."""
     c = {
         "x": 1.0,
         "length": 1.0,
@@ -46,7 +46,7 @@ def wire(relation="y = k*abs(x)", k=0.5, **changes):
 
 
 def passages(k, x, count):
-    """Give the times of passages of the corner from rest at x, and speeds before."""
+    """Return the times of passages of the corner from rest at x, and speeds before."""
     a, r = G * k / (1 + k * k), (1 - k * k) / (1 + k * k)
     speeds = [np.sqrt(2 * a * abs(x)) * r**i for i in range(count)]
     first = [speeds[0] / a, *(2 * v / a for v in speeds[1:])]
@@ -54,7 +54,7 @@ def passages(k, x, count):
 
 
 def bead(t, k, x):
-    """Give x (rows,) of a bead on y = k*abs(x) that is let go at x."""
+    """Return x (rows,) of a bead on y = k*abs(x) that is released at x."""
     a = G * k / (1 + k * k)
     times, speeds = passages(k, x, 60)
     found, side = np.where(t < times[0], abs(x) - a * t**2 / 2, 0.0), np.sign(x)
@@ -228,7 +228,7 @@ def test_a_corner_that_holds_takes_a_degree_of_freedom(start):
 
 
 def ball(relations, x=0.7, y=1.0, v=0.0, end=1.5, law="restitution: e", **more):
-    """Give the model of a ball above some relations, each a contact."""
+    """Return the model of a ball above some relations, each a contact."""
     constraints = "".join(
         f'\n      c{k}: {{relation: "{text}", {law}}}'
         for k, text in enumerate(relations)
@@ -377,7 +377,7 @@ def test_a_sweep_over_the_sign_has_the_ends_of_single_runs():
 
 
 def simulated_end(model):
-    """Give the last y of a run."""
+    """Return the last y of a run."""
     return lagsim.simulate(model, error_bar="never")["y"][-1]
 
 

@@ -90,7 +90,7 @@ def test_on_the_curve_lambda_meets_both_equations_of_motion(curve):
 
 
 def quarter_period():
-    """Give the time from theta = 1 to 0 by quadrature: one degree of freedom.
+    """Return the time from theta = 1 to 0 by quadrature: one degree of freedom.
 
     T = I(theta) theta_dot^2/2, so dt = dtheta sqrt(I/(2 (E - V))); theta = cos(s) takes
     the root out of the integrand's end.

@@ -39,12 +39,12 @@ def played(name, tolerance):
 
 
 def finer(text):
-    """Give rows between the reference times too, for the size of the motion."""
+    """Return rows between the reference times too, for the size of the motion."""
     return text.replace('output_step: "', 'output_step: "1/40*')
 
 
 def sizes(found):
-    """Give the largest coordinate and the largest velocity of a run."""
+    """Return the largest coordinate and the largest velocity of a run."""
     names = found.equations.q
     rates = found.equations.velocities
     return (
@@ -58,7 +58,7 @@ def row_at(found, t):
 
 
 def digits(found, state):
-    """Give the correct digits of positions and velocities, of the largest of each.
+    """Return the correct digits of positions and velocities, of the largest of each.
 
     Bricard and the chain pass through rest: sizes are those of the whole motion.
     """
@@ -71,12 +71,12 @@ def digits(found, state):
 
 
 def allowed(kappa, tolerance):
-    """Give the digits that a tolerance leaves where errors grow by kappa."""
+    """Return the digits that a tolerance leaves where errors grow by kappa."""
     return -math.log10(kappa * tolerance) - SLACK
 
 
 def predictable(name, tolerance):
-    """Give the states, with references and digits, of which something is asked."""
+    """Return the states, with references and digits, that are compared."""
     found = []
     references = sorted(PROBLEMS[name]["reference"], key=lambda r: float(r["t_value"]))
     for state, reference, kappa in zip(

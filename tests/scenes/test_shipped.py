@@ -1,4 +1,4 @@
-"""Shipped models: published eigenvalues, and Newton's law for what a model adds up."""
+"""Shipped models: published eigenvalues, and Newton's law for their sums."""
 
 import functools
 
@@ -23,7 +23,10 @@ def bicycle():
 
 
 def eigenvalues(v):
-    """Give those of the lateral motion (lean, steer and rates) at a speed, 1/s."""
+    """Return the eigenvalues (1/s) of the lateral motion at a speed.
+
+    Its state has lean, steer and their rates.
+    """
     model = bicycle().bind(v=v, lean_dot=0)
     start = lagsim.simulate(model, duration=0.01, output_step=0.01, error_bar="never")
     names = [q + dot for dot in ("", "_dot") for q in BICYCLE]

@@ -56,7 +56,7 @@ WEIGHT = 9.81
 
 
 def four_bars(N, *, speed=1.0, length=1.0, duration=10.0, step=0.01):
-    """Give IFToMM's N four-bar mechanism in the coordinates of the tips."""
+    """Return IFToMM's N four-bar mechanism in the coordinates of the tips."""
     all_k, cells = range(N + 1), range(N)
     kinetic = [f"(x{k}_dot^2 + y{k}_dot^2)/6" for k in all_k]
     kinetic += [
@@ -84,7 +84,7 @@ def four_bars(N, *, speed=1.0, length=1.0, duration=10.0, step=0.01):
 
 
 def loops_of(N, *, speed=1.0, length=1.0, tag=""):
-    """Give the parts of the same in angles, with two closures for each cell."""
+    """Return the parts of the mechanism in angles, with two closures for each cell."""
     kinetic = [f"a{k}{tag}_dot^2/6" for k in range(N + 1)]
     potential = [f"{WEIGHT}*sin(a{k}{tag})/2" for k in range(N + 1)]
     constraints = []
@@ -104,7 +104,7 @@ def loops_of(N, *, speed=1.0, length=1.0, tag=""):
 
 
 def in_angles(*mechanisms, duration=10.0):
-    """Give the model of mechanisms that `loops_of` has made, side by side."""
+    """Return the model of mechanisms that `loops_of` has made, side by side."""
     names, kinetic, potential, constraints, initial = (
         [line for mechanism in mechanisms for line in mechanism[part]]
         for part in range(5)
@@ -119,7 +119,7 @@ def in_angles(*mechanisms, duration=10.0):
 
 
 def pendulum(t, N, speed):
-    """Give the angle while all uprights stay parallel, by an independent method."""
+    """Return the angle while all uprights stay parallel, by an independent method."""
     inertia, moment = (N + 1) / 3 + N, WEIGHT * ((N + 1) / 2 + N)
     found = solve_ivp(
         lambda _, u: [u[1], -moment / inertia * np.cos(u[0])],
@@ -130,7 +130,7 @@ def pendulum(t, N, speed):
 
 
 def check_four_bars(result, N, speed, length):
-    """Hold the tips to the pendulum, and the energy to its first value."""
+    """Compare the tips with the pendulum, and the energy with its first value."""
     assert result.trajectory.outcome.complete
     angle = pendulum(result["t"], N, speed)
     # The tolerance is 1e-11, over some ten turns from close to an unstable equilibrium.
@@ -141,7 +141,7 @@ def check_four_bars(result, N, speed, length):
 
 
 def check_told(result, N, speed):
-    """Ask for an event at each dead point, where all bars lie flat, and no other."""
+    """Assert an event at each dead point, where all bars lie flat, and no other."""
     t = np.linspace(0, result["t"][-1], 100_001)
     angle = pendulum(t, N, speed)
     flat = np.flatnonzero(np.diff(np.floor(angle / np.pi)))

@@ -1,4 +1,4 @@
-"""What the tests of this folder share: shipped models, derived once, and values."""
+"""Shipped models, derived once, and values, for the tests of this folder."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def numbers(texts: list[str], values: Mapping[str, float]) -> list[float]:
 
 
 def known(document: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:
-    """Give the values together with those of the definitions that keep their names."""
+    """Return the values with those of the definitions that keep their names."""
     found = dict(values)
     for name, text in document["definitions"].items():
         found[name] = numbers([text], found)[0]
@@ -77,7 +77,7 @@ def known(document: Mapping[str, Any], values: Mapping[str, float]) -> dict[str,
 
 
 def kept(c: Content) -> dict[tuple[str, ...], Any]:
-    """Give the conserved quantities by their coordinates, the energy by ()."""
+    """Return the conserved quantities by their coordinates, the energy by ()."""
     return {tuple(k["of"]): k for k in c.document["conserved"]}
 
 

@@ -33,7 +33,7 @@ _FORMULA = re.compile(
 
 
 class LatexError(Exception):
-    """What TeX would stop at."""
+    """Fault at which TeX would stop."""
 
 
 def check(document: str) -> list[str]:

@@ -26,12 +26,12 @@ _LATEX = re.compile(r"\\(?:left|right|bigl|bigr|,)|\{\}")
 
 
 def value(formula: str, values: Mapping[str, float]) -> float:
-    """Give the number of a formula; `values` says what each name, as shown, is."""
+    """Return the number of a formula; `values` has the value of each displayed name."""
     return _Reader(formula, values).whole()
 
 
 class UnreadableError(Exception):
-    """What a person could not read either."""
+    """Formula that a person could not read either."""
 
 
 class _Reader:
@@ -136,7 +136,7 @@ class _Reader:
 
 
 def text_rows(document: str) -> list[tuple[str, str]]:
-    """Give the rows `label = formula` of a text; prose has an empty formula."""
+    """Return the rows `label = formula` of a text; prose has an empty formula."""
     _, *sections = re.split(r"(?m)^.*\n-+$", unicodedata.normalize("NFC", document))
     # A term that begins a line goes on with the one before.
     body = re.sub(r"\n\s{4,}(?=[−=+-] )", " ", "\n".join(sections))
@@ -145,7 +145,7 @@ def text_rows(document: str) -> list[tuple[str, str]]:
 
 
 def latex_rows(document: str) -> list[tuple[str, str]]:
-    """Give the rows `label &= formula` of all aligned formulas."""
+    """Return the rows `label &= formula` of all aligned formulas."""
     bodies = re.findall(r"\\begin\{align\*\}(.*?)\\end\{align\*\}", document, re.DOTALL)
     rows = []
     for body in bodies:

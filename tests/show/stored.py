@@ -1,7 +1,7 @@
 """Documents that are stored whole, as a person has read and approved them.
 
-`benchmarks/regenerate.py` writes them to the folder `documents`; what changed is read
-in the difference before it is committed.
+`benchmarks/regenerate.py` writes the documents to the folder `documents`; changes are
+read in the difference before they are committed.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ STORED = {
 
 
 def told_to_programs(c):
-    """Give the document without what changes with every version."""
+    """Return the document without entries that change with every version."""
     document = as_json(c)
     del document["lagsim"], document["model"]
     return document
@@ -141,12 +141,12 @@ FORMATS = {
 
 
 def names() -> set[str]:
-    """Give the names of all files."""
+    """Return the names of all files."""
     return {f"{name}.{suffix}" for name in STORED for suffix in FORMATS}
 
 
 def documents() -> Iterator[tuple[str, str]]:
-    """Give the name and the text of each file."""
+    """Yield the name and the text of each file."""
     for name, make in STORED.items():
         made = make()
         for suffix, as_format in FORMATS.items():

@@ -1,7 +1,7 @@
 """Text and LaTeX, read back as a person reads them, against the numbers of JSON.
 
-What JSON gives is held to sympy's own derivation in `test_oracle`. Labels and prose are
-those of whole documents, see `stored`.
+The content of JSON is compared with sympy's own derivation in `test_oracle`. Labels and
+prose are tested in whole documents, see `stored`.
 """
 
 import contextlib
@@ -55,7 +55,7 @@ STYLES = {
 
 
 def expressions(d):
-    """Give all expressions of a document in JSON that text and LaTeX show in rows."""
+    """Yield all expressions of a document in JSON that text and LaTeX show in rows."""
     if d["kinetic"] is not None:
         yield from (d["kinetic"], d["potential"])
     yield from (d["lagrangian"], *d["definitions"].values())
@@ -118,7 +118,7 @@ def is_near(x, y):
 
 
 def _values(row, shown):
-    """Give what a row may say: its formulas, and the left side less the right."""
+    """Return the permitted values of a row: its formulas, and left side less right."""
     label, formula = row
     prose = label in ("Qc", "a") or label.endswith("makes G")
     if not formula or formula.startswith("[") or prose:

@@ -1,4 +1,4 @@
-"""Gauss's principle by numbers, at single states; columns that are asked for."""
+"""Gauss's principle by numbers, at single states; optional columns."""
 
 import re
 
@@ -26,7 +26,7 @@ EACH = [
 
 
 def asking(name, **wanted):
-    """Give the text of a shipped model with keys of `output` added."""
+    """Return the text of a shipped model with keys of `output` added."""
     text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
     text = re.sub(r"(?m)^output: \{(.*)\}$", r"output:\n  \1", text)
     lines = "".join(f"  {key}: true\n" for key in wanted)
@@ -36,7 +36,7 @@ def asking(name, **wanted):
 
 
 def observed(name, *, loops):
-    """Give the equations, the columns at the start and the system."""
+    """Return the equations, the columns at the start and the system."""
     session = ready(asking(name, gauss=True), loops=loops)
     start, system = session.case.start, session.system
     runner = system.link("dop853")

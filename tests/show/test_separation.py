@@ -52,7 +52,7 @@ def equations_of(name):
 
 
 def value(formula, values):
-    """Give the number of a formula in ASCII, with sums and members by numbers."""
+    """Return the number of a formula in ASCII, with sums and members by numbers."""
     while m := re.search(r"sum\((\w) = (\d+)\.\.(\d+), ", formula):
         depth, end = 1, m.end()
         while depth:
@@ -76,7 +76,7 @@ def value(formula, values):
 
 
 def at(formula, letter, k):
-    """Put the number of a member in place of its letter."""
+    """Replace the letter of a member by its number."""
     return re.sub(
         rf"\({letter}([+-]\d+)?\)", lambda m: f"({k + int(m[1] or 0)})", formula
     )
@@ -230,14 +230,14 @@ def test_text_is_short_and_says_the_same(model, monkeypatch):
 
 
 def own(shown, k, values):
-    """Give the name of a row of a member: `r(i).x` is `r.2.x`, `x(i)` may be x2."""
+    """Return the name of a member's row: `r(i).x` is `r.2.x`, `x(i)` may be x2."""
     name = re.sub(r"\((\d+)\)", r".\1", at(shown, "i", k))
     plain = re.sub(r"\.(\d+)$", r"\1", name)
     return name if name in values or plain not in values else plain
 
 
 def range_of(members):
-    """Give the numbers of `2..10`, or `3, 5`; 0 for a row of its own."""
+    """Return the numbers of `2..10`, or `3, 5`; 0 for a row of its own."""
     first, _, last = (members or "0").partition("..")
     if last:
         return [*range(int(first), int(last) + 1)]

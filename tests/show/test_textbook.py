@@ -175,7 +175,7 @@ def test_rounding_of_numbers_breaks_no_symmetry(potential, kind):
 
 
 def turns(factor, potential):
-    """Tell what is kept with a factor in V, or in T."""
+    """Return the conserved quantities with a factor in V, or in T."""
     found = []
     for kinetic, V in (
         (FREE, potential.format(f=factor)),

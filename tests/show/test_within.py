@@ -27,7 +27,7 @@ def test_what_is_not_derived_in_time_is_refused(monkeypatch, seconds):
 
 
 def digits(text, numbers=None):
-    """Tell whether an expression of x is refused for its digits."""
+    """Return whether an expression of x is refused for its digits."""
     g = Graph()
     node = parse(text).build(g, g.variable)
     given = (numbers or {}).items()

@@ -42,7 +42,7 @@ initial: {{{", ".join(f"{q}: 0.1" for q in names)}}}
 
 
 def work(potential, n):
-    """Give the calls that a derivation makes for each letter that it writes."""
+    """Return the number of calls of a derivation per letter of its text."""
     calls = 0
 
     def counted(_, event, __):

@@ -11,24 +11,24 @@ from lagsim.studies.audit.finding import audit
 
 
 def evidence(found, bar="not estimated"):
-    """Give the evidence of a finished run."""
+    """Return the evidence of a finished run."""
     own = Evidence(found.session)
     own.add(found.rows)
     return own.end(found.trajectory, bar)
 
 
 def cautions(found, bar="not estimated"):
-    """Give the cautions of a finished run."""
+    """Return the cautions of a finished run."""
     return alarms(evidence(found, bar))
 
 
 def codes(found, bar="not estimated"):
-    """Give their codes, sorted, without repetition."""
+    """Return the codes of the cautions, sorted, without repetition."""
     return sorted({caution.code for caution in cautions(found, bar)})
 
 
 def doubt(found, bar="not estimated"):
-    """Give the finding against a finished run, or None."""
+    """Return the finding against a finished run, or None."""
     return audit(evidence(found, bar))
 
 
@@ -43,7 +43,7 @@ def made(model, values=None, **options):
 
 
 def repeated(session, trajectory, checkpoints, allowance=None, always=False):
-    """Give the error bar of a run."""
+    """Return the error bar of a run."""
     own = Evidence(session).end(trajectory, "none")
     own.checkpoints = checkpoints
     bars = ErrorBars.ALWAYS if always else ErrorBars.AUTO

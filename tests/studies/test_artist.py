@@ -1,4 +1,4 @@
-"""Pictures are the same whoever draws them, and whoever loaded matplotlib."""
+"""Pictures are equal whichever process draws, and whichever loaded matplotlib."""
 
 import os
 import subprocess
@@ -18,7 +18,7 @@ from tests.support import MODELS, ready
 
 @pytest.fixture(scope="module")
 def ordered():
-    """Give an order, and what this process draws of it."""
+    """Return a request for pictures, and the pictures drawn by this process."""
     session = ready(PENDULUM, duration=0.5)
     model = session.case.equations.model
     rows = picture_thinning(model, session.system.columns.names)

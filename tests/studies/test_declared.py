@@ -1,4 +1,4 @@
-"""Objects as JSON and arrays: what was encoded comes back, and nothing else can."""
+"""Objects as JSON and arrays: encoded objects are decoded, and no others."""
 
 import json
 import math

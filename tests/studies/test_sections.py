@@ -88,7 +88,7 @@ output: {{sections: {{cut: {{at: x + y = {level}}}}}}}
 
 
 def dips(seed, depth, duration=30.0):
-    """Give a sum of two waves that dips over a level so far, and where it crosses."""
+    """Return a sum of two waves that dips below a level, and its crossings."""
     random = np.random.default_rng(seed)
     w, a, b, c, d = map(float, random.uniform([0.5, *4 * [-1.0]], [2.5, *4 * [1.0]]))
     terms = [(1.0, a, c), (w, b, d / w)]
@@ -299,7 +299,7 @@ output:
 
 
 def several(run, events, asked, text=TIMES, **options):
-    """Give the rows of some sections, which are given by number."""
+    """Return the rows of some sections, given by number."""
     lines = "".join(f"    s{k}: {{{section}}}\n" for k, section in enumerate(asked))
     text = text.replace("RUN", run).replace("EVENTS", events) + lines
     result = simulate(load(text), error_bar="never", **options)

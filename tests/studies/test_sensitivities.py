@@ -201,7 +201,7 @@ def test_five_names_cost_seventy_runs_at_most():
 
 @pytest.mark.slow
 def test_names_share_further_runs_by_their_errors():
-    """Five names need further steps: 70 runs in all, and their order counts nothing."""
+    """Five names need further steps: 70 runs in all, in any order of the names."""
     model = read((MODELS / "elastic-pendulum.yaml").read_text(), "<model>")
     names, found = ["l", "g", "K", "theta", "u"], []
     for order in (names, names[::-1]):

@@ -1,4 +1,4 @@
-"""Spectra of known sums of sines, of rows with impacts, and what is refused."""
+"""Spectra of known sums of sines, of rows with impacts, and refusals."""
 
 import numpy as np
 import pytest

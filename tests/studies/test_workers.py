@@ -1,4 +1,4 @@
-"""Work over processes: all of it is done, whoever dies, and nobody outlives it."""
+"""Work over processes: all is completed if processes die, and none outlives it."""
 
 import os
 import signal
@@ -24,7 +24,7 @@ def squared(x, _interrupt):
 
 
 def waited(x, interrupt):
-    """Wait for the end that somebody asks for; the first piece does not."""
+    """Wait for a requested end; the first piece does not wait."""
     began = time.monotonic()
     while x and not interrupt.asked and time.monotonic() - began < LONG:
         time.sleep(0.01)

@@ -1,4 +1,4 @@
-"""Bodies that touch, and the laws that what acts between them has to obey."""
+"""Bodies that touch, and the laws that forces between them have to satisfy."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ COLUMNS = "low", "high", "gapped"
 def closed(
     masses, rows, kinds, normals=None, pairs=None, mu=0.0, static=None, e=0.0, A=None
 ):
-    """Give the rows (r, n) of bodies with masses (n,) or a mass matrix (n, n)."""
+    """Return the rows (r, n) of bodies with masses (n,) or a mass matrix (n, n)."""
     M = np.diag(masses) if np.ndim(masses) == 1 else np.asarray(masses)
     rows = np.asarray(rows, float)
     r, n = rows.shape
@@ -30,7 +30,7 @@ def closed(
 
 
 def touching(masses, rows, slips=0, *, kind=CONTACT, **numbers):
-    """Give rows of contacts, each with so many slips after it."""
+    """Return rows of contacts, each followed by `slips` slips."""
     kinds, normals, pairs = [], [], []
     for n in range(0, len(rows), 1 + slips):
         kinds += [kind, *[SLIP] * slips]
@@ -44,10 +44,10 @@ def none(r):
 
 
 def broken(body, p, w, slack, mu=None):
-    """Give the rows whose laws p (r,) and the rates w (r,) that they leave break.
+    """Return the rows whose laws are violated by p (r,) and rates w (r,).
 
-    Signorini's of a contact: p, w >= 0, of which one is 0. Coulomb's of its slips: a
-    force within mu times p, and as large against a slip that goes on.
+    Signorini's law of a contact: p, w >= 0, of which one is 0. Coulomb's law of its
+    slips: a force within mu times p, and of this size against a slip that continues.
     """
     mu = body.bounds if mu is None else mu
     found = []

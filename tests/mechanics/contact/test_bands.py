@@ -16,7 +16,7 @@ ROUNDED = 1e-12
 
 
 def chain(masses):
-    """Give D of the contacts of a stack on a floor."""
+    """Return D of the contacts of a stack on a floor."""
     rows = np.eye(len(masses)) - np.eye(len(masses), k=-1)
     return rows @ np.diag(1.0 / np.asarray(masses)) @ rows.T
 

@@ -16,7 +16,7 @@ SOLVED = 1e-9
 
 
 def after(masses, rows, before, found):
-    """Give the velocities after the impulses found."""
+    """Return the velocities after the impulses found."""
     return before + np.asarray(rows).T @ found.impulses / np.asarray(masses)
 
 
@@ -32,10 +32,10 @@ def test_a_rod_that_falls_flat_without_rebound_is_not_open():
 @pytest.mark.parametrize("speed", [40.0, 1.0, -1e-3])
 @pytest.mark.parametrize("turn", [None, 0.0, 0.6])
 def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
-    """One corner of a box strikes; the other, which rests, is kept from leaving.
+    """One corner of a box strikes; the other, at rest, is kept from leaving.
 
-    What slides loses mu times the sum of all impulses; what would turn back is stopped.
-    On a plane the slip is at an angle to the edge.
+    A sliding contact loses mu times the sum of all impulses; a slip that would turn
+    back is stopped. On a plane the slip is at an angle to the edge.
     """
     a, h, m, mu, v = 0.4, 0.5, 2.0, 0.3, 0.9
     slips = [[1.0, 0.0, h, 0.0], [0.0, 0.0, 0.0, 1.0]][: 1 if turn is None else 2]
@@ -68,7 +68,7 @@ def test_a_body_that_is_crushed_has_no_solution():
 
 @pytest.mark.parametrize("small", [1e-13, 1e-30, 1e13])
 def test_what_strikes_slowly_strikes_beside_what_is_fast(small):
-    """Of bodies that nothing couples none knows how fast another is, or how heavy."""
+    """Uncoupled bodies have no effect on each other's tolerances, by speed or mass."""
     masses = np.array([2.0, 2.0, 3.0, 3.0, 5.0, 5.0])
     rates = np.array([-small, 0.1 * small, 1.2e-5, 0.7, -1.0, 0.2])
     found = impact(touching(masses, np.eye(6), 1, mu=0.3), rates, none(6))
@@ -81,7 +81,7 @@ def test_what_strikes_slowly_strikes_beside_what_is_fast(small):
 
 
 def contacts(seed, count, n, slips=0, *, e=0.3, mu=0.0, spread=0.0):
-    """Give random rows with velocities, and c = rates less the targets of contacts."""
+    """Return random rows with velocities, and c = rates less contacts' targets."""
     random = np.random.default_rng(seed)
     masses = 10.0 ** random.uniform(-spread, spread, n)
     step = 1 + slips
@@ -94,9 +94,9 @@ def contacts(seed, count, n, slips=0, *, e=0.3, mu=0.0, spread=0.0):
 
 
 def every_solution(body, c):
-    """Give all impulses of contacts, each with a slip or none, by trying edges.
+    """Return all impulses of contacts, each with a slip or none, by trial of edges.
 
-    An edge is a list of columns: the pushes that are free, of a contact alone or with
+    An edge is a list of columns: the impulses that are free, of a contact alone or with
     its friction up or down, and the slips that are held.
     """
     unit, each = np.eye(len(c)), []

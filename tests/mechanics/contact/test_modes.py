@@ -1,4 +1,4 @@
-"""What holds, slides and lets go: closed forms, and the laws, with ties as well."""
+"""Modes of laws (held, sliding, off): closed forms, and the laws, with ties as well."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ ROUNDING = 1e-11
 
 
 def quiet(body, free, rates=None, roundoff=0.0, ahead=None):
-    """Give the modes of rows that rest but for some rates, and are known exactly."""
+    """Return the modes of rows at rest except for some rates, known exactly."""
     r = len(free)
     noise = roundoff + none(r)
     more = [] if ahead is None else [ahead]
@@ -28,7 +28,7 @@ def ahead(*values):
 
 
 def rod(angle, mu):
-    """Give a sliding rod of mass 1 and half-length 1 on its end; x, y, angle."""
+    """Return a sliding rod of mass 1 and half-length 1 on its end; x, y, angle."""
     s, c = np.sin(angle), np.cos(angle)
     return touching([1.0, 1.0, 1 / 3], [[0.0, 1.0, -c], [1.0, 0.0, s]], 1, mu=mu)
 
@@ -112,7 +112,7 @@ def test_a_box_rests_on_four_legs(pull):
 
 
 def misplaced(body, found, w, rates, slack):
-    """Give the rows that do not what their modes say."""
+    """Return the rows that violate their modes."""
     rows = []
     for k, (mode, p, n) in enumerate(
         zip(found.mode, found.multipliers, body.table.normals, strict=True)
@@ -180,7 +180,7 @@ def test_static_friction_that_is_more_than_dynamic():
 @pytest.mark.parametrize("over", [0.0, 1e-11, 5e-11])
 @pytest.mark.parametrize("slope", [0.979, -1.3])
 def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
-    """Along a rail: what bears the push is a line that touches the disc."""
+    """Along a rail the admissible friction is a line that touches the disc."""
     most, u = 1.661328, np.array([1.0, slope]) / np.hypot(1.0, slope)
     D = np.outer(u, u) / 0.747
     bounds = np.array([[most, most], [0.0, 0.0]])

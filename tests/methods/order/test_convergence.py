@@ -21,7 +21,7 @@ from tests.support import run
 
 
 def slope(steps, errors):
-    """Give the slope of the straight line through the points, and check it is one."""
+    """Return the slope of the straight line through the points; assert it is one."""
     x, y = np.log(steps), np.log(errors)
     fit = np.polyfit(x, y, 1)
     # Within a factor of 2 of a line: no point is at rounding level or pre-asymptotic.
@@ -43,7 +43,7 @@ initial: {q: 1/(1 + t0^2), q_dot: -2*t0/(1 + t0^2)^2}
 
 
 def swinging(found, amplitude=2.0):
-    """Give the errors of angle and rate."""
+    """Return the errors of angle and rate."""
     t = found["t"]
     rate = (
         found["a_dot"]
@@ -125,7 +125,7 @@ def test_order_of_rows_within_a_step(name, scene):
 @pytest.mark.parametrize("text", [PENDULUM, HELD])
 @pytest.mark.parametrize("name", ["dop853", "dopri5", "radau"])
 def test_error_follows_the_tolerance(name, text):
-    """The order under step control: an error per tolerance that stays the same."""
+    """The order under step control: the error per tolerance is constant."""
     tolerances = [1e-6, 1e-8, 1e-10]
     errors, evaluations = [], []
     for rtol in tolerances:

@@ -6,7 +6,7 @@ from lagsim.run.events.accumulation import SHORT, Accumulation, History
 
 
 def first_limit(intervals, start=0.0):
-    """Give when a limit is told first, and that limit; or None."""
+    """Return the first time at which a limit is reported, and the limit; or None."""
     found, time = Accumulation(start, 100.0), start
     for interval in intervals:
         time += interval

@@ -302,7 +302,7 @@ def test_a_discontinuity_is_seen(text):
 
 
 def last_of(monkeypatch, breaks):
-    """Go through breaks in time; give the last that a run gets to, and its ending."""
+    """Pass the breaks in time; return the last one of a run, and its ending."""
     monkeypatch.setattr(times, "break_times", lambda *_: iter(breaks))
     arc = MagicMock()
     arc.settings.start, arc.settings.duration = 0.0, breaks[-1]

@@ -1,4 +1,4 @@
-"""A motion that grows past all numbers ends as one, whatever it crosses on its way."""
+"""A motion that grows past all numbers ends as such, with any events on its way."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 """Boxes dropped on two corners, whose impacts accumulate while the other is in flight.
 
-A corner that is pulled to the floor before it is there, or too late, ends elsewhere at
-another tolerance: what ends alike at both has been closed at its own gap.
+A corner that is set on the floor too early or too late ends elsewhere at another
+tolerance: equal ends at both tolerances mean that it was closed at its own gap.
 """
 
 import random
@@ -66,9 +66,9 @@ def test_boxes_end_alike_at_two_tolerances(part):
 @pytest.mark.parametrize("M", [1e-3, 1e9])
 @pytest.mark.parametrize("mu", [0.05, 0.3])
 def test_impacts_that_end_a_series_have_their_friction(mu, M, rtol):
-    """What slides one way all the time loses mu times what its normal impulses are.
+    """A box that slides in one direction loses mu times its normal impulses.
 
-    So x' + mu y' = x'(0) + g (sin s - mu cos s) t, however often it strikes, and where.
+    So x' + mu y' = x'(0) + g (sin s - mu cos s) t, whatever its impacts are.
     """
     for k in range(6):
         text = box(k).replace("M: 1e5", f"M: {M}").replace("x_dot: 0.4", "x_dot: 40")

@@ -1,4 +1,4 @@
-"""What constraints hold is at rest: for conditions, step control, friction, impacts."""
+"""States held by constraints are at rest: for conditions, steps, friction, impacts."""
 
 import numpy as np
 import pytest

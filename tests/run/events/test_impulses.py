@@ -47,7 +47,7 @@ def run(*args, method="auto", **words):
 
 
 def jumps(result):
-    """Give the indices of the rows after jumps."""
+    """Return the indices of the rows after jumps."""
     return np.flatnonzero(np.diff(result.t) == 0.0) + 1
 
 
@@ -518,7 +518,7 @@ def test_units_of_impulses_are_checked():
 
 
 def test_a_golden_has_the_kicks_at_the_start():
-    """Variants of a golden, at values changed by rounding, begin with the same kick."""
+    """Variants of a golden, at perturbed values, begin with an equal impulse."""
     text = (
         "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
         "events: {tick: {every: 0.62, impulse: {x: 1 + x_dot}}}\n"

@@ -1,4 +1,4 @@
-"""Scenes with something short in them, and their motion by an independent solver."""
+"""Scenes with short features, and their motion by an independent solver."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def plane(
 
 
 def stepped(field, start, duration, longest):
-    """Give the end of y' = field(t, y), with no step longer than `longest`."""
+    """Return the end of y' = field(t, y), by steps of at most `longest`."""
     found = solve_ivp(
         field, (0, duration), start, "DOP853", rtol=1e-11, atol=1e-13, max_step=longest
     )

@@ -1,7 +1,7 @@
-"""What wakes where the motion leads to: hills, walls, gates and gratings.
+"""Features at places of the motion: hills, walls, gates and gratings.
 
 The motion is free but for a short way on which there is a force; no step that ends
-before and begins behind it has any sign of it.
+before the force and begins behind it has any sign of the force.
 """
 
 import math
@@ -109,7 +109,7 @@ def test_a_hill_beside_the_way_in_the_plane(seed, method):
 
 @pytest.mark.parametrize("method", METHODS[1:])
 def test_a_patch_of_drag(method):
-    """A loss of speed of c times the length of the patch, whatever the speed."""
+    """The loss of speed is c times the length of the patch, at any speed."""
     c, width = 3.0, 0.01
     force = f"-{c}*exp(-((x - 4)/{width})^2/2)*x_dot"
     found = run(line(force=force, v=1, duration=10, method=method))
@@ -161,7 +161,7 @@ def test_a_wall_is_met_from_far(potential, speed, after, method):
 @pytest.mark.parametrize("of", ["x", "t"])
 @pytest.mark.parametrize("nothing", ["a", "heaviside(t - 9)"])
 def test_a_term_of_size_0_beside_a_hill_hides_nothing(nothing, of, method):
-    """What both terms are equal at was a logarithm of 0: no step could be searched."""
+    """The level of equal terms was the logarithm of 0: no step could be searched."""
     text = line(
         force=f"{nothing} + exp(-(({of} - 1)/0.1)^2)", v=1, duration=2, method=method
     )

@@ -1,4 +1,4 @@
-"""What happens at its own time, after a long rest or between others of its kind."""
+"""Features at given times, after a long rest or between similar features."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Rows that show a force which their step has passed over: it is taken back.
+"""Rows that show a force missed by their step: the step is rejected.
 
 Ten rows are enough, whatever the force is made of.
 """
@@ -98,7 +98,7 @@ simulation: {duration: 6, output_step: 0.1}
 
 
 def counts(monkeypatch, model, **options):
-    """Give the steps, rejections and evaluations with the comparison and without."""
+    """Return steps, rejections and evaluations with and without the comparison."""
     found = []
     for apart in (missed.APART, 1e300):
         monkeypatch.setattr(missed, "APART", apart)

@@ -17,7 +17,7 @@ def table(count, columns=3):
 
 
 class Full(Keep):
-    """A store with room for so many rows."""
+    """A store with room for a given number of rows."""
 
     def __init__(self, room):
         super().__init__()

@@ -1,10 +1,10 @@
-"""What the tests of switches share."""
+"""Scenes and checks that the tests of switches share."""
 
 import pytest
 
 
 def one_quick(first, *others):
-    """Give values for `parametrize`: the first for every run of the tests."""
+    """Return values for `parametrize`: the first is quick, the others are slow."""
     many = isinstance(first, tuple)
     slow = pytest.mark.slow
     return [first, *(pytest.param(*(x if many else (x,)), marks=slow) for x in others)]

@@ -41,7 +41,7 @@ simulation: {{duration: 1.5, output_step: 0.125}}
 
 
 def pushed(t, pushes):
-    """Give x: uniform to 0.5, then by one push, then by two."""
+    """Return x: uniform to 0.5, then by one push, then by two."""
     first = 0.5
     second = first + np.sqrt(2.0) - 1.0  # 0.5 = s + s^2/2
     s, r = t - first, t - second
@@ -52,7 +52,7 @@ def pushed(t, pushes):
 
 
 def fallen(t, law):
-    """Give z, where each law is alone with gravity."""
+    """Return z of bodies that fall under each law alone."""
     fall = 0.8 - 5 * t**2
     s = t - 0.4  # at the ground with 4 m/s
     if law == "contact":
@@ -102,7 +102,7 @@ def rubbing(bound, pairs, force, *, limits, mu=0.3, k=20, start=("f", 0.1)):
 
 
 def agree(names, least, **scene):
-    """Motions by limits, by switches and by both, over the size of all of them."""
+    """Compare motions by limits, by switches and by both, relative to their size."""
     texts = [rubbing(**scene, limits=x) for x in (1.0, 0.0, 0.5)]
     ways = [run(read(text, "rubbing.yaml")) for text in texts]
     assert all(way.trajectory.outcome is Outcome.DONE for way in ways)

@@ -119,13 +119,13 @@ METHODS = {
 
 
 def sums(force):
-    """Give w_dot at the ends of all pieces."""
+    """Return w_dot at the ends of all pieces."""
     middles = PIECE * (np.arange(round(END / PIECE)) + 0.5)
     return np.append(0.0, np.cumsum([PIECE * force(x) for x in middles]))
 
 
 def pushed(name, argument="q", more="method: dop853"):
-    """Hold the velocity in all rows against the sums."""
+    """Compare the velocity in all rows with the sums."""
     text, force = FORCES[name]
     tables = next((x for key, x in TABLES.items() if f"{key}(" in text), "")
     model = SCENE.format(
@@ -373,9 +373,9 @@ INERTIA, LOAD = 0.15, 0.12
 
 
 def crank(end):
-    """Give the speed of the engine at the end, from one point of the table to the next.
+    """Return the speed of the engine at the end, from point to point of the table.
 
-    Between two of them the torque is linear, and the motion that of a linear equation.
+    Between two points the torque is linear, and the motion that of a linear equation.
     """
     t, angle, speed, k = 0.0, 0.0, 20.0, 0
     while True:

@@ -14,7 +14,7 @@ from tests.support import run
 
 
 def stop_at(i):
-    """Give an event of scipy's where component i vanishes."""
+    """Return an event of scipy's where component i vanishes."""
 
     def value(_, z):
         return z[i]
@@ -24,7 +24,7 @@ def stop_at(i):
 
 
 def reference(acceleration, x, v, times):
-    """Give x of x'' = acceleration(x, v) by scipy, from one zero of v or x to the next.
+    """Return x of x'' = acceleration(x, v) by scipy, between zeros of v and x.
 
     Each stretch ends where x or v changes its sign, so that no step meets a kink.
     """
@@ -88,7 +88,7 @@ def test_potentials_of_broken_powers_keep_their_energy(potential):
 
 
 def depth_of(k, g):
-    """Give how deep a fall from 1 presses a contact, by the energy."""
+    """Return the depth by which a fall from 1 presses a contact, by the energy."""
     return brentq(lambda d: g * (1 + d) - k * d**2.5 / 2.5, 1e-6, 1.0, xtol=1e-15)
 
 

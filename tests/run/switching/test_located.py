@@ -13,7 +13,7 @@ BILINEAR = scene("if(x > 0, 4, 1)*x^2/2", v=1, duration=20)
 
 
 def bilinear(t):
-    """Give x of x'' = -4 x above 0 and -x below, from 0 at speed 1."""
+    """Return x of x'' = -4 x above 0 and -x below, from 0 at speed 1."""
     t = np.mod(t, 1.5 * math.pi)
     half = t < math.pi / 2
     return np.where(half, np.sin(2 * t) / 2, -np.sin(t - math.pi / 2))
@@ -70,7 +70,7 @@ def test_order_eight_between_tight_tolerances():
 
 
 def bounce(t, g=9.81, w=100.0):
-    """Give y of a fall from 1 onto a spring below 0, of w^2 per mass."""
+    """Return y of a fall from 1 onto a spring below 0, of w^2 per mass."""
     fall = math.sqrt(2 / g)
     speed = g * fall
     rest = g / w**2

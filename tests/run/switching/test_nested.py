@@ -14,7 +14,7 @@ from tests.support import run
 
 
 def crossing(x, v, a, level):
-    """Give the first time after now at which x + v t + a t^2/2 meets a level."""
+    """Return the first later time at which x + v t + a t^2/2 equals a level."""
     if a == 0.0:
         times = [(level - x) / v] if v else []
     else:
@@ -25,7 +25,7 @@ def crossing(x, v, a, level):
 
 
 def pieces(push, levels, speeds, x, v, end):
-    """Give (t, x, v, a) where each piece of a motion x'' = push(x, v) begins."""
+    """Return (t, x, v, a) where each piece of a motion x'' = push(x, v) begins."""
     t, found = 0.0, []
     while t < end:
         # On a level, what holds is what comes next.
@@ -45,7 +45,7 @@ def pieces(push, levels, speeds, x, v, end):
 
 
 def motion(found, t):
-    """Give x at times t from pieces."""
+    """Return x at times t from pieces."""
     starts = np.array([p[0] for p in found])
     k = np.searchsorted(starts, t, side="right") - 1
     begin, x, v, a = np.array(found).T[:, k]

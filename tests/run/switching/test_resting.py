@@ -10,7 +10,7 @@ from tests.support import run
 
 
 def time_optimal(x, v, t):
-    """Give x of x'' = +-1 that is brought to rest at 0 soonest, and when.
+    """Return x of x'' = +-1 that is brought to rest at 0 in least time, and that time.
 
     For starts from which it is pushed back first: above the curve x = -v |v|/2.
     """
@@ -117,7 +117,7 @@ def test_friction_of_levels_holds_the_speed_of_its_level(force, speed):
 
 
 def in_a_dead_zone(t):
-    """Give x of x'' = -1 above 1, 1 below -1, 0 between, from 0 at speed 1."""
+    """Return x of x'' = -1 above 1, 1 below -1, 0 between, from 0 at speed 1."""
     t = np.mod(t, 8)
     half = np.mod(t, 4)
     out = np.where(half < 1, half, 1 + (half - 1) * (3 - half) / 2)

@@ -8,7 +8,7 @@ from tests.support import run
 
 
 def slowing(v, p, c, t):
-    """Give v and x from 0 of v' = -c v^p, which ends at v^(1 - p)/(c (1 - p))."""
+    """Return v and x from 0 of v' = -c v^p, which ends at v^(1 - p)/(c (1 - p))."""
     q = 1 - p
     left = np.maximum(v**q - c * q * t, 0)
     return left ** (1 / q), (v ** (2 - p) - left ** ((2 - p) / q)) / (c * (2 - p))

@@ -33,7 +33,7 @@ def test_dry_friction_to_rest():
 
 
 def slip_phase(K=100.0, F0=5.0, c=2.0, v0=0.2):
-    """Give how long the block of stick-slip slips, and where it sticks again."""
+    """Return the duration of a slip in stick-slip, and the place where it sticks."""
     s = c / 2
     w = math.sqrt(K - s * s)
     middle = (F0 - c * v0) / K

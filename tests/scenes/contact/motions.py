@@ -1,4 +1,4 @@
-"""Building scenes of contact, running them, and reading what happened when."""
+"""Construction of scenes of contact, runs, and reading of their events."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Motion:
         return self.result.t
 
     def times(self, kind, constraint=None):
-        """Give when events of a kind happened, of one constraint or of any."""
+        """Return the times of events of a kind, of one constraint or of any."""
         return [
             e.time
             for e in self.result.events
@@ -73,22 +73,22 @@ class Motion:
         ]
 
     def instants(self, kind):
-        """Give when something of a kind happened, once where several did."""
+        """Return the times of events of a kind, once where several are simultaneous."""
         return sorted(set(self.times(kind)))
 
     def shared(self):
-        """Tell which rows have the time of the one before."""
+        """Return marks of the rows that have the time of the row before."""
         return np.concatenate(([False], np.diff(self.t) == 0.0))
 
     def pair(self, name, t):
-        """Give a column before and after the impact at t."""
+        """Return a column before and after the impact at t."""
         rows = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))
         assert len(rows) == 2, (t, self.t[rows])
         assert self.t[rows[0]] == self.t[rows[1]]
         return float(self[name][rows[0]]), float(self[name][rows[1]])
 
     def at(self, name, t):
-        """Give a column at an output time: after, where an impact falls on it."""
+        """Return a column at an output time; at an impact, the value after it."""
         row = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))[-1]
         return float(self[name][row])
 

@@ -48,7 +48,7 @@ def test_the_ladder_leaves_the_wall_without_an_impact():
 
 
 def impacts(e, count):
-    """Give the times of the impacts of a ball dropped from 1 m."""
+    """Return the times of the impacts of a ball dropped from 1 m."""
     first = math.sqrt(2 / G)
     powers = itertools.accumulate((e**k for k in range(1, count)), initial=0.0)
     return [first * (1 + 2 * p) for p in powers]
@@ -79,7 +79,7 @@ def test_a_ball_follows_its_parabolas():
 
 
 def many(count):
-    """Let a ball bounce without loss, and tell that nothing fades or drifts."""
+    """Run a ball that bounces without loss; assert that it neither fades nor drifts."""
     first = math.sqrt(2 / G)
     end = 2 * count * first
     found = play(scenes.ball(1.0, duration=end, output_step=end / 100))

@@ -1,9 +1,9 @@
-"""Two bodies that strike the ground and each other by turns, in ever less time.
+"""Two bodies that strike the ground and each other in turn, at ever shorter intervals.
 
-The lower one bounces, the upper one does not: after it has struck they go down
-together, a weak spring parts them by the square of the time that this takes, and so
-the next strikes follow in the square of that time, at speeds that fall by one ratio
-only. That is one impact, whose order is open.
+The lower one bounces, the upper one does not: after its impact they go down together, a
+weak spring parts them by the square of the time that this takes, and so the next
+impacts follow in the square of that time, at speeds that fall by one ratio only. That
+is one impact, whose order is undetermined.
 """
 
 from itertools import pairwise
@@ -60,7 +60,7 @@ def test_strikes_in_no_time_are_one_impact_in_all_words(unit, shift):
 
 
 def test_what_bounces_hardly_faster_than_it_turns_comes_to_rest():
-    """A ball on one that bounces without loss: a push parts them slowly, by turns."""
+    """A ball on one that bounces without loss: a push parts them slowly, in turn."""
     found = run("""
 coordinates: {x: {}, z: {}}
 energy: {kinetic: 0.814*x_dot^2 + 1.265*z_dot^2, potential: 3.256*x + 5.06*z}

@@ -38,7 +38,7 @@ def column(count, e, floor=0.0, unit=1.0, beside="", **simulation):
 
 
 def check(found, count, e, rests, start=0.0, floor=0.0, unit=1.0):
-    """Hold a run against what must be: no gap closed by force, and the end."""
+    """Compare a run with its invariants: no gap closed by force, and the end."""
     for k in range(count):
         assert found[f"residual_c{k}"].min() > -1e-9 / unit
     last = max(found.times("zeno"))
@@ -102,7 +102,7 @@ def test_where_it_rests_does_not_depend_on_the_tolerance():
 
 
 def bounced(height, e, t):
-    """Give the height of a ball at times t, dropped at `height` above its floor."""
+    """Return the height of a ball at times t, dropped at `height` above its floor."""
     y = np.empty_like(t)
     start, speed = -np.sqrt(2 * height / G), np.sqrt(2 * G * height)
     for k, time in enumerate(t):

@@ -20,7 +20,7 @@ METHODS = {
 
 
 def spiral(t):
-    """Give x, z (k,) of a puck on a spring, by another integrator."""
+    """Return x, z (k,) of a puck on a spring, by another integrator."""
 
     def rates(_, s):
         v = np.hypot(s[2], s[3])
@@ -48,7 +48,7 @@ def test_a_way_that_turns_is_no_event(method):
 
 @functools.cache
 def turned():
-    """Give x, z (2,) at 1 and 2: pushed a thousandth past friction, at an angle t^3."""
+    """Return x, z (2,) at 1 and 2: pushed just past friction, at an angle t^3."""
     friction, first = 0.2 * G, 1e-5
 
     def rates(t, s):
@@ -232,9 +232,9 @@ def test_a_slip_ends_along_the_way_that_is_left(rail):
 
 
 def test_a_disc_on_a_ring_slips_as_a_whole():
-    """Where its friction is at its bound both of its rows are, whatever their rounding.
+    """At the bound of its friction both of its rows are, whatever the rounding.
 
-    The ring bears what is across; the friction has its bound for the way along.
+    The ring bears the transverse force; the friction has its bound along the ring.
     """
     r, a, v, limit, K, w = 1.499, -1.138, -1.263, 1.648387, 2.425, 3.606
     c, s = math.cos(a), math.sin(a)

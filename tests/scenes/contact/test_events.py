@@ -14,7 +14,7 @@ DEPTH = 1e-8
 
 
 def grazed(e, depth):
-    """Give the motion of sin(t) under a ceiling at 1 - depth."""
+    """Return the motion of sin(t) under a ceiling at 1 - depth."""
     text = scenes.oscillator(
         f"x <= 1 - {depth}", e, 0, 1, duration=2.5, output_step=0.1
     )  # fmt: skip

@@ -156,7 +156,7 @@ def test_a_limit_that_becomes_negative_ends_the_run(duration):
 )
 @pytest.mark.parametrize("law", ["newton", "poisson"])
 def test_worn_stops(e, worth, law):
-    """A ball that flies on from bounce to bounce: each loses what it should."""
+    """A ball flies from bounce to bounce: each has the loss of its law."""
     stop = contact("y >= 0", e, restitution_law=law)
     found = play(plane(law=stop, start={"y": 1.0, "x_dot": 1.0}))
     t, v = np.sqrt(2 / G), np.sqrt(2 * G)
@@ -194,8 +194,11 @@ def tip(friction, e, law, speed):
 
 @pytest.mark.parametrize("speed", [0.1, -0.3, 3.0])
 def test_poisson_with_friction(speed):
-    """What sticks in compression: the impulse that ends both speeds; e times its
-    normal part again, the slip held. What slides all the time is as by Newton."""
+    """A contact that sticks in compression: the impulse that ends both speeds.
+
+    Then e times its normal part again, with the slip held. A contact that slides all
+    the time has Newton's impact.
+    """
     e, mu, s, c = 0.5, 2.0, np.sin(0.7), np.cos(0.7)
     rows = np.array([[0, 1, s], [1, 0, -c]])
     D = rows @ np.diag([1, 1, 3.0]) @ rows.T
@@ -333,7 +336,7 @@ def test_a_central_force_and_a_planar_brake():
 
 @pytest.mark.parametrize("start", [0, 100, 1e5])
 def test_a_slip_whose_way_turns_stops_once(start):
-    """It turns ever faster as it ends, in times shorter than those of the clock."""
+    """The slip turns ever faster as it ends, in times below the clock's resolution."""
 
     def rates(_, y):
         return [*y[2:], *(-20 * y[:2] - 8 * y[2:] / np.hypot(*y[2:]))]

@@ -270,10 +270,10 @@ def test_a_paradox_on_the_way_stops_the_run():
 
 
 def kane(slide, far=0.0):
-    """Give the rod of Kane and Levinson with this slip, and what it gains.
+    """Return the rod of Kane and Levinson with this slip, and its gain of energy.
 
-    Newton's law with friction that ends a small slip raises the energy: how much, and
-    against what impulses exchange.
+    Newton's law with friction that ends a small slip raises the energy: by how much,
+    from the impulses.
     """
     th, a, v = 0.8, 0.5, 2.0
     law = contact("y - a*sin(th) >= 0", 1, friction=1, slip="x_dot + a*sin(th)*th_dot")

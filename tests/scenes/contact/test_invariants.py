@@ -1,4 +1,4 @@
-"""What holds in every row of every scene with one-sided constraints."""
+"""Invariants of every row of every scene with one-sided constraints."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ ROUNDING, AT_AN_EVENT = 1e-12, 1e-9
 
 
 def one_sided(text):
-    """Give the names of the one-sided constraints."""
+    """Return the names of the one-sided constraints."""
     return [c.name for c in lagsim.load(text).constraints if c.law is not None]
 
 
@@ -45,13 +45,13 @@ ENDED = {("trebuchet", "trough"): lambda found: found.instants("event")[0]}
 
 
 def size(values):
-    """Give the size of a column; one where it is nothing but rounding."""
+    """Return the size of a column; 1 where it consists of rounding only."""
     found = float(np.max(np.abs(values)))
     return found if found > 1e-9 else 1.0
 
 
 def near(times, events):
-    """Tell which times lie within 1e-9 of an event."""
+    """Return marks of the times that lie within 1e-9 of an event."""
     away = [np.abs(times - e) for e in events]
     return np.min(away, axis=0, initial=np.inf) <= 1e-9 * max(1.0, times[-1])
 

@@ -1,4 +1,4 @@
-"""What the headers of the shipped models with contacts say to expect."""
+"""Expectations in the headers of the shipped models with contacts."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""With impacts located, errors fall with the tolerance as without them."""
+"""With impacts located, errors fall with the tolerance as without impacts."""
 
 import math
 
@@ -12,7 +12,7 @@ TOLERANCES = 10.0 ** -np.arange(4, 10)
 
 
 def ends(text, x, v):
-    """Give the errors at the end at each tolerance."""
+    """Return the errors at the end at each tolerance."""
     errors = []
     for tolerance in TOLERANCES:
         found = play(text, rtol=tolerance, atol=tolerance, method="dop853")

@@ -1,4 +1,4 @@
-"""Contacts that end without an impact: where the force that holds them has gone."""
+"""Contacts that end without an impact: where the contact force vanishes."""
 
 import math
 

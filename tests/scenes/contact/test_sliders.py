@@ -127,7 +127,7 @@ def test_an_iwan_model():
 def test_a_hysteresis_loop():
     """Under a forced displacement of amplitude X a cycle takes 4 F (X - F/k).
 
-    Branches are Masing's: those of the first loading at twice its scale.
+    Branches are Masing's: the branches of the first loading at twice its scale.
     """
     X = 0.8
     law = {"slider": {"relation": "s_dot = 0", "limit": FORCE}}
@@ -145,7 +145,7 @@ def test_a_hysteresis_loop():
 
 
 def test_a_chain_of_springs_and_sliders():
-    """Loading that grows: each slider slips where the springs before it bear so much.
+    """Growing load: each slider slips at its limit, borne by the springs before it.
 
     k1 (x - a) = F1 + k2 a from x = F1/k1 on; the second slips at k2 a = F2.
     """
@@ -202,7 +202,7 @@ def test_a_damper_beside_a_slider():
 
 @pytest.mark.parametrize("drive", ["c0*(t - a_dot)", "c0*(-t - a_dot)"])
 def test_sliders_that_dampers_join(drive):
-    """Each slips where the damper before it bears so much, at once and as the others.
+    """Each slips where the damper before it bears its limit.
 
     c0 (t - a') = F0 + c1 (a' - b'), and c1 (a' - b') = F1 once b slips.
     """
@@ -335,8 +335,8 @@ def test_a_slider_jumps_where_its_limit_falls_at_once(method, start):
 def test_a_network_jumps_to_where_each_has_slipped_against_its_force(seed):
     """Moreau's catching-up step, which is unique: |f| <= F, and less only at rest.
 
-    Springs between sliders that are dragged, some of them nonlinear, until their limits
-    fall to a part of what they were.
+    Springs, some nonlinear, between sliders that are dragged until their limits fall to
+    a part of their first values.
     """
     given = np.random.default_rng(seed)
     n, drive = 4, "sin(3*t)"

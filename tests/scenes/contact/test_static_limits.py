@@ -36,7 +36,7 @@ MAPPING = {"static": "F0", "dynamic": "F1"}
 
 
 def stick_slip(t, k, v):
-    """Give the motion of a mass 1 by a spring whose end moves, and its events."""
+    """Return the motion of a mass 1 by a spring whose end moves, and its events."""
     w = math.sqrt(k)
     last = 2 / w * (math.pi - math.atan(w * (F0 - F1) / (k * v)))
     at, x, found, events = 0.0, 0.0, np.full(len(t), np.nan), []
@@ -82,7 +82,7 @@ def test_a_block_on_a_spring_sticks_and_slips(method):
 
 
 def spelled(text, slip):
-    """Put a slip in the place of `s`."""
+    """Replace `s` in a text by the slip."""
     return re.sub(r"\bs\b", f"({slip})", text)
 
 
@@ -444,7 +444,7 @@ simulation: {duration: 1}
 
 
 def least(F, discs, A):
-    """Give multipliers of least norm within discs, by scipy."""
+    """Return multipliers of least norm within discs, by scipy."""
     bounds = [
         {"type": "ineq", "fun": lambda x, i=i, L=L: L**2 - np.sum(x[i] ** 2)}
         for i, L in discs
@@ -526,10 +526,10 @@ def test_an_impact_has_static_friction_where_the_slip_was_0(friction, law, c, v)
 
 
 def first_slip(rows, force):
-    """Give when a force that grows with t exceeds what rows bear, as a convex set.
+    """Return the time at which a growing force leaves the convex set that rows bear.
 
-    A disc of radius L bears L in each direction n, a row a with limit L bears
-    L |a . n|; the sets add up.
+    A disc of radius L bears L in each direction n, a row a with limit L bears L |a .
+    n|; the sets add up.
     """
 
     def bears(angle):

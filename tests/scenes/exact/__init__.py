@@ -1,7 +1,7 @@
 """Scenes whose motion is known exactly, by name, and how a run is held against it.
 
-Each stands once, in plain words; `tests/invariance` tells how to say the same far away,
-in a moving frame, in other units, later, or beside others.
+Each is written once, in plain form; `tests/invariance` rewrites it far away, in a
+moving frame, in other units, later, or beside other bodies.
 """
 
 from __future__ import annotations
@@ -32,21 +32,19 @@ def _unknown(_t):
 
 @dataclass(frozen=True)
 class Exact:
-    """A model and what it does.
+    """A model with its exact motion and events.
 
-    text : the model file
-    motion : t (rows,) -> coordinate -> (rows,), nan where it is not known
-    also : the same of other columns, which other words change
-    events : kind -> times of all that happens after the start, and of impacts at it
-    fails : the code and the time of a run that cannot go on
-    still : coordinates that rest to the last bit
-    balanced : the forces of two sides of a switch by whose shares they do; these are
+    text : the model file motion : t (rows,) -> coordinate -> (rows,), nan where it is
+    not known also : the exact motion of other columns, which other forms change events
+    : kind -> times of all events after the start, and of impacts at the start fails :
+    the code and the time of a run that cannot go on still : coordinates that rest to
+    the last bit balanced : the forces of two sides of a switch by whose shares they do;
+    these are
         rounded, in other words than its own, and a step adds half of its square of that
-    within : of the largest of all coordinates, or of 1 where none moves
-    steps : it takes fewer, and rejects fewer than a tenth of that
-    error : the error bar, as a part of the range, is less
-    warned : codes of its warnings
-    unlike : changes of words that make another scene of it
+    within : of the largest of all coordinates, or of 1 where none moves steps : it
+    takes fewer, and rejects fewer than a tenth of that error : the error bar, as a part
+    of the range, is less warned : codes of its warnings unlike : changes of form that
+    make another scene of it
     """
 
     text: str
@@ -63,14 +61,14 @@ class Exact:
     unlike: tuple[str, ...] = ()
 
     def words(self, name, count):
-        """Give some changes of words that say the same, others for each name."""
+        """Return `count` changes of form that keep the motion, others for each name."""
         known = [word for word in CHANGES if word not in self.unlike]
         first = zlib.crc32(name.encode())
         return [known[(first + 5 * k) % len(known)] for k in range(count)]
 
 
 def check(scene, word=""):
-    """Hold a run against its scene, in plain words or in others."""
+    """Compare a run with its scene, in plain form or in another."""
     text, shift, scale, rounding = scene.text, 0.0, 1.0, 0.0
     if word:
         changed = CHANGES[word].put(document(text), SIZES)
@@ -117,7 +115,7 @@ def _compared(found, exact, within, rounding):
 
 
 def _happened(found, scene, clock, bound, word):
-    """Hold all events after the start against those that are known."""
+    """Compare all events after the start with the known ones."""
     start, shift, scale = clock
     first = start + (ROUNDED if word else AT_ONCE)
     times: dict[str, set[float]] = {}

@@ -75,13 +75,13 @@ END, AMPLITUDE, BOUND, RATE = 3.0, 2.0, 1.5, 3.0
 
 @functools.cache
 def slips():
-    """Give of each slip when it begins and ends, and its sign."""
+    """Return begin, end and sign of each slip."""
     found, t = [], math.asin(BOUND / AMPLITUDE) / RATE
     for k in range(3):
         begins, sign = t + k * math.pi / RATE, (-1) ** k
 
         def gained(u, begins=begins, sign=sign):
-            """Give the velocity: the integral of 2 sin 3t - 1.5 sign."""
+            """Return the velocity: the integral of 2 sin 3t - 1.5 sign."""
             swing = AMPLITUDE / RATE * (np.cos(RATE * begins) - np.cos(RATE * u))
             return float(swing - sign * BOUND * (u - begins))
 
@@ -91,7 +91,7 @@ def slips():
 
 
 def travelled(t, begins, sign):
-    """Give the way of a slip, the integral of its velocity."""
+    """Return the way of a slip, the integral of its velocity."""
     swing = AMPLITUDE / RATE * np.cos(RATE * begins) * (t - begins)
     swing -= AMPLITUDE / RATE**2 * (np.sin(RATE * t) - np.sin(RATE * begins))
     return swing - sign * BOUND * (t - begins) ** 2 / 2
@@ -173,9 +173,9 @@ for push, path in ((PUSH, by_turns), ("1.5 + t", lambda t: t**3 / 6)):
 
 
 def turning(first, turn):
-    """Integrate from just after the slip begins, with steps of another kind.
+    """Integrate from just after the slip begins, by an independent method.
 
-    There the slip has the direction of the force, but for what it turns in that time.
+    There the slip has the direction of the force, apart from its turn in that time.
     """
     begins, after = BOUND - first, 1e-6
     way = np.array([math.cos(turn * begins), math.sin(turn * begins)])
@@ -215,7 +215,7 @@ STIFF = 100.0
 
 
 def hops(mass, duration):
-    """Give when a slider slips that a moving end pulls by a spring, and where it ends.
+    """Return the times of slips of a slider pulled by a spring, and its last place.
 
     Between two times STIFF (x(t) - s) less its bound drives it, x = sin(2 pi t)/10.
     """
@@ -269,9 +269,9 @@ def stack(count):
 
 
 def carried(count, t):
-    """Give x of the blocks above: with the bottom one, then pulled by friction alone.
+    """Return x of the blocks above: with the bottom one, then pulled by friction alone.
 
-    All are at their bounds then, and none of them slips on the next.
+    All blocks are at their bounds then, and no block slips on the next.
     """
     load = MU * count * G
     slips, parts = load / 20, 2 * load / 20
@@ -416,7 +416,7 @@ def tilted(power):
 
 
 def corner(power):
-    """The same, and what its forces do with it from then on."""
+    """The scene with the motion by its forces from then on."""
 
     def motion(t):
         held = tilted(power)

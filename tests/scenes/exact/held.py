@@ -1,6 +1,6 @@
-"""What is held at rest, or balanced: by friction, rows, contacts, springs, symmetry.
+"""Bodies held at rest, or balanced: by friction, rows, contacts, springs, symmetry.
 
-The motion is the place where it is, whatever is rounded on the way.
+The motion is the place of the body, whatever the rounding.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ END = 3.0
 
 @dataclass
 class Parts:
-    """What is added to x and y, at rest at 0."""
+    """Terms added to x and y, which are at rest at 0."""
 
     laws: dict[str, Any] = field(default_factory=dict)
     forces: dict[str, str] = field(default_factory=dict)
@@ -27,7 +27,7 @@ class Parts:
     more: dict[str, float] = field(default_factory=dict)
 
     def rubs(self, law, bound=1.5):
-        """Let dry friction act on x; on a floor it weighs 10."""
+        """Add dry friction to x; on a floor the weight is 10."""
         if law == "sign":
             own = self.forces.get("x", "0")
             self.forces["x"] = f"{own} - {bound}*sign(x_dot)"

@@ -1,4 +1,4 @@
-"""Forces with switches: what rests on one, swings between two laws, or is balanced."""
+"""Forces with switches: bodies at rest on one, swinging between two laws, balanced."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ for force, motion in LEAVES.items():
 
 
 def period(k, p):
-    """Give the period under -k |x|^p sign(x) of 1 kg from rest at x = 1.
+    """Return the period under -k |x|^p sign(x) of 1 kg from rest at x = 1.
 
     x'^2/2 = k (1 - x^(p + 1))/(p + 1), and x^(p + 1) = s in the quadrature.
     """

@@ -45,7 +45,7 @@ def lugre(t, y):
 
 @functools.cache
 def referee(beside):
-    """Give x (k,) every 0.1, by scipy's implementation of Radau IIA."""
+    """Return x (k,) every 0.1, by scipy's implementation of Radau IIA."""
     start = [0, 0, 0, 0, 1] if beside else [0, 0, 0]
     t = np.arange(85) / 10
     found = solve_ivp(

@@ -1,4 +1,4 @@
-"""What becomes of the constraints without projection: drift, and a penalty's price."""
+"""Constraints without projection: drift, and the cost of a penalty."""
 
 import itertools
 
@@ -44,7 +44,7 @@ def test_a_penalty_bounds_the_drift_and_never_removes_it():
 
 @pytest.mark.slow
 def test_a_tuned_gain_beats_drift_and_a_large_one_does_not():
-    """Andrews' mechanism at equal evaluations; projection beats them all."""
+    """Andrews' mechanism at equal evaluations; projection is best of all."""
     exact = run("andrews", formulation="projection", rtol="1e-13")
 
     def error(**options):

@@ -30,7 +30,7 @@ def growth(found):
 
 
 def powers(name, h, duration):
-    """Give |R|^2 over whole steps, and over what is left of the last one."""
+    """Return |R|^2 over whole steps, and over the rest of the last step."""
     amplification = method(name).amplification
     steps = math.floor(duration / h + 1e-9)
     rest = duration - steps * h
@@ -104,7 +104,7 @@ def test_each_method_is_stable_just_below_its_limit_and_not_above(name):
 
 
 def escape(name, h, size):
-    """Give how many steps it takes to leave the cubic well, whose rim is at -1."""
+    """Return the number of steps to leave the cubic well, whose rim is at -1."""
     text = CUBIC.replace("SIZE", str(size))
     text += (
         f'simulation: {{duration: 1e4, method: {name}, step: {h!r}, until: "x <= -2"}}'
@@ -115,8 +115,8 @@ def escape(name, h, size):
 def test_a_cubic_well_at_the_third_order_resonance():
     """Three steps are one turn at h w = sqrt 3, and no amplitude is stable.
 
-    On average over three steps z' = c conj(z)^2, so that 1/|z| falls by the same in
-    every step, and the steps to escape go with 1/size.
+    On average over three steps z' = c conj(z)^2, so that 1/|z| falls by an equal amount
+    in every step, and the steps to escape go with 1/size.
     """
     sizes = (0.01, 0.005, 0.0025)
     steps = []

@@ -1,4 +1,4 @@
-"""Scenes where methods fail: by how much, and that what is chosen does not."""
+"""Scenes where methods fail: by how much; and that the chosen method does not."""
 
 import math
 
@@ -12,7 +12,7 @@ from tests.support import MODELS, run
 
 
 def changed(name, **values):
-    """Give a failing model with other values of its parameters."""
+    """Return a failing model with other values of its parameters."""
     sets = {key: repr(value) for key, value in values.items()}
     return read_file(str(MODELS / "failing" / f"{name}.yaml"), sets)
 

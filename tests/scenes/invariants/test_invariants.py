@@ -1,4 +1,4 @@
-"""What must stay: energies, momenta, the motion in other units and tolerances."""
+"""Invariants: energies, momenta, the motion in other units and tolerances."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_energy_constraints_and_tolerances_of_every_model(name):
 
 
 def tight_enough(default, tight):
-    """Hold default tolerances within 1e-8 of the larger of range and scale."""
+    """Assert errors of default tolerances within 1e-8 of range or scale."""
     settings = default.session.case.settings
     rows, others = (
         at_outputs(found["t"], settings.start, settings.output_step)

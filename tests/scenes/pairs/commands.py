@@ -1,4 +1,4 @@
-"""Methods and commands beside each physical feature: what is refused, and why."""
+"""Methods and commands beside each physical feature: refusals and their reasons."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def _table(columns, marks):
 
 
 def _number(text, notes):
-    """Give + for what is not refused, else the number of the refusal."""
+    """Return + for a pair that is not refused, else the number of the refusal."""
     if text is None:
         return "+"
     if text not in notes:
@@ -80,7 +80,7 @@ def _pair(first, second, notes):
 
 
 def page():
-    """Give the page: matrices, of the pairs the half below the diagonal."""
+    """Return the page: matrices, of the pairs the half below the diagonal."""
     names, notes = list(BY_NAME), []
     pairs = {}
     for k, first in enumerate(names):

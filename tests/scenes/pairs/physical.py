@@ -1,7 +1,7 @@
 """Physical features, each as a fragment of a model with the closed form of its motion.
 
 A `$` in a fragment is replaced by the number of the fragment in its scene, so that two
-of them (or twice the same) stand in one file. Masses are 1, times 0 to `DURATION`.
+fragments (or one twice) fit into one file. Masses are 1, times 0 to `DURATION`.
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ CHAIN = 20
 
 
 class Fragment(NamedTuple):
-    """One feature: what it adds to a model, and its motion.
+    """One feature: its sections of a model, and its motion.
 
     `start` : (x, x_dot) expressions of the first coordinate `x$`, which alone is
-    transformed where two fragments are coupled.
-    `more` : name -> (start, rate) of the other coordinates.
-    `motion` : t (rows,) -> name -> positions (rows,), by closed form.
-    `sections` : of the file, what else they have: name -> text.
-    `crossed` : sections of the motion: name -> text, and the times of their rows.
+    transformed where two fragments are coupled. `more` : name -> (start, rate) of the
+    other coordinates. `motion` : t (rows,) -> name -> positions (rows,), by closed
+    form. `sections` : further sections of the file: name -> text. `crossed` : sections
+    of the motion: name -> text, and the times of their rows.
     """
 
     name: str
@@ -47,7 +46,7 @@ class Fragment(NamedTuple):
     crossed: dict[str, tuple[str, Any]] = {}  # noqa: RUF012
 
     def written(self, k):
-        """Give sections of the file, with names and texts of the k-th fragment."""
+        """Return sections of the file, with names and texts of the k-th fragment."""
         initial = {name: value for name, (value, _) in self.more.items()}
         initial |= {f"{name}_dot": rate for name, (_, rate) in self.more.items()}
         plain = {
@@ -71,7 +70,7 @@ def _parabola(t, at, x, v, a):
 
 
 def _steps(t, x, v, force):
-    """Give the motion under a force that is constant between its levels of x.
+    """Return the motion under a force that is constant between its levels of x.
 
     Each piece is a parabola; it ends where x meets one of `force.levels`.
     """
@@ -93,7 +92,7 @@ def _steps(t, x, v, force):
 
 
 def _two_switches(x, v):
-    """Give the force of `two switches` beside (x, v): the side it moves to."""
+    """Return the force of `two switches` beside (x, v): the side it moves to."""
     x += 1e-6 * np.sign(v)
     return -np.sign(x) - 0.5 * np.sign(x - 0.4)
 
@@ -102,7 +101,7 @@ _two_switches.levels = (0.0, 0.4)
 
 
 def _nested(x, v):
-    """Give the force of `switch within a switch`: the side it moves to."""
+    """Return the force of `switch within a switch`: the side it moves to."""
     x += 1e-6 * np.sign(v)
     wide = 0.25 if x >= 0.6 else 0.15
     return 2.0 if x - 0.4 * np.floor(x / 0.4) < wide else -1.0
@@ -121,7 +120,7 @@ def _bent(t):
 
 
 def _bursts(t):
-    """Give the motion from 0.3 under the pushes of `events at one time`."""
+    """Return the motion from 0.3 under the pushes of `events at one time`."""
     x, v, found = 0.3, 0.0, np.full(len(t), np.nan)
     ends = (0.32, 0.5, 0.77, 1.0, 1.23, 1.5, 1.905, np.inf)
     at = 0.0
@@ -133,7 +132,7 @@ def _bursts(t):
 
 
 def _kicked(t):
-    """Give the motion from 0.2 at 0.5, kicked by -0.3 each 0.62, and by 0.7 at 0.3."""
+    """Return the motion from 0.2 at 0.5, with -0.3 each 0.62, and 0.7 at 0.3."""
     ends, x = (0.5, 0.62, 1.24, 1.86, np.inf), 0.2
     found, at = np.full(len(t), np.nan), 0.0
     for end, v in zip(ends, (0.2, 0.9, 0.6, 0.3, 0.0), strict=True):
@@ -149,7 +148,7 @@ def _brake(t, v, a):
 
 
 def _stick_slip(t):
-    """Give the motion from 0.3 by 1.2*t - 0.9, at rest from 0.5 to 1.25."""
+    """Return the motion from 0.3 by 1.2*t - 0.9, at rest from 0.5 to 1.25."""
     v, s, h = np.array([0.3, -0.9, 0.6]), np.minimum(t, 0.5), 1.25
     whole = np.polynomial.Polynomial(v).integ()
     later = np.maximum(t, h)
@@ -166,7 +165,7 @@ def _freewheel(t):
 
 
 def _pushed(t):
-    """Give the motion from 0.5 by -1, by 2 from 0.2 on, and by -1 again after 1.3."""
+    """Return the motion from 0.5 by -1, by 2 from 0.2 on, and by -1 again after 1.3."""
     hit = np.sqrt(0.6)
     up = _parabola(t, hit, 0.2, -hit, 2.0)
     x, v = _parabola(1.3, hit, 0.2, -hit, 2.0), -hit + 2.0 * (1.3 - hit)
@@ -193,7 +192,7 @@ _STRETCHES = " + ".join(
 
 
 def _passing(t):
-    """Give x on z = |x|/2 from rest at 1: past the corner goes 0.6 of the speed."""
+    """Return x on z = |x|/2 from rest at 1; the corner leaves 0.6 of the speed."""
     a, side = 0.4 * 9.81, 1.0
     at, v = np.sqrt(2 / a), np.sqrt(2 * a)
     found = 1 - a * t**2 / 2
@@ -206,7 +205,7 @@ def _passing(t):
 
 
 def _rolling_off(t):
-    """Give the way off an edge at 0.5, free as far as the slope, and down along it."""
+    """Return the way off an edge at 0.5, in free fall, and down along a slope."""
     s = np.maximum(t - 0.5, 0.0)
     u = np.maximum(s - 4 / 9.81, 0.0)
     free = s - u

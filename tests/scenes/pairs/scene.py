@@ -42,12 +42,12 @@ def scene(
     *fragments, coupled=False, mix=HALVED, names="uw", far=0.0, speed=0.0, later=0.0,
     heavy=0.0, extra="",
 ):  # fmt: skip
-    """Give the model file of fragments, side by side or coupled.
+    """Return the model file of fragments, side by side or coupled.
 
     Coupled, the first coordinates x1, x2, ... are definitions by others, whose names
     are given: `mix` is an orthogonal matrix of texts, so that the motion of x1, x2, ...
-    stays as it is, but no expression is one fragment's alone. These others may be far
-    away, in a moving frame; the clock may be late, and a heavy body beside it all.
+    is unchanged, but no expression belongs to one fragment alone. These others may be
+    far away, in a moving frame; the clock may be late, and a heavy body beside it all.
     """
     begins = later or far or speed
     sections: dict[str, dict[str, str]] = {
@@ -111,12 +111,12 @@ def scene(
 
 
 def _since(text):
-    """Let a text count the time from the start."""
+    """Replace the time in a text by the time since the start."""
     return re.sub(r"(?<![\w.])t\b(?!\()", "(t - t0)", text)
 
 
 def motion(*fragments, t):
-    """Give the closed forms of all coordinates at times t (rows,)."""
+    """Return the closed forms of all coordinates at times t (rows,)."""
     return {
         name.replace("$", str(k)): x
         for k, f in enumerate(fragments, 1)
@@ -125,7 +125,7 @@ def motion(*fragments, t):
 
 
 def crossings(*fragments):
-    """Give the times of the rows of each section, by its name."""
+    """Return the times of the rows of each section, by its name."""
     end = min(f.end for f in fragments) + 1e-6
     return {
         name.replace("$", str(k)): [t for t in times if t <= end]
@@ -135,7 +135,7 @@ def crossings(*fragments):
 
 
 def holds_sections(result, *fragments, bound, scale=1.0, shift=0.0):
-    """Hold the rows of all sections against the closed forms."""
+    """Compare the rows of all sections with the closed forms."""
     assert result.sections.keys() == crossings(*fragments).keys()
     for name, times in crossings(*fragments).items():
         rows = result.sections[name]
@@ -146,5 +146,8 @@ def holds_sections(result, *fragments, bound, scale=1.0, shift=0.0):
 
 
 def part_of(name, parts):
-    """Tell whether a case is in the quick slice: one of so many, by its name alone."""
+    """Return whether a case is in the quick slice, by its name alone.
+
+    The slice has one of `parts` cases.
+    """
     return zlib.crc32(name.encode()) % parts == 0

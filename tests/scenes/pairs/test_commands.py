@@ -1,4 +1,4 @@
-"""Each method, and what is asked for besides, with each physical feature."""
+"""Each method, and each option of outputs, with each physical feature."""
 
 import numpy as np
 import pytest

@@ -29,7 +29,7 @@ POSED = [(*pair, way) for pair in PAIRS for way in WAYS if pair not in REFUSED]
 
 
 def _cases():
-    """Give each pair in the words that its name chooses, a few of them not slow."""
+    """Return each pair in the form that its name selects, a few of them not slow."""
     for first, second, way in POSED:
         name = f"{first} {way} {second}"
         change = WORDS[zlib.crc32(name.encode()) % len(WORDS)]
@@ -40,12 +40,12 @@ def _cases():
 
 
 def _quantised(change):
-    """Give what positions are rounded to, and times by the speeds there are."""
+    """Return the rounding of positions, and of times by the speeds."""
     return 100.0 * 2.0**-52 * CHANGES[change].rounding
 
 
 def moves(first, second, way, change):
-    """Hold a pair in other words against the closed form."""
+    """Compare a pair in another form with the closed form."""
     pair = BY_NAME[first], BY_NAME[second]
     plain = document(scene(*pair, coupled=way == "coupled"))
     changed = CHANGES[change].put(plain, SIZES)

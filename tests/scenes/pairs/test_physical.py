@@ -1,4 +1,4 @@
-"""Each pair of physical features moves as each of them does alone."""
+"""Each pair of physical features moves as each feature does alone."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def _cases():
 
 
 def moves(*fragments, **words):
-    """Hold a scene against its closed form: all rows, its end, its energy."""
+    """Compare a scene with its closed form: all rows, its end, its energy."""
     model = lagsim.load(scene(*fragments, **words))
     result = lagsim.simulate(model, error_bar="never")
     assert result.complete, result.reason
@@ -68,7 +68,7 @@ def test_features_in_pairs(first, second, way):
 
 
 def _needs_no_repeat(*fragments, **words):
-    """Hold rows with the repeat that estimates the error to the rows without it."""
+    """Compare rows with the repeat that estimates the error to rows without it."""
     model = lagsim.load(scene(*fragments, **words))
     once, again = (lagsim.simulate(model, error_bar=x) for x in ("never", "auto"))
     assert not isinstance(again.record["error"], str)

@@ -30,7 +30,7 @@ SMOOTH = BY_NAME["smooth"]
 
 
 def each(parts):
-    """Give all features, of which one in so many is in the quick slice."""
+    """Return all features, of which one in `parts` is in the quick slice."""
     return [
         pytest.param(x, marks=[] if part_of(x, parts) else [pytest.mark.slow])
         for x in BY_NAME
@@ -38,12 +38,12 @@ def each(parts):
 
 
 def coupled(name, extra=""):
-    """Give a feature whose first coordinate is mixed with that of another."""
+    """Return a feature whose first coordinate is mixed with that of another."""
     return scene(BY_NAME[name], SMOOTH, coupled=True, extra=extra)
 
 
 def by(text, method):
-    """Ask for a method with fixed steps, or another tolerance."""
+    """Set a method with fixed steps, or another tolerance."""
     more = f"output_step: {STEP}, {method}"
     return text.replace(f"output_step: {STEP}", more)
 
@@ -134,7 +134,7 @@ def test_stability_has_the_eigenvalues_of_the_closed_form(name):
 
 
 def moving(name, t):
-    """Give q, q', q'' at a time, of (u, w, ...) by differences of the closed form."""
+    """Return q, q', q'' at a time, of (u, w, ...) by differences of the closed form."""
     h = 1e-3
     at = t + h * np.arange(-2, 3)
     x = motion(BY_NAME[name], SMOOTH, t=at)

@@ -22,7 +22,7 @@ ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
 
 
 def spoilt(found, column, change):
-    """Give a run with a function of the time added to a column of its rows."""
+    """Return a run with a function of the time added to a column of its rows."""
     rows = found.rows.copy()
     place = found.system.columns.names.index(column)
     rows[:, place] += change(rows[:, 0])
@@ -30,7 +30,7 @@ def spoilt(found, column, change):
 
 
 def bar_of(found, error, **more):
-    """Give an estimate that is the same for the coordinate and its rate."""
+    """Return an error estimate that is equal for the coordinate and its rate."""
     t = found.rows[:, 0]
     errors = error(t)[:, None]
     scales = np.ptp(found.rows[:, 1:2], axis=0)
@@ -219,7 +219,7 @@ def beside(M=1e5, more="", start=0.0, **forces):
 
 
 def faster(found, name, speed, since):
-    """Give a run whose body of unit mass is faster from some time on."""
+    """Return a run whose body of unit mass is faster from a time on."""
     late = found["t"] - found["t"][0] > since
     gain = late * (found[name] * speed + speed**2 / 2)
     wrong = spoilt(found, name, lambda _: late * speed)
@@ -327,7 +327,7 @@ LINKED = (", u: {}", " + m*(x_dot - u_dot)^2", ", u: 0")  # which moves as x doe
 
 
 def aliased(A=1.0, T=1.0, m=1.0, more=ALONE, step=1.0):
-    """Give a model whose rows show x at rest; its rate is A T sin(2 pi t/T)/(2 pi)."""
+    """Return a model whose rows show x at rest, at rate A T sin(2 pi t/T)/(2 pi)."""
     return ALIASED.format(A=A, T=T, m=m, more=more, step=step)
 
 
@@ -370,7 +370,7 @@ CUT = [
 
 
 def told(found):
-    """Give what is said of the energy."""
+    """Return the texts on the energy."""
     return [c.text for c in cautions(found) if c.code.startswith("energy-")]
 
 
@@ -434,7 +434,7 @@ def test_a_step_that_loses_energy_beside_a_cut_it_never_meets_is_its_own():
 
 
 def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
-    """Euler's energy grows by (1 + h^2) a step, whatever the angle adds."""
+    """Euler's energy grows by (1 + h^2) a step, whatever the energy of the angle."""
     text = turning("0.4*atan2(y, x)" + PULL)
     found = run(text, method="euler", step="0.01")
     [code] = [c.code for c in cautions(found) if c.code.startswith("energy-")]

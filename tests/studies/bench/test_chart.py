@@ -1,4 +1,4 @@
-"""The charts of bench and stability: read off what is drawn."""
+"""Charts of bench and stability, read off their drawing."""
 
 import itertools
 import math
@@ -29,7 +29,7 @@ FRONT_SECONDS = 1e-3
 
 
 def row(method, formulation, error, times, *, chosen=False, outcome="done"):
-    """A row that costs so many times what the front does; without error a gap."""
+    """A row with the cost `times` that of the front; without error a gap."""
     front = chosen and error is not None
     return {
         "method": method, "formulation": formulation, "setting": "rtol", "value": 1e-6,

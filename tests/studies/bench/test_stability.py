@@ -193,7 +193,7 @@ def test_eigenvalues_do_not_depend_on_coordinates():
 
 
 def rest(text, **overrides):
-    """Give the record of a map of one run, for its equilibrium and modes."""
+    """Return the record of a map of one run, for its equilibrium and modes."""
     model = read(text, "model.yaml", overrides)
     wish = MapOptions(("rk4",), (0.01, 0.01), strip=1)
     return measure(open_case(model), wish)

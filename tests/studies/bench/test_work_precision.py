@@ -1,6 +1,6 @@
-"""Errors of scenes with closed forms, and the reference that they are measured against.
+"""Errors of scenes with closed forms, and the reference for the errors.
 
-Of scenes with impacts, too: orders are kept, and what cannot handle laws says so.
+With impacts, too: orders are kept, and methods that cannot handle laws are refused.
 """
 
 import cmath
@@ -182,7 +182,10 @@ def test_an_interrupt_keeps_what_was_measured():
 
 
 def parting(size):
-    """Give how two solutions compare that part as size * exp(t); the range is 2."""
+    """Return the comparison of two solutions with the difference size * exp(t).
+
+    The range is 2.
+    """
     own = Own(scene(oscillator(ROWS)), "dop853")
     known, names = own.solve(1e-13, Patience(10.0)).rows, own.names
     other = known.copy()

@@ -1,4 +1,4 @@
-"""What columns are measured by, and which rows belong together."""
+"""Scales of columns, and matching of rows."""
 
 import numpy as np
 import pytest

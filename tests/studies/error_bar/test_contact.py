@@ -1,4 +1,4 @@
-"""What a run with impacts tells of its error, against closed forms."""
+"""Reported errors of runs with impacts, against closed forms."""
 
 import math
 
@@ -16,7 +16,7 @@ from tests.studies.judged import barred, made, repeated
 
 
 def strikes(e, t):
-    """Give x of x'' = -x from x = 1, with a stop at x = -1/2, at times (k,)."""
+    """Return x of x'' = -x from x = 1, with a stop at x = -1/2, at times (k,)."""
     found, begun, speed = np.cos(t), math.acos(-0.5), e * math.sin(math.acos(-0.5))
     while begun < t[-1]:
         s = t - begun

@@ -52,7 +52,7 @@ def test_estimate_of_a_pendulum(options):
 
 
 def compared(name, rtol):
-    """Give (estimated, true, trusted) for each reference state of a problem."""
+    """Return (estimated, true, trusted) for each reference state of a problem."""
     # Rows between the reference times too, for the ranges.
     text = model_text(name).replace('output_step: "', 'output_step: "1/40*')
     kept, bar = barred(text, rtol=rtol, always=True)
@@ -389,7 +389,7 @@ def test_all_repeats_together_stay_within_the_allowance():
 
 
 def exact(start, times):
-    """Give the exact positions: parabolas between the zeros of the sine."""
+    """Return the exact positions: parabolas between the zeros of the sine."""
     mp.dps = 40
     half, found = mp.pi / 3, []
     for time in times:

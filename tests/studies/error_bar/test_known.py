@@ -1,4 +1,4 @@
-"""What a run tells of its error, against motions that are known in closed form."""
+"""Reported errors of runs, against motions known in closed form."""
 
 import math
 
@@ -19,7 +19,7 @@ def lasting(duration, step):
 
 
 def one(potential, start, solution, duration, step, force="", kinetic="1"):
-    """Give the text of a scene of one coordinate, and its values (k, 1)."""
+    """Return the text of a scene of one coordinate, and its values (k, 1)."""
     forces = {"forces": f'x: "{force}"'} if force else {}
     lasts = lasting(duration, step)
     text = scene(start, potential, f"{kinetic}*x_dot^2/2", simulation=lasts, **forces)
@@ -27,7 +27,7 @@ def one(potential, start, solution, duration, step, force="", kinetic="1"):
 
 
 def orbit(e, duration, step):
-    """Give an ellipse with axis 1 and period 2 pi from its pericentre."""
+    """Return an ellipse with axis 1 and period 2 pi from its pericentre."""
 
     def solution(t):
         anomaly = np.array(t, dtype=float)
@@ -44,14 +44,14 @@ def orbit(e, duration, step):
 
 
 def relaxed(t, k=1e4, c=2e4):
-    """Give x'' = -k (x - 1) - c x' from rest at 0: one fast and one slow root."""
+    """Return x'' = -k (x - 1) - c x' from rest at 0: one fast and one slow root."""
     root = math.sqrt(c * c / 4.0 - k)
     slow, fast = -k / (c / 2.0 + root), -c / 2.0 - root
     return 1.0 - (fast * np.exp(slow * t) - slow * np.exp(fast * t)) / (fast - slow)
 
 
 def fallen(t, g=9.81, c=0.3):
-    """Give x'' = -g + c x'^2 from rest."""
+    """Return x'' = -g + c x'^2 from rest."""
     return -np.log(np.cosh(math.sqrt(g * c) * t)) / c
 
 
@@ -115,7 +115,10 @@ FEW = ["oscillator in few rows", "oscillator once a period", "eccentric orbit"]
 
 
 def told_and_true(text, truth, options):
-    """Give the bar, its largest error and the largest true one, in the same parts."""
+    """Return the error bar, its largest error and the largest true error.
+
+    Both errors are in units of the error bar.
+    """
     kept, bar = barred(text, **options)
     assert not isinstance(bar, str), bar
     rows = kept.rows
@@ -137,7 +140,7 @@ def test_told_within_a_factor_30(name, options):
 
 @pytest.mark.slow
 def test_told_within_a_factor_30_on_nearly_all_scenes():
-    """In 95 % of the cases; and never told less than a thousandth."""
+    """In 95 % of the cases; never less than a thousandth of the true error."""
     counted = good = 0
     for name, known in KNOWN.items():
         for options in ASKED:

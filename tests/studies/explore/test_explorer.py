@@ -310,7 +310,7 @@ def test_a_start_that_is_dragged_anywhere_is_admissible(name):
 
 
 def begun(engine, values):
-    """Give the start of the motion from coordinates and velocities that were found."""
+    """Return the start of the motion from given coordinates and velocities."""
     header, columns = unpacked(engine.motion(values, "page"))
     assert header["error"] == ""
     return {name: column[0] for name, column in columns.items()}

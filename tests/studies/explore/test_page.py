@@ -267,7 +267,7 @@ def test_equations_are_shown(tab):
 
 
 def input_of(name, value, kind="range"):
-    """Give a script that moves a slider, or types into a field and leaves it."""
+    """Return a script that moves a slider, or types into a field and leaves it."""
     event = "input" if kind == "range" else "change"
     return f"""(() => {{
       const one = document.querySelector("input[type={kind}][name='{name}']");
@@ -297,7 +297,7 @@ def test_a_start_value_slides_on_the_constraint_and_is_typed_as_it_is(tab):
 
 def test_graphs_take_the_colours_of_the_theme(tab):
     def corner():
-        """Give colours of the graph, darkest to lightest."""
+        """Return colours of the graph, darkest to lightest."""
         return tab.run("""(() => {
           const {width, height} = document.querySelector("#graph");
           const pen = document.querySelector("#graph").getContext("2d");

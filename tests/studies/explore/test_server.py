@@ -1,4 +1,4 @@
-"""What the server of a page answers, and what it refuses."""
+"""Answers and refusals of the server of a page."""
 
 import gc
 import http.client
@@ -40,7 +40,7 @@ def server(file):
 
 
 def asked(server, method, path, body=None, headers=None, secret=None):
-    """Give status, headers and body of an answer."""
+    """Return status, headers and body of an answer."""
     line = http.client.HTTPConnection(
         HOST, server.server_address[1], timeout=20 * PATIENCE
     )
@@ -237,7 +237,7 @@ def test_what_is_no_request_is_answered_by_an_error_without_text(server, content
 
 
 def sent(server, *pieces, wait=0.0):
-    """Give the answer to bytes that are sent piece by piece, and whether all were."""
+    """Return the answer to bytes sent in pieces, and whether all pieces were sent."""
     with socket.create_connection(server.server_address, timeout=20 * PATIENCE) as line:
         answer, whole = b"", False
         try:

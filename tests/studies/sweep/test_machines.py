@@ -1,4 +1,4 @@
-"""Runs by Dask: the rows are the same, wherever they are made."""
+"""Runs by Dask: the rows do not depend on the machine."""
 
 import pytest
 
@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 @pytest.fixture
 def cluster():
-    """Give the address of a scheduler with two workers, processes of their own."""
+    """Return the address of a scheduler with two workers, each a process."""
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None
     ) as cluster:

@@ -26,14 +26,14 @@ PARTS = ("min", "max", "mean", "rms", "peak_to_peak")
 
 
 def measures(rows):
-    """Give the measures of rows by their definitions, in order of PARTS."""
+    """Return the measures of rows by their definitions, in order of PARTS."""
     mean = math.fsum(rows) / len(rows)
     rms = math.sqrt(math.fsum((x - mean) ** 2 for x in rows) / len(rows))
     return [min(rows), max(rows), mean, rms, max(rows) - min(rows)]
 
 
 def driven(w, t):
-    """Give the steady motion of DRIVEN, and its rate."""
+    """Return the steady motion of DRIVEN, and its rate."""
     a, b = 20 - 1.5 * w**2, 2 * w
     size, phase = 3 / math.hypot(a, b), math.atan2(b, a)
     return size * np.cos(w * t - phase), -size * w * np.sin(w * t - phase)
@@ -150,7 +150,7 @@ def test_values_that_are_not_a_number_do_not_count():
 
 
 def test_sums_do_not_depend_on_how_rows_are_divided():
-    """A run that is watched is divided otherwise; its table has the same bytes."""
+    """The rows of a run with progress are divided otherwise; its bytes are equal."""
     rng = np.random.default_rng(6)
     rows = rng.normal(size=(3 * SUMMED + 7, 3)) + 1e3
     rows[:, 0] = np.arange(len(rows))

@@ -1,4 +1,4 @@
-"""A sweep: what is swept, its picture, and rows that are those of runs alone."""
+"""A sweep: its values, its picture, and rows equal to rows of single runs."""
 
 import gc
 import itertools
