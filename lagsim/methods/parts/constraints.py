@@ -22,9 +22,9 @@ from lagsim.tolerances import (
     CONVERGED,
     OVERFLOW,
     RESIDUAL_ROUNDOFF,
+    STATE_ROUNDOFF,
     SUM_ROUNDOFF,
     TERM_ROUNDOFF,
-    UNIT_ROUNDOFF,
 )
 
 MOST = 12
@@ -86,9 +86,9 @@ def satisfied_part(s: Rank, order: float) -> float:
     """
     if s.fixed_rows == 0.0:
         return 0.0
-    if s.missed <= UNIT_ROUNDOFF:
+    if s.missed <= STATE_ROUNDOFF:
         return 1.0
-    return float((UNIT_ROUNDOFF / s.missed) ** (1.0 / order))
+    return float((STATE_ROUNDOFF / s.missed) ** (1.0 / order))
 
 
 def project_level(

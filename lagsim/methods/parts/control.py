@@ -308,9 +308,10 @@ def share_tolerances(s: Control) -> None:
             if masses[i] > 0.0:
                 shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
         for i in range(n):
-            if masses[i] > 0.0:
-                most = sqrt(shared[int(s.linked[i])] / masses[i])
-                tolerances[i] = max(tolerances[i], LEAK * most)
+            most = LEAK * LEAK * shared[int(s.linked[i])]
+            # Few are raised: no root where none is.
+            if masses[i] > 0.0 and masses[i] * tolerances[i] * tolerances[i] < most:
+                tolerances[i] = sqrt(most / masses[i])
 
 
 def against(error: float, tolerance: float) -> float:
