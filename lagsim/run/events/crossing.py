@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
-    from lagsim.run.events.filippov import Rows, SurfaceModes
+    from lagsim.run.events.filippov import Rows, SideSolution, SurfaceModes
     from lagsim.run.events.kinematics import Acting
     from lagsim.run.events.records import LawsAt
 
@@ -77,13 +77,15 @@ SOON = 1e-3
 
 
 def come_to_rest(
-    modes: SurfaceModes, levels: Mapping[int, float], sizes: Floats, left: float
-) -> bool:
+    modes: SurfaceModes, levels: Mapping[int, float], sizes: Floats, left: float,
+    laws: LawsAt | None,
+) -> bool:  # fmt: skip
     """Select rest at the end of a switching curve; return whether rest is possible.
 
     Rest requires a surface on whose side all other surfaces at their level depend, and
-    forces that lead back to this surface from both of its sides. If there is none, the
-    modes are left unchanged.
+    forces that lead back to this surface from both of its sides. If there is none, or
+    the values of switches at their levels already leave the motion at rest, or laws may
+    hold it, the modes are left unchanged.
 
     Parameters
     ----------
@@ -95,18 +97,50 @@ def come_to_rest(
         Magnitudes of the terms of all surfaces.
     left : float
         Time in which switches accumulate there.
+    laws : LawsAt or None
+        The laws at the instant; None for a model without laws.
     """
     value, kind = modes.value.copy(), modes.kind.copy()
+    others = {k: [j for j in levels if j != k] for k in levels}
+    leaders = [k for k in levels if all(k in modes.depends[j] for j in others[k])]
+    if len(levels) < 2 or not leaders:
+        return False
+    if _is_still(modes, levels, laws):
+        modes.restore(value, kind)
+        modes.write()
+        return False
+    modes.restore(value, kind)
+    modes.write()
     rows = modes.rows()
-    for k in levels:
-        others = [j for j in levels if j != k]
-        if not others or not all(k in modes.depends[j] for j in others):
-            continue
-        if _rests(modes, rows, k, others, levels, sizes, left):
+    for k in leaders:
+        if _rests(modes, rows, k, others[k], levels, sizes, left):
             return True
         modes.restore(value, kind)
         modes.write()
     return False
+
+
+def _is_still(
+    modes: SurfaceModes, levels: Mapping[int, float], laws: LawsAt | None
+) -> bool:
+    """Whether the motion is at rest at levels that no force leaves, or that laws hold.
+
+    If so, the motion is not at the end of a curve, and `Crossing` selects its rest.
+    modes : those of all surfaces, which are changed. levels, laws : see `come_to_rest`.
+    """
+    for k, level in levels.items():
+        modes.put(k, level, LEVEL)
+    modes.write()
+    arc, on, rows = modes.arc, [*levels], modes.rows()
+    if rows.rates[on].any():
+        return False
+    if laws is not None:
+        here = Kinematics(arc, arc.y)
+        some = that_could_act(here, laws.closed)
+        response = here.acting(some, laws.left).response
+        if (rows.J[on, : arc.system.n] @ response).any():
+            return True
+    return not modes.forced(arc.y)[on].any()
 
 
 def _rests(
@@ -586,7 +620,36 @@ class Crossing:
             self.undecided = self.open
         if self.loose:  # loose surfaces have the side of their leader, or follow it
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
+        before = self.modes.value.copy(), self.modes.kind.copy()
         self._take(found or now, cone.shares)
+        if found is not None and cone.resting is not None:
+            self._rest(cone.resting, *before)
+
+    def _rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
+        """Store modes of rest at levels where columns show other values without them.
+
+        Parameters
+        ----------
+        rest : SideSolution
+            The modes of the open surfaces, at rest at their levels.
+        value, kind : ndarray, shape (K,)
+            The sides and modes of all surfaces before the open ones were decided.
+        """
+        modes, arc = self.modes, self.modes.arc
+        modes.write()
+        shown = arc.observed()
+        sides, kinds = modes.value.copy(), modes.kind.copy()
+        carried, watched = modes.carried, modes.watched
+        modes.carried, modes.watched = {}, []
+        modes.restore(value, kind)
+        self._take(rest.mode, rest.w)
+        modes.write()
+        if np.array_equal(arc.observed(), shown, equal_nan=True):
+            modes.carried, modes.watched = carried, watched
+            modes.restore(sides, kinds)
+        elif self.beside is not None:
+            self._put_laws(rest.modes)
+            self.shared = self.laws, rest.modes
 
     def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
         """Return the side to which short steps leave an open surface: BELOW or ABOVE.

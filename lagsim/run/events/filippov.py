@@ -125,6 +125,9 @@ class FilippovCone:
         unit multiplier.
     modes : RowModes or None
         The modes of the laws, then of the surfaces that attract, as selected.
+    resting : SideSolution or None
+        The solution with surfaces at rest at their levels that are followed in the
+        solution selected, if there is one.
     """
 
     def __init__(
@@ -144,6 +147,7 @@ class FilippovCone:
         self.shares, self.is_fork = np.zeros(self.count), False
         self.laws: Beside = lambda _corner: (NO_LAWS, np.zeros((self.count, 0)))
         self.modes: RowModes | None = None
+        self.resting: SideSolution | None = None
 
     def select(
         self, now: Sequence[int], still: Collection[int] = ()
@@ -171,6 +175,7 @@ class FilippovCone:
             exchanged = [way for way in exchanged if way not in tried]
             if not wrong and not exchanged:
                 self.shares, self.modes = trial.w, trial.modes
+                self.resting = self._at_levels(sides, trial)
                 return trial.mode
             ways += reversed(exchanged)
         return None
@@ -205,6 +210,32 @@ class FilippovCone:
                 return [k]
             self.is_fork = self.is_fork or (here and there)
         return []
+
+    def _at_levels(self, sides: Corner, trial: SideSolution) -> SideSolution | None:
+        """Return the solution with surfaces at rest at their levels, if there is one.
+
+        Where all rates are 0 with the values of switches at the level, which the file
+        defines, the motion also rests with these values. The shares of a sliding mode
+        mix the values on both sides.
+
+        sides, trial : the sides selected, and their solution.
+        """
+        slides = [k for k, mode in enumerate(trial.mode) if mode == SLIDING]
+        if not slides:
+            return None
+        held = tuple(LEVEL if k in slides else side for k, side in enumerate(sides))
+        # A force of the size of rounding would leave the level later.
+        if np.any(self.rates(held)[slides]):
+            return None
+        other = self._solved_beside(held, slides)
+        if other is None or np.any(other.leads < 0.0):
+            return None
+        response = self.laws(held)[1]
+        pushed = response @ other.modes.multipliers[: response.shape[1]]
+        if np.any(pushed[slides]):
+            return None
+        leaves = (self.leaves(other.w, k, other.modes) for k in slides)
+        return None if any(way is not None for way in leaves) else other
 
     def _change(self, w: Floats, j: int) -> Floats:
         """Return the difference of the rates (count + r,) above and below surface j.

@@ -242,7 +242,7 @@ class Switching(Source):
         )
         crossing.find()
         levels = crossing.levels
-        rests = come_to_rest(modes, crossing.levels, crossing.sizes, left)
+        rests = come_to_rest(modes, levels, crossing.sizes, left, laws)
         if not rests:
             crossing.decide()
             roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.choosing import turn
 from tests.run.switching.scenes import codes, events, kinds, one_quick, scene
 from tests.support import run
 
@@ -245,3 +246,75 @@ simulation: {duration: 2, output_step: 0.1}
     assert not np.any(found["x"])
     assert not np.any(found["y"])
     assert codes(found) == []
+
+
+# Definitions that jump at a = 0, with their value there, and forces of them that are 0
+# at a = 0, push back from one side or from both, and not at once.
+AT_LEVEL = [
+    ("if({a} > 0, 1, if({a} < 0, -1, 0))", 0, "-if(d > 0.5, 1, 0)"),
+    ("if({a} > 0, 1, if({a} < 0, -1, 0))", 0, "if(d < -0.5, 1, 0)"),
+    ("sign({a})", 0, "-heaviside(d - 0.5)"),
+    ("min(0.2, sign({a}))", 0, "if(d < -0.4, 1, 0)"),
+    ("max(sign({a}), 0.5*sign({a}))", 0, "-d"),
+    ("abs(sign({a}))", 0, "-d*sign({a})"),
+    ("sign({a})^2", 0, "-(d + sign({a}))/2"),
+    ("heaviside({a}) + heaviside(-({a}))", 2, "(2 - d)*sign(-({a}))"),
+    ("floor({a}) + ceil({a})", 0, "-if(d > 0.3, 1, 0)"),
+    ("mod({a}, 2)", 0, "if(d > 0.3, 0.7, 0) - heaviside({a} - 0.001)"),
+    ("tb(sign({a}))", 5, "5*(5 - d)*sign({a})"),
+    ("if(abs({a}) > 0, 1, 4)", 4, "if({a} < 0, 1, 0)*if(d < 2, 1, 0)"),
+    ("sign(abs({a}))", 0, "if({a} <= 0, 1, -1) - 1"),
+    ("if(max({a}, -({a})) <= 0, 7, 1)", 7, "if(sign(-({a})) > 0.5, 0.3, 0)"),
+]
+METHODS = ["dop853", "dopri5", "taylor", "radau", "rk4, step: 0.01"]
+ARGUMENTS = ["x", "-x/3", "x - y", "x_dot", "x + x_dot"]
+
+
+@pytest.mark.parametrize(
+    ("definition", "value", "force"),
+    [pytest.param(*case, id=case[0].format(a="a")) for case in AT_LEVEL],
+)
+def test_rows_at_rest_show_values_at_the_level(definition, value, force, request):
+    name = request.node.nodeid
+    a, method = (turn(name + x, "", of) for x, of in (("a", ARGUMENTS), ("m", METHODS)))
+    d, push = definition.format(a=a), force.format(a=a)
+    where = turn(name, "", ["t < 0.33", "u > 0", "z < 0.33"])
+    text = f"""
+name: scene
+tables: {{tb: {{points: [[-2, 1], [0, 5], [2, 3]], outside: extend}}}}
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+definitions: {{d: '{d}', used: tb(z)}}
+initial: {{x: 0, y: 0, z: 0, z_dot: 1}}
+modes: {{u: 1}}
+events: {{late: {{at: z >= 0.33, set: {{u: 0}}}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 0}}
+forces: {{x: 'if({where}, {push}, 2)'}}
+simulation: {{duration: 1, output_step: 0.06, method: {method}}}
+"""
+    found = run(text)
+    t, x = found["t"], found["x"]
+    assert np.all(found["d"][t < 0.33] == value)
+    assert np.all(x[t < 0.33] == 0.0)
+    # Thrown off by 2 from then on: a parabola, which the methods integrate exactly.
+    assert np.max(np.abs(x - np.maximum(t - 0.33, 0) ** 2)) < 1e-13
+
+
+@pytest.mark.parametrize("hold", ["x_dot = 0, limit: 4", "x >= 0, restitution: 0"])
+@pytest.mark.parametrize("force", ["0", "-d", "-d + if(e < 0.6, 1, 0)"])
+def test_rows_held_by_laws_show_values_at_the_level(hold, force):
+    d = "heaviside(x_dot) - heaviside(-x_dot)"
+    text = f"""
+name: scene
+coordinates: {{x: {{}}}}
+definitions: {{d: {d}, e: 'if(not x_dot > 0, 1, 0)', f: 'if(abs(x_dot) <= 0, 7, 1)'}}
+initial: {{x: 0}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: 'if(t < 0.33, {force} - if(f > 7.3, 1, 0) - 2.4, 9)'}}
+constraints: {{hold: {{relation: {hold}}}}}
+simulation: {{duration: 0.5, output_step: 0.06}}
+"""
+    found = run(text)
+    held = found["t"] < 0.33
+    for name, value in {"d": 0, "e": 1, "f": 7}.items():
+        assert np.all(found[name][held] == value)
+    assert np.all(np.abs(found["lambda_hold"][held] - 2.4) < 1e-14)
