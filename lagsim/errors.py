@@ -129,7 +129,7 @@ class Problem(NamedTuple):
 
     @property
     def whole(self) -> Problem:
-        """The fault; if it has no hint, with the hint of its code's row."""
+        """The fault; without a hint of its own it has the hint of its code."""
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property

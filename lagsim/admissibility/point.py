@@ -436,7 +436,18 @@ def shape_of(
 
 
 class Lengths:
-    """The lengths of conditions at a state, see the module docstring."""
+    """Lengths of conditions at a state.
+
+    The length of a condition is the distance over which its gradient changes by its own
+    size; see the module docstring.
+
+    Parameters
+    ----------
+    point : Point
+        The state.
+    asked : sequence of Condition
+        The m conditions.
+    """
 
     def __init__(self, point: Point, asked: Sequence[Condition]) -> None:
         self.point, self.asked = point, asked
@@ -570,7 +581,7 @@ class Lengths:
 
 
 def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
-    """Return the lengths of constraint rows."""
+    """Return the lengths of constraint rows, see `Lengths`."""
     asked = [Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows]
     return Lengths(point, asked)
 

@@ -442,10 +442,11 @@ class _Walk:
         self.sides[k] = self.kinks.ends(k, self.levels.pop(k))[above]
 
     def _balance(self, rest: Rest, x: Floats, shares: Mapping[int, float]) -> _Balance:
-        """Return the record of a balance x (k,), with its state and its corner.
+        """Return the record of a balance: its solution, its state and its corner.
 
-        shares : of the upper sides, by the number of the surface. Without surfaces, the
-        equations of the state are those of the model.
+        x : (k,), the solution of `rest`. shares : shares of the upper sides, by the
+        number of the surface. Without surfaces, the equations of the state are those of
+        the model.
         """
         there, corner = rest.at(x).of(self.guess.e), None
         there.multipliers = dict(zip(rest.shares, shares.values(), strict=True))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Analysis:
-    """Result of a study, whose document has its entries as attributes.
+    """Result of a study; the entries of its document are attributes of the object.
 
     Attributes
     ----------

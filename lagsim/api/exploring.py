@@ -35,7 +35,7 @@ class Exploration:
     address : str
         The address of the page on this machine; "" where there is none.
     reason : str
-        What a page alone cannot compute; "" if it computes the motions itself.
+        The reason why a page alone cannot compute the motions; "" if it can.
     """
 
     def __init__(self, explorer: Explorer, height: int) -> None:

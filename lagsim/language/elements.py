@@ -250,7 +250,7 @@ class Elements:
     # Elements derived from these
 
     def derived(self, method: str, *how: frozenset[int]) -> Elements:
-        """Return the elements that the named method derives; memoized.
+        """Return the result of the method named `method`: further elements; memoized.
 
         how : the arguments of the method.
         """

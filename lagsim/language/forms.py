@@ -151,6 +151,8 @@ class Turning(Products[Atom]):
 
         The identities are sin^2 + cos^2 = 1, then those of sums and differences of
         angles.
+
+        count : counts operations against the budget.
         """
         joined = 0
         for joint in (self._joint_of_squares, self._joint_of_angles):

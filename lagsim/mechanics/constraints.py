@@ -232,15 +232,16 @@ class Kind(Enum):
     times the multiplier of the contact, too. A row is off, held, or slides with its
     multiplier at a finite bound.
 
-    ============ ============= ================================================== role
-    bounds        ends ============ =============
-    ================================================== CONTACT      0, inf        off:
-    its gap closes; held: it would pull FREEWHEEL    0, inf        off: its rate falls
-    to 0; held: it would pull SLIP         -mu, mu       with its contact; held: at its
-    bound; slides: at rest LIMITED      -L, L         held: at its bound; slides: at
-    rest TIMED        -inf, inf     at times known ahead SLIDER       -L, L
-    never: the row in force changes with its mode ============ =============
-    ==================================================
+    ============ ============= ==================================================
+    role         bounds        ends
+    ============ ============= ==================================================
+    CONTACT      0, inf        off: its gap closes; held: it would pull
+    FREEWHEEL    0, inf        off: its rate falls to 0; held: it would pull
+    SLIP         -mu, mu       with its contact; held: at its bound; slides: at rest
+    LIMITED      -L, L         held: at its bound; slides: at rest
+    TIMED        -inf, inf     at times known ahead
+    SLIDER       -L, L         never: the row in force changes with its mode
+    ============ ============= ==================================================
 
     Attributes
     ----------

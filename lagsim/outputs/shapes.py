@@ -104,7 +104,7 @@ def values_per_row(model: Model) -> int:
 
 
 def string_lengths(model: Model) -> list[float | None]:
-    """Return the stated length of each link; None for links that are no such string."""
+    """Return the stated length of each link; None for a link without one."""
     values, g = model.parameter_values, model.graph
     return [
         None if x is None else evaluate(g, [x.node], values)[0]

@@ -62,7 +62,7 @@ def _inside(parts: Iterable[str]) -> str:
 
 
 class MathPrinter(TextPrinter):
-    """Prints presentation MathML."""
+    """Printer of expressions as presentation MathML."""
 
     plus, minus, negative = "<mo>+</mo>", "<mo>−</mo>", "<mo>−</mo>"
     # The sign of a product that is not seen.

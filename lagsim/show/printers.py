@@ -214,7 +214,7 @@ class Printer:
 
 
 class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
-    """Prints the language of model files."""
+    """Printer of expressions in the language of model files."""
 
     sum_of = "sum"
 
@@ -274,7 +274,7 @@ def exact_printer(x: Translation) -> ModelPrinter:
 
 
 class TextPrinter(ModelPrinter):
-    """Prints plain text with superscripts, roots and signs."""
+    """Printer of expressions as plain text with superscripts, roots and signs."""
 
     minus, negative, between, sum_of = " − ", "−", " ", "Σ"
 
@@ -307,7 +307,7 @@ class TextPrinter(ModelPrinter):
 
 
 class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
-    """Prints mathematics of LaTeX, with amsmath."""
+    """Printer of expressions as mathematics of LaTeX, with amsmath."""
 
     between = r" \, "
 

@@ -767,7 +767,7 @@ class Attempts:
         *,
         always: bool = False,
     ) -> tuple[Evidence, Checkpoints]:
-        """Repeat a run by other means; subtract the cost from the allowance.
+        """Repeat a run by the means `other`; subtract the cost from the allowance.
 
         always : whether the repeat may exceed the allowance.
 

@@ -208,11 +208,12 @@ def is_within(s: Control, y: Floats) -> bool:
 
 
 def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
-    """Return the length of steps up to which the tolerances hold unchanged, or 0.
+    """Return the longest step up to which the tolerances hold unchanged, or 0.
 
-    Within the ranges the tolerances hold if the ranges alone determine the tolerances,
-    by far, and no roundoff of rates is known: that of positions grows with the step.
-    new : (size,), the state after the step h for which the tolerances were computed.
+    Within the ranges of the components, the tolerances hold if they follow from these
+    ranges alone, by a wide margin. The result is 0 if roundoff of rates is known, since
+    the roundoff of positions grows with the step. new : (size,), the state after the
+    step h for which the tolerances were computed.
     """
     if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:
         return 0.0

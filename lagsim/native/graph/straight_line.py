@@ -35,8 +35,8 @@ class CommonNodes:
     the derivative of an arm of seven joints 20 % of its time. A page of the bicycle has
     244 kB in place of 272 kB.
 
-    Nodes that the same functions use form a class, and a class is a function of its
-    own. Every function that uses a node also uses its operands, so that the classes
+    A class is the set of nodes that one set of functions uses; it becomes a function of
+    its own. Every function that uses a node also uses its operands, so that the classes
     with more users come first.
 
     Attributes

@@ -567,9 +567,10 @@ class Judge:
         return self._difference(columns[self._state], found[self._state], finer)
 
     def _repeated(self, other: Repeat, finer: int) -> Ensemble:
-        """Return the memory of repeats, with `finer` output steps in one of the run.
+        """Return the ensemble that repeats the runs with more frequent output.
 
-        other : the means of the repeats.
+        other : the means of the repeats: method and tolerance. finer : the number of
+        output steps of a repeat in one output step of the run.
         """
         if self._repeats is None:
             spacing = self._ensemble.session.case.settings.output_step / finer
