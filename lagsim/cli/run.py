@@ -61,7 +61,14 @@ from lagsim.outputs.results import (
     refuse_without_room,
     replaced,
 )
-from lagsim.outputs.table import TableWriter, Writer, check_format, table_writer
+from lagsim.outputs.table import (
+    EVENTS,
+    EventsWriter,
+    TableWriter,
+    Writer,
+    check_format,
+    table_writer,
+)
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Session, Stopwatch, open_case, wanted
@@ -290,7 +297,7 @@ class Job:
             more = wish.error_bars, wish.show_units, wish.plots, wish.animate
             options = f"{sorted(wishes.items())} {more}"
             identity = {"model text": model.content, "set of options": options}
-            return Restart(folder, wish.table.file, identity)
+            return Restart(folder, identity)
 
         first = restart().rescue if wish.resume else None
         with open_results(folder, first=first) as results:
@@ -313,6 +320,10 @@ class Job:
         try:
             path = results.part(wish.table.file)
             writer = table_writer(wish.table, path, units, show_units=wish.show_units)
+            listed = None
+            if session.lists_events:
+                named = bool(session.case.model.events)
+                listed = EventsWriter(results.part(EVENTS), named=named)
         except OSError as error:
             raise results.unusable(error) from None
         store: Store = writer
@@ -320,18 +331,23 @@ class Job:
             from lagsim.run.observers.appended import Widened
 
             store = Widened(writer, session.columns.table, more)
-        with contextlib.closing(writer), interrupt.noted():
+        with contextlib.ExitStack() as stack:
+            stack.callback(writer.close)
+            if listed is not None:
+                stack.callback(listed.table.close)
+            stack.enter_context(interrupt.noted())
             joined = None
             if wish.table is TableFormat.CSV:
                 joined = partial(
-                    _keep, writer=writer, restart=restart, at_once=wish.resume
-                )
+                    _keep, writer=writer, listed=listed, restart=restart,
+                    at_once=wish.resume,
+                )  # fmt: skip
             found = Attempts(
                 store, interrupt, self.clock, error_bars=wish.error_bars,
                 replaces=wish.error_bars is not ErrorBars.NEVER,
                 thinned=wish.plots is not None, animated=wish.animate,
                 progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
-                appended=more,
+                appended=more, listed=listed,
             ).best(session)  # fmt: skip
             document, full = self._write(found, results, writer)
         self._report(found, document, results.folder)
@@ -372,6 +388,11 @@ class Job:
                 list(results.fill(event_tables(found)))
             except OSError as error:
                 full = error
+        written = found.trajectory.listed
+        if isinstance(written, EventsWriter):
+            full = full or written.fault
+            if written.fault or not found.session.lists_events:
+                results.drop(EVENTS)
         cautions = [*results.cautions, *found.cautions()]
         self.clock.lap("output")
         files = [*results.names, MANIFEST]
@@ -468,6 +489,7 @@ def _keep(
     relay: Relay,
     session: Session,
     writer: Writer,
+    listed: EventsWriter | None,
     restart: Callable[[], Restart],
     at_once: bool,
 ) -> None:
@@ -485,7 +507,10 @@ def _keep(
 
     def tick(run: Run) -> None:
         if at_once or time.monotonic() > due:
-            restart().join(run, session, relay, cast("TableWriter", writer))
+            tables = {TableFormat.CSV.file: cast("TableWriter", writer)}
+            if listed is not None:
+                tables[EVENTS] = listed.table
+            restart().join(run, session, relay, tables)
 
     if at_once:
         tick(run)

@@ -56,8 +56,9 @@ ABANDONED_SECONDS = 60.0
 # Lock file of the process that fills a folder, removed afterwards. A file, since on a
 # network file system a lock of the folder itself does not exclude other machines.
 LOCK = PART.format("lock")
-# Saved state of an unfinished run, and its rows so far, for a run that continues it.
-RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
+# Saved state of an unfinished run; its tables so far, by name, for a run that continues
+# it.
+RESTART, RESTART_TABLE = ".lagsim-restart", ".lagsim-restart.{}"
 # Names of lagsim's files, which a later run may remove.
 _OWN = re.compile(
     r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
@@ -195,9 +196,9 @@ class Results:
 
     def forget(self) -> None:
         """Remove the checkpoint of an unfinished run."""
-        for name in (RESTART, RESTART_ROWS):
+        for path in self.folder.glob(f"{RESTART}*"):
             with contextlib.suppress(OSError):
-                (self.folder / name).unlink()
+                path.unlink()
 
     def unusable(self, error: OSError) -> InputError:
         """Return the error, for users, that the folder cannot be written."""

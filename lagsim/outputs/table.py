@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     Blocks = Callable[[], Iterator[Floats]]
     Pack = Callable[[Path, Mapping[str, str], int, Blocks], None]
 
+EVENTS = "events.csv"
 _LINE = b"\r\n"
 # Numbers in a block of rows that are packed.
 BLOCK = 1 << 20
@@ -140,6 +141,17 @@ def numberless(unit: str) -> str:
     return ""
 
 
+def event_columns(*, named: bool) -> tuple[str, ...]:
+    """Return the columns of events.csv.
+
+    named : whether there is a column of names, for a file with `events`.
+    """
+    return (
+        "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
+        *(["name"] if named else []),
+    )  # fmt: skip
+
+
 def events_table(events: Iterable[Event], *, named: bool) -> bytes:
     """Return the bytes of events.csv; fields that a kind of event lacks are empty.
 
@@ -149,10 +161,7 @@ def events_table(events: Iterable[Event], *, named: bool) -> bytes:
     named : bool
         Whether there is a column of names, for a file with `events`.
     """
-    columns = (
-        "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
-        *(["name"] if named else []),
-    )  # fmt: skip
+    columns = event_columns(named=named)
     return table_of(columns, map(attrgetter(*columns), events))
 
 
@@ -164,12 +173,16 @@ def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
     >>> table_of(["t", "closed"], [[0.5, True], [1.0, None]])
     b't,closed\r\n0.5,true\r\n1.0,\r\n'
     """
+    return _lines([columns, *rows])
+
+
+def _lines(rows: Iterable[Iterable[object]]) -> bytes:
+    """Return rows of any values as lines of CSV; None becomes an empty field."""
     import csv
     import io
 
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    writer.writerow(map(_cell, columns))
     for row in rows:
         writer.writerow(map(_cell, row))
     return text.getvalue().encode()
@@ -237,6 +250,17 @@ class TableWriter(Writer):
             self._put(block)
         self.rows, self.last = rows, last
 
+    def append(self, rows: Sequence[Iterable[object]]) -> None:
+        """Write rows of any values; None becomes an empty field.
+
+        Raises
+        ------
+        OSError
+            If the disk is full.
+        """
+        self._put(_lines(rows))
+        self.rows += len(rows)
+
     def synced(self) -> int:
         """Flush the rows to the disk; return the size of the file in bytes."""
         os.fsync(self._file.fileno())
@@ -258,6 +282,32 @@ class TableWriter(Writer):
 
     def _whole(self, text: bytes) -> tuple[int, int]:
         return text.count(_LINE), text.rfind(_LINE) + len(_LINE) if _LINE in text else 0
+
+
+class EventsWriter:
+    """Writer of events.csv, which receives the events of a run as it goes on.
+
+    Attributes
+    ----------
+    table : TableWriter
+    fault : OSError or None
+        The error of a disk that is full; later events are discarded.
+    """
+
+    def __init__(self, path: Path, *, named: bool) -> None:
+        """Open the file; `named` as in `event_columns`."""
+        columns = event_columns(named=named)
+        self.table = TableWriter(path, columns)
+        self.fault: OSError | None = None
+        self._fields = attrgetter(*columns)
+
+    def extend(self, events: Sequence[Event]) -> None:
+        """Write events, none of which is earlier than those written before."""
+        if self.fault is None:
+            try:
+                self.table.append(list(map(self._fields, events)))
+            except OSError as error:
+                self.fault = error
 
 
 class PackedWriter(Writer):

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
     from lagsim.run.arc import Arc
+    from lagsim.run.event_store import EventList
     from lagsim.run.events.records import Before
     from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
@@ -91,9 +92,9 @@ def finite_rows(rows: Floats, columns: int) -> int:
     return len(rows) if finite.flat[first] else first // columns
 
 
-# Largest number of events in documents and pages, and in events.csv, since a switch or
-# dead point may be passed for ever.
-MOST_EVENTS, MOST_TABULATED = 10_000, 1_000_000
+# Largest number of events in documents and pages, since a switch or dead point may be
+# passed for ever.
+MOST_EVENTS = 10_000
 # Number of the last stored events from which their main source and rate are reported.
 LATELY = 1000
 
@@ -107,22 +108,28 @@ class Recorder:
         Number of rows passed so far.
     last : float
         Time of the last row; nan before the first.
-    later : EventStore
-        The events after the first `MOST_EVENTS`.
+    listed : EventList
+        Receives all events in the order of time.
+    waiting : list of Event
+        The events that `listed` has not received: those at the current instant, and
+        ends of accumulations, which are known before other events at earlier times.
     counts, unkept : dict
         Number of events of each kind, and number of those not in `events`.
     full : float
         Time of the first event that is not in `events`; inf if all are.
     """
 
-    def __init__(self, observers: Sequence[Observer]) -> None:
+    def __init__(
+        self, observers: Sequence[Observer], listed: EventList | None = None
+    ) -> None:
         self.observers = observers
+        self.listed: EventList = EventStore() if listed is None else listed
+        self.waiting: list[Event] = []
         self.events: list[Event] = []
         self.cautions: list[Caution] = []
         self.choices: list[Choice] = []
         self.counts: dict[str, int] = {}
         self.unkept: dict[str, int] = {}
-        self.later = EventStore()
         self.full = math.inf
         self.rows = 0
         self.last = math.nan
@@ -138,10 +145,18 @@ class Recorder:
             else:
                 self.unkept[kind] = self.unkept.get(kind, 0) + 1
                 self.full = min(self.full, event.time)
-                if len(self.later) < MOST_TABULATED:
-                    self.later.add(event)
+        self.waiting += decision.events
         self.cautions += decision.cautions
         self.choices += decision.choices
+
+    def list_events(self, before: float = math.inf) -> None:
+        """Pass the waiting events with times before `before` to the list of all."""
+        if not self.waiting:
+            return
+        ready = [event for event in self.waiting if event.time < before]
+        if ready:
+            self.waiting = [event for event in self.waiting if event.time >= before]
+            self.listed.extend(sorted(ready, key=attrgetter("time")))
 
     def unlisted(self) -> list[Caution]:
         """Return [caution with the number of events not in `events`], or []."""
@@ -154,16 +169,11 @@ class Recorder:
         where, often = wheres.most_common(1)[0]
         text = (
             f"only the first {MOST_EVENTS} events are listed in run.json and in "
-            f"pictures ({self._in_table()} in events.csv): from t = {self.full:.9g} "
+            f"pictures (all in events.csv): from t = {self.full:.9g} "
             f"on there were {kinds} more; {often} of the last {len(late)} listed are "
             f"at `{where}`, within {self.full - late[0].time:.3g} of time"
         )
         return [Caution(EVENTS_UNLISTED, text)]
-
-    def _in_table(self) -> str:
-        """Return in words how many of the events events.csv contains."""
-        complete = len(self.later) == sum(self.unkept.values())
-        return "all" if complete else str(MOST_EVENTS + len(self.later))
 
     def hand_on(self, rows: Floats) -> None:
         """Pass rows (k, columns) to all observers."""
@@ -172,6 +182,7 @@ class Recorder:
             return
         self.rows += count
         self.last = float(rows[-1, 0])
+        self.list_events(self.last)
         for observer in self.observers:
             observer.add(rows)
 
@@ -207,6 +218,8 @@ class Run:
         Receives the rows just before and after events.
     sections
         Receives the rows of sections.
+    listed
+        Receives all events in the order of time; by default they are kept in memory.
     """
 
     def __init__(
@@ -218,13 +231,14 @@ class Run:
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
         sections: Sections | None = None,
+        listed: EventList | None = None,
     ) -> None:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
         self.deciders = _deciders(self.arc, self.sources)
         # Sources with event times known in advance.
         self.timed = [x for x in self.sources if type(x).times is not Source.times]
-        self.recorder = Recorder(observers)
+        self.recorder = Recorder(observers, listed)
         # Called between two calls of the kernel.
         self.tick: Callable[[Run], None] | None = None
         self.interrupt, self.progress = interrupt, progress
@@ -267,6 +281,7 @@ class Run:
         if self.sections is not None and self.cut is None:
             self.sections.finish(self.arc, whole=ending.outcome is Outcome.DONE)
         self.show_last()
+        self.recorder.list_events()
         return self.trajectory(ending)
 
     @unless_overflow
@@ -605,7 +620,7 @@ class Run:
             rows=recorder.rows,
             statistics=statistics_of(arc, self.arcs),
             events=tuple(sorted(recorder.events, key=attrgetter("time"))),
-            later_events=recorder.later,
+            listed=recorder.listed,
             event_counts=dict(recorder.counts),
             warnings=(
                 *recorder.cautions,

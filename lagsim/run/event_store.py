@@ -4,62 +4,52 @@ from __future__ import annotations
 
 import json
 import zlib
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from lagsim.notes import Event
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 # Number of events in a chunk.
 CHUNK = 1000
 
 
-class EventStore:
-    """Events in the order in which they were added, compressed in chunks.
+class EventList(Protocol):
+    """Interface of a list that receives all events of a run in the order of time."""
 
-    Iteration yields the events in the order of time. The order of addition and the
-    order of time differ at accumulations, whose end is dated later than events that are
-    added after it.
-    """
+    def extend(self, events: Sequence[Event]) -> None:
+        """Append events, none of which is earlier than those appended before."""
+
+
+class EventStore:
+    """Events in the order in which they were appended, compressed in chunks."""
 
     def __init__(self) -> None:
         self._chunks: list[np.ndarray[Any, np.dtype[np.uint8]]] = []
         self._last: list[Event] = []
-        self._count = 0
 
     def __repr__(self) -> str:
         """Return the class with the number of events."""
-        return f"EventStore({self._count})"
+        return f"EventStore({len(self)})"
 
     def __len__(self) -> int:
         """Return the number of events."""
-        return self._count
+        return CHUNK * len(self._chunks) + len(self._last)
 
-    def add(self, event: Event) -> None:
-        """Store an event."""
-        self._last.append(event)
-        self._count += 1
-        if len(self._last) == CHUNK:
-            packed = zlib.compress(json.dumps(self._last).encode())
+    def extend(self, events: Sequence[Event]) -> None:
+        """Append events."""
+        self._last.extend(events)
+        while len(self._last) >= CHUNK:
+            packed = zlib.compress(json.dumps(self._last[:CHUNK]).encode())
             self._chunks.append(np.frombuffer(packed, np.uint8))
-            self._last = []
+            del self._last[:CHUNK]
 
     def __iter__(self) -> Iterator[Event]:
-        """Iterate over all events in the order of time."""
-        time, waiting = attrgetter("time"), list[Event]()
-        for chunk in self._all_chunks():
-            begin = min(map(time, chunk))
-            yield from (x for x in waiting if x.time <= begin)
-            waiting = [x for x in waiting if x.time > begin]
-            waiting = sorted([*waiting, *chunk], key=time)
-        yield from waiting
-
-    def _all_chunks(self) -> Iterator[list[Event]]:
+        """Iterate over all events."""
         for packed in self._chunks:
-            yield [Event(*x) for x in json.loads(zlib.decompress(packed.tobytes()))]
-        if self._last:
-            yield self._last
+            for x in json.loads(zlib.decompress(packed.tobytes())):
+                yield Event(*x)
+        yield from self._last

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.program.system import System
     from lagsim.run.arc import Arc
     from lagsim.run.arcs import Run
+    from lagsim.run.event_store import EventList
     from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
@@ -243,6 +244,7 @@ class Session(NamedTuple):
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
         sections: Sections | None = None,
+        listed: EventList | None = None,
         joined: Callable[[Run], None] | None = None,
     ) -> Trajectory:
         """Integrate the case and pass every row to the observers.
@@ -259,6 +261,9 @@ class Session(NamedTuple):
             Receives the rows just before and just after events.
         sections
             Receives the rows of sections.
+        listed
+            Receives all events in the order of time; by default they are kept in
+            memory.
         joined
             Called with the run before its start; may restore the state of another run.
         """
@@ -266,7 +271,7 @@ class Session(NamedTuple):
 
         run = Run(
             self.first_arc(), observers, interrupt=interrupt, progress=progress,
-            corners=corners, sections=sections,
+            corners=corners, sections=sections, listed=listed,
         )  # fmt: skip
         if joined is not None:
             joined(run)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice, Event
     from lagsim.run.arc import Arc
+    from lagsim.run.event_store import EventList
 
 
 class Outcome(Enum):
@@ -92,7 +93,7 @@ class Trajectory(NamedTuple):
     """Result of a run, without its rows, which were passed to the observers.
 
     `reason` states in words why the run ended; `end` is the time reached;
-    `later_events` are the events after the first 10,000, which are `events`;
+    `events` has at most the first 10,000 events, and `listed` received all of them;
     `event_counts` is the number of events of each kind, listed in `events` or not;
     `choices` are the choices made during the run; `extents` holds the least and the
     greatest value of components of the state over the steps, if they were recorded.
@@ -107,7 +108,7 @@ class Trajectory(NamedTuple):
     rows: int
     statistics: Statistics
     events: Sequence[Event] = ()
-    later_events: Iterable[Event] = ()
+    listed: EventList | None = None
     event_counts: Mapping[str, int] = {}
     warnings: Sequence[Caution] = ()
     choices: Sequence[Choice] = ()

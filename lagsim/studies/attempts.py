@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.outputs.table import EventsWriter
     from lagsim.program.system import System
     from lagsim.run.observers.appended import Appended
     from lagsim.run.session import Case, Session, Stopwatch
@@ -543,6 +544,8 @@ class Attempts:
         The methods of all attempts, with their tolerances or steps.
     appended : Appended or None
         Columns of sensitivities, which the store appends.
+    listed : EventsWriter or None
+        Writes all events; with None the trajectory has them.
     """
 
     store: Store
@@ -558,6 +561,7 @@ class Attempts:
     joined: Joined | None = None
     followers: Sequence[Store] = ()
     appended: Appended | None = None
+    listed: EventsWriter | None = None
     allowance: Allowance | None = field(default=None, init=False)
     tried: list[str] = field(default_factory=list, init=False)
 
@@ -618,6 +622,8 @@ class Attempts:
         self.tried.append(_means(session.plan))
         for store in (self.store, *self.followers) if self.store.rows else ():
             store.begin_anew()
+        if self.listed is not None and self.listed.table.rows:
+            self.listed.table.begin_anew()
         kept: list[Observer | None] = [made, *self.followers, made.thin, made.frames]
         kept.append(made.extremes)
         kept += [] if self.error_bars is ErrorBars.NEVER else [made.checkpoints]
@@ -631,7 +637,7 @@ class Attempts:
         with self.progress("run") as progress:
             trajectory = session.run(
                 [relay], interrupt=self.interrupt, progress=progress,
-                corners=made.corners, sections=made.found,
+                corners=made.corners, sections=made.found, listed=self.listed,
                 joined=joined and partial(joined, relay=relay, session=session),
             )  # fmt: skip
             if progress is not None and trajectory.outcome.complete:

@@ -13,7 +13,6 @@ import gc
 import math
 import pickle
 from functools import partial
-from heapq import merge
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
@@ -21,7 +20,8 @@ from lagsim.notes import Caution
 from lagsim.outputs import Made, attempted
 from lagsim.outputs.letters import letters_of
 from lagsim.outputs.plot_data import PlotData, marked
-from lagsim.outputs.table import events_table
+from lagsim.outputs.table import EVENTS, events_table
+from lagsim.run.event_store import EventStore
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,13 +34,14 @@ if TYPE_CHECKING:
 
 
 def event_tables(made: Attempt) -> Iterator[Made]:
-    """Yield name and content of the tables of events and sections, if there are any."""
-    if made.session.lists_events:
+    """Yield name and content of the tables of events and sections, if there are any.
+
+    Events that the run has written itself are not among these.
+    """
+    events = made.trajectory.listed
+    if made.session.lists_events and isinstance(events, EventStore):
         named = bool(made.session.case.model.events)
-        trajectory = made.trajectory
-        many = trajectory.events, trajectory.later_events
-        events = merge(*many, key=lambda x: (x.time, x.kind == "until"))
-        yield "events.csv", events_table(events, named=named)
+        yield EVENTS, events_table(events, named=named)
     if made.sections:
         from lagsim.outputs.sections import RecordedSections, tables
 

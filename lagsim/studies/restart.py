@@ -3,10 +3,10 @@
 A checkpoint is stored every few seconds, between two calls of the kernels. It contains
 the arcs, the sources of events, records and observers, and the memories of kernels.
 Everything that follows from the model (equations, plan, compiled functions) is
-regenerated and referred to by name. The rows are the beginning of the table, identified
-by their sha256. While a run is in a state that cannot be stored (with another method
-than its plan's, for example), the previous checkpoint stays: from there the
-steps are repeated, with identical bits.
+regenerated and referred to by name. The rows and the events are the beginnings of their
+tables, identified by their sha256. While a run is in a state that cannot be stored
+(with another method than its plan's, for example), the previous checkpoint stays: from
+there the steps are repeated, with identical bits.
 
 The file contains JSON and arrays, and no code. Memories of kernels contain indices into
 themselves, which native code trusts. A file is therefore read only if its seal was made
@@ -39,7 +39,7 @@ from lagsim.methods import method, names
 from lagsim.native.layout import Memory
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
-from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, write_atomically
+from lagsim.outputs.results import PART, RESTART, RESTART_TABLE, write_atomically
 from lagsim.program.system import Runner, System
 from lagsim.version import __version__
 
@@ -70,7 +70,7 @@ _BLOCK = 1 << 20
 # that are not regenerated.
 _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
-    "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.event_store",
+    "methods.parts.fixed", "notes", "run.arc", "run.arcs",
     "run.events.constraints", "run.events.contacts", "run.events.filippov",
     "run.events.accumulation", "run.events.records", "run.events.sections",
     "run.events.switching", "run.events.times", "run.events.transitions",
@@ -88,26 +88,49 @@ CLASSES = frozenset(
 )
 
 
-class Stand(NamedTuple):
-    """Checkpoint of a run: its rows so far, and the encoded state.
+class TablePart(NamedTuple):
+    """The beginning of a table: its rows at a checkpoint.
 
     Attributes
     ----------
+    name : str
+        The name of the table.
     rows : int
         Number of rows.
     last : float or None
-        Time of the last row.
+        Time of the last row, if the writer knows it.
     size, digest : int, str
-        Size of the rows in bytes, and their sha256.
-    kept : bytes
-        The encoded state.
+        Size of the rows in bytes, header included, and their sha256.
     """
 
+    name: str
     rows: int
     last: float | None
     size: int
     digest: str
+
+
+class Stand(NamedTuple):
+    """Checkpoint of a run: its tables so far, and the encoded state."""
+
+    tables: tuple[TablePart, ...]
     kept: bytes
+
+
+class Digest:
+    """The sha256 of the beginning of a file that grows, and the size of this part."""
+
+    def __init__(self) -> None:
+        self.sha, self.size = hashlib.sha256(), 0
+
+    def grow(self, path: Path, size: int) -> bool:
+        """Extend the part to `size` bytes of a file; return whether it has these."""
+        with files.opened(path) as file:
+            file.seek(self.size)
+            for block in _blocks(file, size - self.size):
+                self.sha.update(block)
+                self.size += len(block)
+        return self.size == size
 
 
 class Restart:
@@ -117,27 +140,25 @@ class Restart:
     ----------
     folder : Path
         The folder of the results.
-    table : str
-        The name of the CSV table in it.
     identity : mapping of str to str
         Properties of the request by name. A run is continued only by a request with
         equal properties, by the same versions, on the same machine.
     """
 
-    def __init__(self, folder: Path, table: str, identity: Mapping[str, str]) -> None:
-        self.folder, self.table = folder, table
+    def __init__(self, folder: Path, identity: Mapping[str, str]) -> None:
+        self.folder = folder
         self.identity = {**_machine(), **identity}
         self.stand: Stand | None = None
         self._key = _key()
-        self._hash, self._hashed = hashlib.sha256(), 0
+        self._digests: dict[str, Digest] = {}
         self._due = time.monotonic()
 
     # Loading of a checkpoint
 
     def rescue(self) -> None:
-        """Load the checkpoint of the folder, if there is one, and save its rows.
+        """Load the checkpoint of the folder, if there is one, and save its tables.
 
-        The rows are moved to a place where the new run does not overwrite them.
+        The tables are moved to places where the new run does not overwrite them.
 
         Raises
         ------
@@ -147,15 +168,26 @@ class Restart:
         stand = self._read(self.folder / RESTART)
         if stand is None:
             return
-        for name in (PART.format(self.table), RESTART_ROWS, self.table):
-            path = self.folder / name
-            found = _prefix(path, stand.size)
-            if found is not None and found.hexdigest() == stand.digest:
-                _put_aside(
-                    path, self.folder / RESTART_ROWS, stand.size, name == self.table
-                )
-                self.stand, self._hash, self._hashed = stand, found, stand.size
-                return
+        places = [self._found(table) for table in stand.tables]
+        if not all(places):
+            self._digests = {}
+            return
+        for table, path in zip(stand.tables, places, strict=True):
+            assert path is not None
+            aside = self.folder / RESTART_TABLE.format(table.name)
+            _put_aside(path, aside, table.size, path.name == table.name)
+        self.stand = stand
+
+    def _found(self, table: TablePart) -> Path | None:
+        """Return the path of a file that begins with the rows of `table`, or None."""
+        for name in (PART, RESTART_TABLE, "{}"):
+            path, digest = self.folder / name.format(table.name), Digest()
+            with contextlib.suppress(OSError):
+                whole = digest.grow(path, table.size)
+                if whole and digest.sha.hexdigest() == table.digest:
+                    self._digests[table.name] = digest
+                    return path
+        return None
 
     def _read(self, path: Path) -> Stand | None:
         try:
@@ -168,28 +200,35 @@ class Restart:
         if self._key is None or not hmac.compare_digest(seal, _seal(self._key, rest)):
             raise _refused(path, "is damaged, or not written by you on this machine")
         head, _, kept = rest.partition(b"\n")
-        there, place = json.loads(head)
+        there, tables = json.loads(head)
         other = [x for x, own in self.identity.items() if there.get(x) != own]
         if other:
             raise _refused(path, f"is that of a run with another {', '.join(other)}")
-        rows, last, size, digest = place
-        return Stand(rows, last, size, digest, kept)
+        return Stand(tuple(TablePart(*x) for x in tables), kept)
 
     # A run
 
     def join(
-        self, run: Run, session: Session, relay: Relay, writer: TableWriter
+        self,
+        run: Run,
+        session: Session,
+        relay: Relay,
+        writers: Mapping[str, TableWriter],
     ) -> None:
-        """Restore the checkpoint, if there is one; store later ones of this run."""
+        """Restore the checkpoint, if there is one; store later ones of this run.
+
+        writers : the writers of the tables, by the names of these.
+        """
         self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
-        self._relay, self._writer = relay, writer
+        self._relay, self._writers = relay, writers
         run.tick = self.tick
         if self.stand is None:
             return
-        with files.opened(self.folder / RESTART_ROWS) as file:
-            rows = _blocks(file, self.stand.size)
-            writer.go_on(rows, self.stand.rows, self.stand.last)
+        for table in self.stand.tables:
+            with files.opened(self.folder / RESTART_TABLE.format(table.name)) as file:
+                rows = _blocks(file, table.size)
+                writers[table.name].go_on(rows, table.rows, table.last)
         states, memories, others = decoded(
             self.stand.kept, CLASSES, lambda name: _given(name, self._things)
         )
@@ -221,20 +260,21 @@ class Restart:
         kept = encoded(
             [states, memories, others], CLASSES, lambda x: _name(x, self._names)
         )
-        writer = self._writer
-        size = writer.synced()
-        with files.opened(self.folder / PART.format(self.table)) as file:
-            file.seek(self._hashed)
-            for block in _blocks(file, size - self._hashed):
-                self._hash.update(block)
-        self._hashed = size
-        place = [writer.rows, writer.last, size, self._hash.hexdigest()]
-        rest = json.dumps([self.identity, place]).encode() + b"\n" + kept
+        tables = [self._synced(name, x) for name, x in self._writers.items()]
+        rest = json.dumps([self.identity, tables]).encode() + b"\n" + kept
         write_atomically(
             self.folder / RESTART, _seal(key, rest) + b"\n" + rest, held=True
         )
-        with contextlib.suppress(OSError):
-            (self.folder / RESTART_ROWS).unlink()
+        for name in self._writers:
+            with contextlib.suppress(OSError):
+                (self.folder / RESTART_TABLE.format(name)).unlink()
+
+    def _synced(self, name: str, writer: TableWriter) -> TablePart:
+        """Flush a table to the disk and return the part that it has then."""
+        size = writer.synced()
+        digest = self._digests.setdefault(name, Digest())
+        digest.grow(self.folder / PART.format(name), size)
+        return TablePart(name, writer.rows, writer.last, size, digest.sha.hexdigest())
 
 
 def _refused(path: Path, why: str) -> InputError:
@@ -300,22 +340,6 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
         yield block
 
 
-def _prefix(path: Path, size: int) -> Any:
-    """Return the sha256 object of the first `size` bytes of a file.
-
-    None if the file is shorter.
-    """
-    found = hashlib.sha256()
-    try:
-        with files.opened(path) as file:
-            for block in _blocks(file, size):
-                found.update(block)
-                size -= len(block)
-    except OSError:
-        return None
-    return None if size else found
-
-
 def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
     """Move or copy the first rows of a table to `aside`, where no run overwrites it.
 
@@ -377,7 +401,7 @@ _OF_RUN = (
 def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
     """Return, by name, the objects that every run of a session creates alike."""
     case = session.case
-    found = {"session": session, "relay": relay}
+    found = {"session": session, "relay": relay, "listed": run.recorder.listed}
     found |= {name: attrgetter(name)(run) for name in _OF_RUN}
     found |= {"case": case, "equations": case.equations, "plan": session.plan}
     found |= {f"other {k}": x for k, x in enumerate(_observers(run, relay))}

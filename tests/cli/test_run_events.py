@@ -4,12 +4,9 @@ import csv
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from lagsim.notes import Event
 from lagsim.run import arcs
-from lagsim.run.event_store import EventStore
 from tests.cli._results import manifest, names
 from tests.small_scenes import CONTACT, ON_THE_CURVE
 
@@ -131,20 +128,26 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     assert len(listed()) == sum(manifest("out")["event_counts"].values())
 
 
-def test_many_events_are_stored_in_the_order_of_time():
-    """The end of an accumulation is known before the impacts of other contacts."""
-    store, random = EventStore(), np.random.default_rng(1)
-    times = np.sort(random.uniform(0.0, 1.0, 5003))
-    ends = [Event(t + random.uniform(0.0, 0.02), "zeno", "b") for t in times[::500]]
-    for k, t in enumerate(times):
-        store.add(Event(t, "impact", "a", rate_before=-1.5, energy=0.25))
-        if k % 500 == 0:
-            store.add(ends[k // 500])
-    found = list(store)
-    assert len(store) == len(found) == len(times) + len(ends)
-    assert [event.time for event in found] == sorted(event.time for event in found)
-    assert [event for event in found if event.kind == "zeno"] == ends
-    assert found[0] == Event(times[0], "impact", "a", rate_before=-1.5, energy=0.25)
+def test_events_are_in_the_file_while_the_run_goes_on(lagsim, write, monkeypatch):
+    """At each block of rows, the file has the events before the last row."""
+    part, found = Path("out/.lagsim-events.csv.part"), []
+    hand_on = arcs.Recorder.hand_on
+
+    def looked_at(self, rows):
+        hand_on(self, rows)
+        if len(rows):
+            lines = part.read_text().splitlines()[1:]
+            earlier = [x for x in self.events if x.time < rows[-1, 0]]
+            assert [float(line.split(",")[0]) for line in lines] == [
+                event.time for event in earlier
+            ]
+            found.append(len(lines))
+
+    monkeypatch.setattr(arcs.Recorder, "hand_on", looked_at)
+    more = ("--no-plots", "--error-bar", "never", "-o", "out", "-q")
+    assert lagsim("run", write(ENDLESS), *more).code == 0
+    assert found[-1] > 10
+    assert len(set(found)) > 10
 
 
 def test_the_table_is_the_same_without_pictures(lagsim, write):

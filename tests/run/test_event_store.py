@@ -4,23 +4,27 @@ import math
 import random
 
 from lagsim.notes import Event
+from lagsim.run.arcs import Recorder
 from lagsim.run.event_store import EventStore
-from lagsim.studies.restart import CLASSES, decoded, encoded
+from lagsim.run.trajectory import Decision
 
 
-def test_events_come_back_in_order_of_time_and_after_a_checkpoint():
+def test_events_come_back_in_order_of_time():
     """Some events are dated later than later entries, as ends of accumulations."""
-    rng, store = random.Random(29), EventStore()
+    rng, recorder = random.Random(29), Recorder([])
     given = [
         Event(k / 7 + 40.0 * (rng.random() < 0.01), "impact", "floor", energy=-1.0 / k)
         for k in range(1, 2501)
     ]
-    given[7] = Event(math.pi, "event", name="kick", rate_before=math.inf)
-    for event in given:
-        store.add(event)
-    expected = sorted(given, key=lambda x: x.time)
-    assert list(store) == expected
-    kept = encoded({"store": store}, CLASSES, lambda _: None)
-    again = decoded(kept, CLASSES, {}.__getitem__)["store"]
-    assert list(again) == expected
-    assert len(again) == len(given)
+    given[7] = Event(8 / 7, "event", name="kick", rate_before=math.inf)
+    for k, event in enumerate(given, 1):
+        recorder.keep(Decision(events=(event,)))
+        if k % 3 == 0:
+            recorder.list_events(k / 7)
+            passed = len(recorder.listed) + len(recorder.waiting)
+            assert passed == k
+            assert all(x.time >= k / 7 for x in recorder.waiting)
+    recorder.list_events()
+    assert list(recorder.listed) == sorted(given, key=lambda x: x.time)
+    assert isinstance(recorder.listed, EventStore)
+    assert len(recorder.listed) == len(given)
