@@ -377,7 +377,7 @@ class _ScaledGradient(NamedTuple):
 
     @property
     def shortest(self) -> float:
-        """The shortest length over all positions; inf if the condition is affine."""
+        """The shortest of `lengths`; inf if the condition is affine."""
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:

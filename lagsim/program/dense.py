@@ -432,7 +432,11 @@ def gather(p: Parameters, out: Floats) -> None:
 
 
 def push_sizes(p: Parameters, out: Floats) -> None:
-    """Store |f_j| + sum_i |M_ji q_i''|, i not j, for each coordinate j in out (n,)."""
+    """Store the sizes of the terms of all forces and inertial couplings in out (n,).
+
+    The size of coordinate j is |f_j| + sum_i |M_ji q_i''|, i not j: constraint forces
+    that cancel are judged by it.
+    """
     n = p.n
     for j in range(n):
         out[j] = abs(p.f[j])

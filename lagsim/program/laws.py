@@ -93,7 +93,8 @@ def note_column(p: Parameters, k: int, i: int) -> None:
     """Store the column of row i, with place k, if the row has a single column.
 
     The column's elements of A and Z are stored, too; kernels then need not read these
-    matrices for the row. A row that may reach several columns has -1.
+    matrices for the row. For a row that may reach several columns, -1 is stored. k :
+    the place among the rows that hold. i : the index of the row.
     """
     n = p.n
     e = mass.first_range(p, i)
@@ -368,7 +369,9 @@ def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
 def products(p: Parameters) -> int:
     """Store G = A_h A^T (count, laws) in p.free; return count.
 
-    h : the `count` laws that hold and share. The product is weighted, see `inner`.
+    A has the rows of all laws, A_h the `count` rows of the laws that hold and take part
+    in the distribution of multipliers (see `shares`). The product is weighted, see
+    `inner`.
     """
     n, laws = p.n, p.laws
     rows = p.A[(p.m - laws) * n :]

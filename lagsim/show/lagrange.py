@@ -63,9 +63,17 @@ LARGEST_BLOCK = 3
 
 
 class _Solver:
-    """M q'' = f + A^T lambda, A q'' = b of a document in closed form, if that is short.
+    """Solution of M q'' = f + A^T lambda, A q'' = b in closed form, if that is short.
 
-    A note says which part is left out.
+    A note is added on each part that is left out.
+
+    Parameters
+    ----------
+    x : Translation
+    document : mapping
+        The equations, with the entries M, f and constraints.
+    notes : list of str
+        The list that receives the notes.
     """
 
     def __init__(self, x: Translation, document: Part, notes: list[str]) -> None:

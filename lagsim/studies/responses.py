@@ -76,7 +76,7 @@ class Response(NamedTuple):
 
     @property
     def blind(self) -> bool:
-        """Whether the motion responds to the change, and the comparison passes."""
+        """Whether the comparison passes although the motion responds to the change."""
         return not self.seen and self.response > SAFETY
 
     @property

@@ -117,7 +117,7 @@ def refusal(session: Session) -> str:
 
 
 def holds_plainly(session: Session) -> bool:
-    """Whether steps are projected onto constraints that never jump or depend."""
+    """Whether steps are projected onto rows that stay independent and never jump."""
     plan, e = session.plan, session.equations
     solved = plan.elimination is not None and not plan.augmented
     jumps = may_jump(e, [node for x in e.rows for node in (x.residual, x.rate)])
