@@ -20,7 +20,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
 from lagsim.mechanics.surfaces import WHOLE, surfaces
-from lagsim.methods.parts.missed import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
+from lagsim.methods.parts.search_table import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
 from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
-from lagsim.methods.parts.search import POINTS
+from lagsim.methods.parts.search_table import POINTS
 from lagsim.native.graph import keys, polynomials
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address

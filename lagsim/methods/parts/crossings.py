@@ -24,23 +24,25 @@ from __future__ import annotations
 from math import floor, inf
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts import missed
 from lagsim.methods.parts.constraints import project
-from lagsim.methods.parts.missed import BESIDE, BETWEEN, relations, rows
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.search import (
+from lagsim.methods.parts.search_table import (
+    AROUND,
+    BESIDE,
     CROSSING,
     FARTHER,
-    MOST_POINTS,
-    NARROW,
     NEXT,
     POINTS,
-    Events,
+    SearchTable,
+    dip,
     end_of,
-    least_of,
-    rows_at,
+    error_of_state,
+    facing,
+    jumps,
+    lowest,
+    relations,
+    rows,
     sample,
-    unknown_up_to,
     value_at,
 )
 from lagsim.methods.parts.state import (
@@ -49,23 +51,14 @@ from lagsim.methods.parts.state import (
     section_slopes,
     sections,
 )
-from lagsim.methods.parts.truth import ERRED, PLACES
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
-from lagsim.tolerances import (
-    OVERFLOW,
-    SAME_INSTANT,
-    SUM_ROUNDOFF,
-)
+from lagsim.tolerances import OVERFLOW, SAME_INSTANT, SUM_ROUNDOFF
 
 CONSTRAINED = True
 SWITCHES = True
 LOCALIZED = True
 
-# A relation jumps if its change at one fraction exceeds the part JUMP of its change
-# within the part AROUND of the step; beside a pole both are equal.
-AROUND = 2.0**-30
-JUMP = 0.25
 # At the end of a run on a section, the relation at the distance AGO is half of its
 # value at twice the distance if it is crossed, a quarter if it is touched.
 AGO = 2.0**-10
@@ -74,7 +67,7 @@ TURNS = 0.375
 SHORT = 1e-9
 
 
-class Crossings(Events):
+class Crossings(SearchTable):
     """Memory of the sections of a run, and of the crossings found."""
 
     strobes: int
@@ -110,42 +103,9 @@ class Crossings(Events):
     crossed_states: Floats = array(lambda s: s.states_room * (2 + s.size))
 
 
-def find_crossings(s: Crossings, p: Parameters) -> int:
-    """Write the states of sections, crossings and strobes, in the last step.
-
-    Return 0 if the buffer is full before the end of the step, else 1.
-    """
-    evaluations = s.evaluations
-    complete = find_located(s, p) * find_strobes(s, p)
-    s.evaluations = evaluations  # nothing that is decided by them depends on it
-    return complete
-
-
 def same_time(s: Crossings, t: float) -> float:
     """Return the largest difference from t of a time at the same instant."""
     return SAME_INSTANT * max(abs(t), abs(s.row_start))
-
-
-def find_located(s: Crossings, p: Parameters) -> int:
-    """Search the last step for crossings; return 0 if the buffer is full, else 1."""
-    if s.sections == 0 or s.searched >= 1.0:
-        return 1
-    end = s.cut if s.cut > 0.0 else 1.0
-    if s.t - s.step_t <= same_time(s, s.t):
-        s.searched = 1.0
-        return 1
-    if s.searched == 0.0:
-        if s.states_found + s.sections > s.states_room:
-            return 0
-        begin_search(s, p)
-    low = s.searched
-    while low < end:
-        if s.states_found + s.sections > s.states_room:
-            s.searched = low
-            return 0
-        low = next_crossing(s, p, low, end)
-    s.searched = 1.0
-    return 1
 
 
 def begin_search(s: Crossings, p: Parameters) -> None:
@@ -154,10 +114,10 @@ def begin_search(s: Crossings, p: Parameters) -> None:
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
         s.postponed[j] = 0.0
-        side = s.sides[j]
-        if not acted or side * relation_at(s, p, j, 0.0) >= 0.0:
+        if not acted or s.sides[j] == 0.0:
             continue
-        if is_past(s, p, j, 0.0, side):
+        below = value_at(CROSSING, s, p, relations(s) + j, 0.0) < 0.0
+        if below and is_past(s, p, j, 0.0, s.sides[j]):
             cross(s, p, j, 0.0)
 
 
@@ -172,43 +132,6 @@ def know_bands(s: Crossings, p: Parameters) -> None:
             s.bands[j] = band(s, j)
 
 
-def next_crossing(s: Crossings, p: Parameters, low: float, end: float) -> float:
-    """Return the fraction of the step just past its next crossing; `end` without one.
-
-    low, end : the fractions between which the step is searched.
-    """
-    first, last, count = s.starts, s.ends, 2 * rows(s)
-    width = s.widest
-    points = 0
-    sample_first(s, p, low)
-    while low < end:
-        x = min(low + width, end)
-        half = low + BETWEEN * (x - low)
-        sample(CROSSING, s, p, half, -BESIDE * width, s.middles)
-        sample(CROSSING, s, p, x, -BESIDE * width, last)
-        points += 2
-        narrower = 0.0
-        if points < MOST_POINTS:
-            narrower = unknown_up_to(CROSSING, s, p, low, x)
-        if narrower > 0.0 and s.banded == 0.0:
-            know_bands(s, p)
-            narrower = unknown_up_to(CROSSING, s, p, low, x)
-        if narrower > 0.0:
-            width = narrower
-            sample(CROSSING, s, p, low, BESIDE * width, first)
-            continue
-        past = crossed_within(s, p, low, half, first, s.middles)
-        if past == 0.0:
-            past = crossed_within(s, p, half, x, s.middles, last)
-        if past > 0.0:
-            return past
-        first[:count] = last[:count]
-        low = x
-        width = min(2.0 * width, s.widest)
-    store_last(s, end)
-    return end
-
-
 def sample_first(s: Crossings, p: Parameters, low: float) -> None:
     """Write all rows and slopes at the fraction `low` of the last step to `starts`.
 
@@ -221,8 +144,8 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
         return
     for j in range(s.sections):
         k = relations(s) + j
-        s.starts[k] = s.last_values[j]
-        s.starts[rows(s) + k] = s.step_h * s.last_slopes[j]
+        s.starts[k] = facing(s, j) * s.last_values[j]
+        s.starts[rows(s) + k] = facing(s, j) * s.step_h * s.last_slopes[j]
 
 
 def store_last(s: Crossings, end: float) -> None:
@@ -234,8 +157,8 @@ def store_last(s: Crossings, end: float) -> None:
     s.known_until = s.t if end == 1.0 else -inf
     for j in range(s.sections):
         k = relations(s) + j
-        s.last_values[j] = s.starts[k]
-        s.last_slopes[j] = s.starts[rows(s) + k] / s.step_h
+        s.last_values[j] = facing(s, j) * s.starts[k]
+        s.last_slopes[j] = facing(s, j) * s.starts[rows(s) + k] / s.step_h
 
 
 def crossed_within(
@@ -272,18 +195,10 @@ def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> boo
     R,), the R rows and their slopes at its ends.
     """
     for j in range(s.sections):
-        k = relations(s) + j
-        side = s.sides[j]
-        least = missed.lowest(float(side), s, k, before, after, width)
-        if not least > 0.0 or s.waits[j] > 0.0:
+        least = lowest(1.0, s, relations(s) + j, before, after, width)
+        if not least > 0.0 or s.waits[j] > 0.0 or s.sides[j] == 0.0:
             return False
     return True
-
-
-def relation_at(s: Crossings, p: Parameters, j: int, x: float) -> float:
-    """Return the value of section j's relation at the fraction x of the last step."""
-    rows_at(CROSSING, s, p, x)
-    return float(s.values[relations(s) + j])
 
 
 def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
@@ -298,7 +213,7 @@ def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
         near = NEXT * BESIDE / POINTS
     while True:
         near = min(near, x)
-        value = relation_at(s, p, j, near)
+        value = value_at(CROSSING, s, p, relations(s) + j, near)
         side = 1.0 if value > 0.0 else -1.0
         if abs(value) > s.bands[j] and is_past(s, p, j, near, -side):
             return near
@@ -322,13 +237,11 @@ def bracket(
     returns above 0 is a touch, and does not wait. before, after : see `crossed_within`.
     """
     k = relations(s) + j
-    a = s.sides[j] * before[k]
-    b = s.sides[j] * after[k]
+    a, b = before[k], after[k]
     s.beyond[j] = x
-    if missed.lowest(float(s.sides[j]), s, k, before, after, x - low) < min(a, b, 0.0):
-        least = least_of(CROSSING, NARROW, s, p, k, low, x)
-        if value_at(CROSSING, s, p, k, least) < min(b, 0.0):
-            s.beyond[j] = least
+    least = dip(CROSSING, s, p, k, low, x, before, after, 0.0)
+    if least < x and value_at(CROSSING, s, p, k, least) < min(b, 0.0):
+        s.beyond[j] = least
     if b >= 0.0 and s.beyond[j] == x:
         s.waits[j] = 0.0
         return
@@ -356,9 +269,10 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
         s.roots[j] = inf
         side = s.sides[j]
         if side == 0.0:
-            s.sides[j] = 1.0 if relation_at(s, p, j, root) > 0.0 else -1.0
+            left = value_at(CROSSING, s, p, relations(s) + j, root)
+            s.sides[j] = 1.0 if left > 0.0 else -1.0
             past = root
-        elif jumps(s, p, j, root):
+        elif relation_jumps(s, p, j, root):
             s.waits[j] = 0.0
             s.sides[j] = -side
             past = root
@@ -375,25 +289,17 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
     return past
 
 
-def jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
+def relation_jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
     """Whether the relation of section j is discontinuous at the fraction `root`.
 
     False for a crossing that waits, at the start of the step, and at an impact within.
     """
     if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
         return False
-    k = relations(s) + j
     x = max(0.0, root - AROUND)
     interpolate(s, p, x, s.point)
     section_slopes(s.step_t + x * s.step_h, s.point, p, s.relation_slopes)
-    last = value_at(CROSSING, s, p, k, from_bits(bits(root) - 1))
-    first = value_at(CROSSING, s, p, k, root)
-    change = last - first
-    if last < 0.0 or change <= 2.0 * band(s, j):
-        return False
-    before = value_at(CROSSING, s, p, k, x)
-    after = value_at(CROSSING, s, p, k, min(1.0, root + AROUND))
-    return not change < JUMP * (abs(before - last) + abs(first - after))
+    return jumps(CROSSING, s, p, relations(s) + j, root, 2.0 * band(s, j))
 
 
 def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
@@ -492,13 +398,9 @@ def band(s: Crossings, j: int) -> float:
     The bound is the rounding of the terms of the relation, plus the error of the state
     times |`relation_slopes`|; 0 if this is not finite.
     """
-    found = SUM_ROUNDOFF * abs(s.relation_slopes[j])
+    rounding = SUM_ROUNDOFF * abs(s.relation_slopes[j])
     slopes = s.relation_slopes[s.sections + j * s.size :]
-    for i in range(s.size):
-        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
-        if i < s.n:
-            error = max(error, s.coarse * s.sizes[s.n + i])
-        found += abs(slopes[i]) * max(error, 0.0)
+    found = rounding + error_of_state(s, slopes, s.size, s.coarse)
     return float(found) if found < OVERFLOW else 0.0
 
 
@@ -592,7 +494,7 @@ def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
     x = (s.t - s.step_t) / s.step_h
     # Before the end, or, where that is near the start of the step, past it.
     ago = AGO if x > 0.5 else -AGO
-    side = s.sides[j] if x > 0.5 else -s.sides[j]
-    near = side * relation_at(s, p, j, x - ago)
-    far = side * relation_at(s, p, j, x - 2.0 * ago)
+    side, k = (1.0 if x > 0.5 else -1.0), relations(s) + j
+    near = side * value_at(CROSSING, s, p, k, x - ago)
+    far = side * value_at(CROSSING, s, p, k, x - 2.0 * ago)
     return float(near) > max(float(s.bands[j]), float(TURNS * far))

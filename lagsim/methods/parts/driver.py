@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts import crossings, missed, search
+from lagsim.methods.parts import missed, search
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
@@ -115,7 +115,7 @@ def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
     Return 0 if a buffer is full before, else 1. rows : the most rows that out has room
     for.
     """
-    if SECTIONS and s.sought > 0.0 and crossings.find_crossings(s, p) == 0:
+    if SECTIONS and s.sought > 0.0 and search.find_crossings(s, p) == 0:
         return 0
     return emit(s, p, out, rows)
 
@@ -277,7 +277,7 @@ def has_missed(s: State, p: Parameters) -> int:
     if x == 0.0:
         x = missed.find_defect(s, p)
         if s.defect_found > 0.0:
-            search.expect(s, p, x)
+            missed.expect_at(s, p, x)
     if x == 0.0:
         return 0
     missed.reject_step(s, p, x)

@@ -14,10 +14,7 @@ The distance of a signal is -log of the term relative to one.
 
 from __future__ import annotations
 
-from math import log
-
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts.constraints import Rank
 from lagsim.methods.parts.control import (
     PERTURBED,
     move_aside,
@@ -26,6 +23,30 @@ from lagsim.methods.parts.control import (
     set_reach,
 )
 from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.search_table import (
+    BESIDE,
+    BETWEEN,
+    DEGREES,
+    EVENT,
+    KNOWN,
+    LARGE,
+    LARGEST,
+    SIGNAL,
+    SMALL,
+    THIRD,
+    SearchTable,
+    away,
+    distance,
+    error_between,
+    events,
+    least_allowed,
+    least_of,
+    lowest,
+    rows,
+    rows_at,
+    value_at,
+    variation,
+)
 from lagsim.methods.parts.state import (
     derivative,
     interpolate,
@@ -33,111 +54,37 @@ from lagsim.methods.parts.state import (
     rounding,
     signals,
 )
-from lagsim.native.layout import array
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     OVERFLOW,
     TERM_ROUNDOFF,
-    TINY,
     VALUE_ROUNDOFF,
 )
 
 SWITCHES = True
 
-# Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
-# or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
-# no feature, but the search for events has points on either side.
-LARGEST = 0.0
-NEAR_ZERO = 1.0
-SMALL = 2.0
-LARGE = 3.0
-FALLING = 4.0
 
 # A term that is e^1.4, four times, larger inside a step than at either end is searched;
 # smaller variations are seen by the stages of a step.
 APPROACH = 1.4
-# Fraction of a stretch at which rows are evaluated; not 1/2, which may be a period.
-BETWEEN = 0.6180339887498949
 # Extrema by slopes that are differences may be lower than the hull of a cubic by less
 # than this part of its height.
 ROOM = 1.001
-# Slopes are differences over this part of the way between points: closer than anything
-# that a method resolves.
-BESIDE = 2.0**-10
-# A row is known on a stretch if its inner value differs from the cubic through the ends
-# by at most the part KNOWN of its variation, and its slope, weighted by TURNED, as
-# well. With points too far apart one of the two may agree by chance, but rarely both.
-KNOWN = 0.1
-TURNED = 0.25
 # A signal is also known if the error of its distance is below this.
 FLAT = 0.1
-# Coefficients of the polynomials of `shape_step`.
-DEGREES = 6
-THIRD = 1.0 / 3.0
-# Golden section.
-GOLDEN = 0.6180339887498949
 # Largest difference, in tolerances, of y' from the equations and the slope of the dense
 # output without a missed feature: dense output is of lower order.
 PASSED = 1e4
-
-
-class SearchTable(Rank):
-    """Memory of the rows (functions) searched in a step, and of sizes before it.
-
-    Rows are event functions of surfaces and laws, then those of conditions, then
-    signals (arguments of localized terms), then relations of sections, then the
-    smallest singular value.
-    """
-
-    surfaces: int  # that switches are located on, and laws whose modes end
-    conditions: int  # of events and `until`, which are located when they become true
-    signals: int
-    sections: int  # relations whose crossings are shown
-    sampled: int  # the signals depend on no component of the state from this one on
-    feature_possible: float  # 1 if the last step is to be searched for a missed feature
-    defect_row: float  # the row at which the last defect was found
-    defect_found: float  # 1 if it was found in the last step, at no earlier one's row
-    most_step: float  # no step is longer until one has been made; 0: no such limit
-    # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close.
-    kinds: Floats = array("signals")
-    powers: Floats = array("signals")
-    farthest: Floats = array("signals")
-    # Rows at a point; their values, then slopes, at the start of a stretch, within it,
-    # and at its end.
-    values: Floats = array(lambda s: relations(s) + s.sections + 1)
-    starts: Floats = array(lambda s: 2 * rows(s))
-    middles: Floats = array(lambda s: 2 * rows(s))
-    ends: Floats = array(lambda s: 2 * rows(s))
-    # Values and slopes at the end of the last step that was examined, its time, and the
-    # length of the step; 0: unknown.
-    last_ends: Floats = array(lambda s: 2 * rows(s))
-    end_time: float
-    end_step: float
-    # Polynomials of the components of the state in the last step.
-    shape: Floats = array(lambda s: DEGREES * s.sampled)
-    # Sizes, least and largest values before the last step.
-    sizes_before: Floats = array("size")
-    low_before: Floats = array("size")
-    high_before: Floats = array("size")
-
-
-def events(s: SearchTable) -> int:
-    """Return the number of event functions, of surfaces, laws and conditions.
-
-    Rows 0 ... events - 1 of the table belong to the event functions.
-    """
-    return s.surfaces + s.conditions
-
-
-def relations(s: SearchTable) -> int:
-    """Return the index of the first row that is the relation of a section."""
-    return s.surfaces + s.conditions + s.signals
-
-
-def rows(s: SearchTable) -> int:
-    """Return the number R of rows of the table, with the smallest singular value."""
-    return relations(s) + s.sections + 1
+# Number of golden sections that locate a closest approach to rounding. An approach
+# within this part of a stretch from an end is at the end.
+CLOSEST = 80
+AT_END = 1e-9
+# Growth of the distance on the shoulders of a closest approach, where slopes are
+# compared as well: at the top of a hill itself there is no force.
+SHOULDER = 0.3
+FOOT = 8.0
+# Number of doublings that lead from there to the other end of any step.
+DOUBLINGS = 60
 
 
 def next_end(s: SearchTable, p: Parameters) -> float:
@@ -325,52 +272,6 @@ def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
     return float(power * (high - low) * ROOM) <= float(APPROACH * least)
 
 
-def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
-    """Return the value at x of the cubic with values a, b and slopes A, B at 0 and 1.
-
-    Examples
-    --------
-    >>> cubic(0.5, 0.0, 0.0, 1.0, 3.0)
-    0.125
-    """
-    P = 3.0 * (b - a) - 2.0 * A - B
-    Q = A + B - 2.0 * (b - a)
-    return a + x * (A + x * (P + x * Q))
-
-
-def off(s: SearchTable, k: int, width: float) -> float:
-    """Return |row k - the cubic of its ends| at the middle point of a stretch.
-
-    width : the length of the stretch, as a fraction of the step. The cubic has the
-    values and slopes of both ends.
-    """
-    A = width * s.starts[rows(s) + k]
-    B = width * s.ends[rows(s) + k]
-    value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
-    return float(abs(value - s.middles[k]))
-
-
-def turned(s: SearchTable, k: int, width: float) -> float:
-    """Return |slope of row k - that of the cubic of its ends| at the middle point.
-
-    The difference is multiplied by `width`, see `off`, and weighted to be comparable
-    with `off`.
-    """
-    A = width * s.starts[rows(s) + k]
-    B = width * s.ends[rows(s) + k]
-    change = s.ends[k] - s.starts[k]
-    P = 3.0 * change - 2.0 * A - B
-    Q = A + B - 2.0 * change
-    slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-    return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
-
-
-def variation(s: SearchTable, k: int) -> float:
-    """Return the largest change of row k from the middle of a stretch to an end."""
-    m = s.middles[k]
-    return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
-
-
 def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
     """Whether values and slopes at the ends of a stretch determine signal k within.
 
@@ -379,7 +280,7 @@ def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
     """
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
-    error = max(off(s, k, width), turned(s, k, width))
+    error = error_between(s, k, width)
     if not error < OVERFLOW:
         return False
     if error <= KNOWN * variation(s, k):
@@ -389,28 +290,6 @@ def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
     if kind == LARGEST or (kind == LARGE and m > 0.0):
         near = m + error
     return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
-
-
-def distance(kind: float, power: float, u: float) -> float:
-    """Return -log of a term relative to 1, where its signal is u.
-
-    The result is the distance of the signal from activity of the term. kind, power :
-    see `Indicator`. 0 for the kind FALLING.
-    """
-    if kind == FALLING:
-        return 0.0
-    if kind == LARGEST:
-        return -power * u
-    if kind == NEAR_ZERO:
-        return 2.0 * power * abs(u)
-    if kind == SMALL:
-        return power * log(max(abs(u), TINY))
-    return -power * log(max(abs(u), TINY))
-
-
-def away(s: SearchTable, k: int, at_point: Floats) -> float:
-    """Return the distance of signal k, with the values of all rows in `at_point`."""
-    return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
 def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
@@ -438,27 +317,6 @@ def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -
     return u
 
 
-def lowest(
-    way: float, s: SearchTable, k: int, left: Floats, right: Floats, width: float
-) -> float:
-    """Return a lower bound of `way` times row k on its cubic between two points.
-
-    way : 1 or -1. left, right : (2 R,), rows and slopes at the points, which are
-    `width` apart. The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are
-    differences: an extremum that seems to be at an end may be just inside.
-    """
-    a = way * left[k]
-    b = way * right[k]
-    part = way * (THIRD * width)
-    c = a + part * left[rows(s) + k]
-    d = b - part * right[rows(s) + k]
-    low = min(a, b, c, d)
-    error = 2.0 * BESIDE * (max(a, b, c, d) - low)
-    if min(abs(c - a), abs(d - b)) <= error:
-        low -= 3.0 * BESIDE * error
-    return float(low)
-
-
 def is_missed(s: SearchTable, p: Parameters, x: float) -> bool:
     """Whether y' has a feature at x that the dense output lacks.
 
@@ -466,6 +324,74 @@ def is_missed(s: SearchTable, p: Parameters, x: float) -> bool:
     """
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
+
+
+def missed_within(s: SearchTable, p: Parameters, low: float, high: float) -> float:
+    """Return the fraction in [low, high] at which a localized term is missed, or 0.
+
+    The largest distance of each signal since its last approach is updated.
+    """
+    half = BETWEEN * (high - low)
+    for k in range(events(s), events(s) + s.signals):
+        own = k - events(s)
+        least = min(
+            closest(s, k, s.starts, s.middles, half),
+            closest(s, k, s.middles, s.ends, high - low - half),
+        )
+        if s.farthest[own] - least > APPROACH:
+            x = least_of(SIGNAL, CLOSEST, s, p, k, low, high)
+            # Or it comes closer still, or the next step begins there.
+            inside = high - x >= AT_END * (high - low)
+            if inside or (high == 1.0 and s.t >= next_end(s, p)):
+                found = missed_about(s, p, k, x)
+                if found > 0.0:
+                    expect_at(s, p, found)
+                    return found
+                s.farthest[own] = value_at(SIGNAL, s, p, k, x)
+        s.farthest[own] = max(s.farthest[own], away(s, k, s.ends))
+    return 0.0
+
+
+def expect_at(s: SearchTable, p: Parameters, x: float) -> None:
+    """Raise sizes by the defect at the fraction x, unless a mode ends before x.
+
+    Past the end of a mode the step is no motion, and its rates may have any magnitude.
+    """
+    if SWITCHES:
+        rows_at(EVENT, s, p, x)
+        for k in range(s.surfaces):
+            if s.values[k] < least_allowed(EVENT, s, p, k):
+                return
+    expect(s)
+
+
+def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
+    """Compare slopes at the closest approach of signal k, at x, and beside it.
+
+    Return the fraction at which the slopes of the dense output and of the equations
+    differ, or 0.
+    """
+    if is_missed(s, p, x):
+        return x
+    least = value_at(SIGNAL, s, p, k, x)
+    beside = 2.0**-50
+    left = True
+    right = True
+    for _ in range(DOUBLINGS):
+        beside *= 2.0
+        if left:
+            left = x - beside > 0.0
+            far = value_at(SIGNAL, s, p, k, x - beside) - least if left else 0.0
+            left = left and far < FOOT
+            if left and far > SHOULDER and is_missed(s, p, x - beside):
+                return x - beside
+        if right:
+            right = x + beside < 1.0
+            far = value_at(SIGNAL, s, p, k, x + beside) - least if right else 0.0
+            right = right and far < FOOT
+            if right and far > SHOULDER and is_missed(s, p, x + beside):
+                return x
+    return 0.0
 
 
 # --- defect check: the dense output against y' from the equations ---------------------
@@ -568,23 +494,11 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether signal k varies by rounding and tolerances alone on a stretch.
 
-    x : the end of the stretch, as a fraction of the step. The variation is compared
-    with the change of the signal if the time and the state at x are rounded and the
-    state is moved by its tolerances. Along a chain at rest, motion spreads with
-    increasing powers of the time: at first no step, however short, resolves the shape
-    of the signal.
+    x : the end of the stretch, as a fraction of the step. Along a chain at rest, motion
+    spreads with increasing powers of the time: at first no step, however short,
+    resolves the shape of the signal.
     """
-    z = s.point
-    now = s.values[events(s) :]
-    most, t = 0.0, s.step_t + x * s.step_h
-    for way in range(2):
-        interpolate(s, p, x, z)
-        part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
-        move_aside(s.size, z, z, part, way, z)
-        move_within(s, 1.0, way, z)
-        signals((1.0 + part) * t, z, p, now)
-        most = max(most, float(abs(s.values[k] - s.ends[k])))
-    return variation(s, k) <= most
+    return variation(s, k) <= moved_by_rounding(s, p, k, x, 1.0)
 
 
 def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
@@ -592,17 +506,28 @@ def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
 
     Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
     """
-    z = s.point
-    now = s.values[events(s) :]
-    most = 0.0
+    largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
+    return largest <= CLEAR_OF_ROUNDING * moved_by_rounding(s, p, k, x, 0.0)
+
+
+def moved_by_rounding(
+    s: SearchTable, p: Parameters, k: int, x: float, tolerances: float
+) -> float:
+    """Return the change of signal k where time and state are rounded at the fraction x.
+
+    The state is moved by `tolerances` times its tolerances as well. x : the end of the
+    stretch whose rows are in `ends`.
+    """
+    z, now = s.point, s.values[events(s) :]
+    most, t = 0.0, s.step_t + x * s.step_h
     for way in range(2):
         interpolate(s, p, x, z)
         part = TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF
         move_aside(s.size, z, z, part, way, z)
-        signals((1.0 + part) * (s.step_t + x * s.step_h), z, p, now)
+        move_within(s, tolerances, way, z)
+        signals((1.0 + part) * t, z, p, now)
         most = max(most, float(abs(s.values[k] - s.ends[k])))
-    largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
-    return largest <= CLEAR_OF_ROUNDING * most
+    return most
 
 
 def is_beyond(s: SearchTable, p: Parameters, x: float) -> bool:

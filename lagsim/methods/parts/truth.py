@@ -22,9 +22,9 @@ from __future__ import annotations
 from math import inf
 
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.search import Events
+from lagsim.methods.parts.search_table import SearchTable, error_of_state
 from lagsim.methods.parts.state import derivative, located, located_slopes
-from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
 
 # Whether y' is known at an instant; methods with impulses at each step have
 # accelerations after a step only.
@@ -39,14 +39,13 @@ LOCATED = 1e-7
 FAR = 1024.0
 NEAR = 4.0
 # A value has jumped to 0 if its distance from 0 is within the error of the state, and
-# the error at most this part of the jump; the error of a component, in tolerances of a
-# step or as a part of its range.
+# the error at most this part of the jump.
 LEAP = 2.0**-20
-ERRED = 30.0
-PLACES = 2.0**-40
 
 
-def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
+def look(
+    s: SearchTable, p: Parameters, found: int, width: float, tolerance: float
+) -> None:
     """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
 
     The three arrays are the values, the sizes up to which a value counts as 0, and the
@@ -89,7 +88,7 @@ def look(s: Events, p: Parameters, found: int, width: float, tolerance: float) -
         s.zero[k] = part * terms_of(s, k) + width * abs(change)
 
 
-def evaluate(s: Events, p: Parameters) -> None:
+def evaluate(s: SearchTable, p: Parameters) -> None:
     """Store the values of all conditions at the state reached in `worth`.
 
     At the start of the run the values include the jumps just after the start.
@@ -99,7 +98,7 @@ def evaluate(s: Events, p: Parameters) -> None:
         s.worth[k] += s.ahead[k]
 
 
-def set_rates(s: Events, p: Parameters) -> None:
+def set_rates(s: SearchTable, p: Parameters) -> None:
     """Store y' at the state reached in `exact_rates` (size,).
 
     Where y' is not known at an instant, only the velocities are stored.
@@ -112,12 +111,12 @@ def set_rates(s: Events, p: Parameters) -> None:
         rates[i] = velocities[i]
 
 
-def seen(s: Events, i: int) -> float:
+def seen(s: SearchTable, i: int) -> float:
     """Return the largest magnitude of component i so far, with the current state."""
     return max(abs(float(s.y[i])), float(s.sizes[i]))
 
 
-def speed_of(s: Events, i: int) -> float:
+def speed_of(s: SearchTable, i: int) -> float:
     """Return the scale of the rate of component i, to which its error is relative.
 
     For a coordinate it is the largest velocity; for a velocity the largest force.
@@ -129,7 +128,7 @@ def speed_of(s: Events, i: int) -> float:
     return abs(float(s.exact_rates[i]))
 
 
-def terms_of(s: Events, k: int) -> float:
+def terms_of(s: SearchTable, k: int) -> float:
     """Return the size of the terms of condition k at the largest state so far."""
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     terms = 0.0
@@ -138,13 +137,15 @@ def terms_of(s: Events, k: int) -> float:
     return max(terms, float(s.condition_slopes[k]))
 
 
-def error_of_time(s: Events, k: int) -> float:
+def error_of_time(s: SearchTable, k: int) -> float:
     """Return the rounding error of the time of condition k; 0 if its rate is 0."""
     rate = abs(float(s.trend[k]))
     return float(s.zero[k]) / rate if rate > 0.0 else 0.0
 
 
-def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> float:
+def located_within(
+    s: SearchTable, p: Parameters, width: float, tolerance: float
+) -> float:
     """Return the rounding error of the time of the condition located last, or 0.
 
     0 if no condition is located. Parameters: see `look`.
@@ -156,7 +157,9 @@ def located_within(s: Events, p: Parameters, width: float, tolerance: float) -> 
     return error_of_time(s, found)
 
 
-def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) -> None:
+def see(
+    s: SearchTable, p: Parameters, found: int, width: float, tolerance: float
+) -> None:
     """Evaluate the conditions at the state just before an instant.
 
     Rates are evaluated only where a condition may change; `calm` becomes 1 if no
@@ -181,7 +184,7 @@ def see(s: Events, p: Parameters, found: int, width: float, tolerance: float) ->
         look(s, p, found, width, tolerance)
 
 
-def is_calm(s: Events, k: int, least: float) -> bool:
+def is_calm(s: SearchTable, k: int, least: float) -> bool:
     """Whether condition k can change only if the state or the modes jump.
 
     That is so where its value is at least `least` from 0 on its side, or where the
@@ -195,7 +198,7 @@ def is_calm(s: Events, k: int, least: float) -> bool:
     return value > least and s.equation[k] == 0.0
 
 
-def meet(s: Events, p: Parameters) -> int:
+def meet(s: SearchTable, p: Parameters) -> int:
     """Find the conditions that the motion satisfies at the instant; return the number.
 
     `marked` is 1 for these conditions. A condition that is about to become false at
@@ -212,7 +215,7 @@ def meet(s: Events, p: Parameters) -> int:
     return count
 
 
-def mark(s: Events) -> int:
+def mark(s: SearchTable) -> int:
     """Set `marked` to 1 for conditions that the motion satisfies; return the number."""
     count = 0
     for k in range(s.conditions):
@@ -227,7 +230,7 @@ def mark(s: Events) -> int:
     return count
 
 
-def wait(s: Events, p: Parameters, width: float, tolerance: float) -> int:
+def wait(s: SearchTable, p: Parameters, width: float, tolerance: float) -> int:
     """Decide whether the conditions just located wait for a more precise one.
 
     The time at which a condition is located has an error by rounding. If another
@@ -263,7 +266,7 @@ def wait(s: Events, p: Parameters, width: float, tolerance: float) -> int:
     return 1
 
 
-def hold(s: Events, _p: Parameters) -> None:
+def hold(s: SearchTable, _p: Parameters) -> None:
     """Store that the conditions whose `marked` is 1 are true from now on."""
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
@@ -272,7 +275,7 @@ def hold(s: Events, _p: Parameters) -> None:
             s.leeway[k] = 2.0 * (miss + s.zero[k])
 
 
-def change(s: Events, p: Parameters) -> int:
+def change(s: SearchTable, p: Parameters) -> int:
     """Find the conditions that become true by modes set, whatever the rates.
 
     Return the number of conditions; `marked` is 1 for each.
@@ -284,7 +287,7 @@ def change(s: Events, p: Parameters) -> int:
 
 
 def settle(
-    s: Events, p: Parameters, jumped: int, width: float, tolerance: float
+    s: SearchTable, p: Parameters, jumped: int, width: float, tolerance: float
 ) -> int:
     """Find the conditions that become true at the state just after the instant.
 
@@ -307,7 +310,7 @@ def settle(
     return count
 
 
-def remember(s: Events) -> None:
+def remember(s: SearchTable) -> None:
     """Store the values of the conditions in `former`, and whether each is off 0.
 
     Off 0 (`was_clear`): by more than the zero tolerance of the condition.
@@ -317,7 +320,7 @@ def remember(s: Events) -> None:
         s.was_clear[k] = 1.0 if abs(s.worth[k]) > s.zero[k] else 0.0
 
 
-def may_change(s: Events) -> bool:
+def may_change(s: SearchTable) -> bool:
     """Whether a false condition is close to 0, or a true condition is past 0.
 
     The value of a condition just satisfied is 0; the kernel follows the value from
@@ -334,20 +337,16 @@ def may_change(s: Events) -> bool:
     return False
 
 
-def error_of_value(s: Events, k: int) -> float:
+def error_of_value(s: SearchTable, k: int) -> float:
     """Return the error of condition k's value by the error of the state, in tolerances.
 
     0 if this is not finite.
     """
-    row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
-    found = 0.0
-    for i in range(s.dynamic.stop):
-        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
-        found += abs(row[i]) * max(error, 0.0)
-    return found if found < OVERFLOW else 0.0
+    slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
+    return error_of_state(s, slopes, s.dynamic.stop, 0.0)
 
 
-def become(s: Events, rated: int) -> int:
+def become(s: SearchTable, rated: int) -> int:
     """Find the conditions that became true; store the sides of conditions now false.
 
     Return the number of conditions that became true; `marked` is 1 for each. rated : 1
@@ -376,7 +375,7 @@ def become(s: Events, rated: int) -> int:
     return count
 
 
-def leave(s: Events) -> None:
+def leave(s: SearchTable) -> None:
     """Store the sides of conditions that were true and whose values are now false."""
     for k in range(s.conditions):
         value = float(s.worth[k])
@@ -386,7 +385,7 @@ def leave(s: Events) -> None:
             s.leeway[k] = 0.0
 
 
-def turn(s: Events, _p: Parameters) -> None:
+def turn(s: SearchTable, _p: Parameters) -> None:
     """Store the side to which the rate leads, for each condition whose value is 0.
 
     `stays` is 1 for true conditions whose values stay at 0.

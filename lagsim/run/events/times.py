@@ -20,7 +20,7 @@ from lagsim.language.tables import at_ends, is_smooth
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
-from lagsim.methods.parts.missed import distance
+from lagsim.methods.parts.search_table import distance
 from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.breaks import NEIGHBOURS, TimedTable, Values, break_times

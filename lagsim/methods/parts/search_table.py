@@ -1,0 +1,543 @@
+"""The table of functions in which a step is searched, and the location of a zero.
+
+A row of the table is a function of the fraction x of a step, on the dense output. A row
+is of one kind, in the order of the table:
+
+    EVENT     the event function of a surface, a law or a condition
+    SIGNAL    the argument of a localized term, see `missed`
+    CROSSING  the relation of a section, positive on the side that the motion comes from
+    RANK      the smallest singular value of the constraint rows
+
+Values and slopes of all rows of a kind are sampled at both ends of a stretch of the
+step, and once between the ends. From these follow whether a row is known on the stretch
+(`row_is_known`), and whether the row may have a minimum inside (`lowest`). The minimum
+is located by golden section (`least_of`), and a zero to the last bit (`end_of`).
+"""
+
+from __future__ import annotations
+
+from math import log
+from typing import TYPE_CHECKING
+
+from lagsim.language.arrays import Floats
+from lagsim.methods.parts.constraints import Rank, sigma_at
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import (
+    event_functions,
+    interpolate,
+    located,
+    sections,
+    signals,
+)
+from lagsim.native.kernels.words import bits, from_bits
+from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, TINY
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Static
+
+UNTIL = True
+SWITCHES = True
+LOCALIZED = True
+SECTIONS = True
+
+EVENT, SIGNAL, CROSSING, RANK = 0, 1, 2, 3
+
+# Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
+# or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
+# no feature, but the search for events has points on either side.
+LARGEST = 0.0
+NEAR_ZERO = 1.0
+SMALL = 2.0
+LARGE = 3.0
+FALLING = 4.0
+
+# Fraction of a stretch at which rows are evaluated; not 1/2, which may be a period.
+BETWEEN = 0.6180339887498949
+# Slopes are differences over this part of the way between points: closer than anything
+# that a method resolves.
+BESIDE = 2.0**-10
+# A row is known on a stretch if its inner value differs from the cubic through the ends
+# by at most the part KNOWN of its variation, or CLEAR of its least value, and its
+# slope, weighted by TURNED, as well. With points too far apart one of the two may agree
+# by chance, but rarely both.
+KNOWN = 0.1
+CLEAR = 0.25
+TURNED = 0.25
+THIRD = 1.0 / 3.0
+# Coefficients of the polynomials of `missed.shape_step`.
+DEGREES = 6
+GOLDEN = 0.6180339887498949
+# Number of golden sections that locate a minimum to 1e-8 of a stretch; the error of the
+# minimum is of second order.
+NARROW = 39
+# Of the ITP method (k_1 times the width of the bracket).
+ITP = 0.2
+# Points of a step at which events are evaluated: least and largest number.
+POINTS = 8
+MOST_POINTS = 2000
+# Up to this fraction of a step an inequality that jumps just after the start of the run
+# has its value after the jump. After a zero the search for the next one begins at this
+# part of the step, or of the first place, at distances that grow by FARTHER.
+NEXT = 2.0**-26
+FARTHER = 4.0
+# A row jumps if its change between neighbouring fractions of a step exceeds the part
+# JUMP of its change within the part AROUND of the step; beside a pole both are equal.
+AROUND = 2.0**-30
+JUMP = 0.25
+# Error of the state of a step: in tolerances, and as a part of a component's range.
+ERRED = 30.0
+PLACES = 2.0**-40
+
+
+class SearchTable(Rank):
+    """Memory of the rows (functions) searched in a step, and of sizes before it.
+
+    Rows are event functions of surfaces and laws, then those of conditions, then
+    signals (arguments of localized terms), then relations of sections, then the
+    smallest singular value.
+    """
+
+    surfaces: int  # that switches are located on, and laws whose modes end
+    conditions: int  # of events and `until`, which are located when they become true
+    signals: int
+    sections: int  # relations whose crossings are shown
+    sampled: int  # the signals depend on no component of the state from this one on
+    feature_possible: float  # 1 if the last step is to be searched for a missed feature
+    defect_row: float  # the row at which the last defect was found
+    defect_found: float  # 1 if it was found in the last step, at no earlier one's row
+    most_step: float  # no step is longer until one has been made; 0: no such limit
+    # Of each signal: its kind, the power that goes with it, the farthest it has been
+    # since it was close.
+    kinds: Floats = array("signals")
+    powers: Floats = array("signals")
+    farthest: Floats = array("signals")
+    # Rows at a point; their values, then slopes, at the start of a stretch, within it,
+    # and at its end.
+    values: Floats = array(lambda s: relations(s) + s.sections + 1)
+    starts: Floats = array(lambda s: 2 * rows(s))
+    middles: Floats = array(lambda s: 2 * rows(s))
+    ends: Floats = array(lambda s: 2 * rows(s))
+    # Values and slopes at the end of the last step that was examined, its time, and the
+    # length of the step; 0: unknown.
+    last_ends: Floats = array(lambda s: 2 * rows(s))
+    end_time: float
+    end_step: float
+    # Polynomials of the components of the state in the last step.
+    shape: Floats = array(lambda s: DEGREES * s.sampled)
+    # Sizes, least and largest values before the last step.
+    sizes_before: Floats = array("size")
+    low_before: Floats = array("size")
+    high_before: Floats = array("size")
+
+    # All event functions at one fraction of the step, see `keep_values`.
+    kept: Floats = array(lambda s: s.surfaces + s.conditions)
+    event: float  # the number, from 1, of the condition that has been located; or 0
+    switched: float  # the number, from 1, of the surface a switch was located on; or 0
+
+    # A condition holds where this times its function is <= 0; 0: not armed, it has not
+    # been false since, that is less than 0 by more than the leeway.
+    orientation: Floats = array("conditions")
+    equation: Floats = array("conditions")  # 1 of an equation
+    leeway: Floats = array("conditions")
+    zero: Floats = array("conditions")  # sizes up to which a value is 0
+    # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
+    # sizes of their terms, then their slopes by the motion and t.
+    worth: Floats = array("conditions")
+    trend: Floats = array("conditions")
+    condition_slopes: Floats = array(lambda s: s.conditions * (2 + s.dynamic.stop))
+    # The change of the value of an inequality by jumps just after the start of the run,
+    # if it is true then; else, and after the first step, 0.
+    ahead: Floats = array("conditions")
+    met_first: float  # the index of the condition located there, or -1
+    calm: float  # 1 if no condition changes unless the state or the modes jump
+    # 1 where a condition has become true; where it is true and its value stays at 0;
+    # and where its value was off 0 before a change; the values before it.
+    marked: Floats = array("conditions")
+    stays: Floats = array("conditions")
+    any_stays: float  # 1 if any value stays at 0
+    was_clear: Floats = array("conditions")
+    former: Floats = array("conditions")
+
+    # Of each section: the last sign of its relation, 0 before the motion has left the
+    # section; and the largest value of the relation on it, see `crossings.band`.
+    sides: Floats = array("sections")
+    bands: Floats = array("sections")
+
+
+def events(s: SearchTable) -> int:
+    """Return the number of event functions, of surfaces, laws and conditions.
+
+    Rows 0 ... events - 1 of the table belong to the event functions.
+    """
+    return s.surfaces + s.conditions
+
+
+def relations(s: SearchTable) -> int:
+    """Return the index of the first row that is the relation of a section."""
+    return s.surfaces + s.conditions + s.signals
+
+
+def rows(s: SearchTable) -> int:
+    """Return the number R of rows of the table, with the smallest singular value."""
+    return relations(s) + s.sections + 1
+
+
+def facing(s: SearchTable, j: int) -> float:
+    """Return the factor, 1 or -1, of the relation of section j in the table.
+
+    The row is positive on the side from which the motion comes; the factor is 1 until
+    the motion has left the section.
+    """
+    return -1.0 if s.sides[j] < 0.0 else 1.0
+
+
+def follows(s: SearchTable, k: int) -> bool:
+    """Whether condition k is an inequality that is true, and located when it ends."""
+    return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
+
+
+def least_allowed(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
+    """Return the value below which row k, of the kind EVENT or CROSSING, counts as < 0.
+
+    For a surface or a law it is minus the slack, for a section minus the band, for a
+    condition 0.
+    """
+    if kind == CROSSING:
+        return -float(s.bands[k - relations(s)])
+    if SWITCHES and k < s.surfaces:
+        return -max(float(p.slack[k]), float(p.band[k]))
+    return 0.0
+
+
+def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
+    """Store the rows of a kind at the fraction x of the last step in s.values (R,).
+
+    Signals are stored for every kind but RANK.
+    """
+    z, now = s.point, s.values
+    if kind == RANK:
+        now[rows(s) - 1] = sigma_at(s, p, x)
+        return
+    t = s.step_t + x * s.step_h
+    interpolate(s, p, x, z)
+    if LOCALIZED:
+        signals(t, z, p, now[events(s) :])
+    if SECTIONS and kind == CROSSING:
+        related = now[relations(s) :]
+        sections(t, z, p, related)
+        for j in range(s.sections):
+            related[j] = facing(s, j) * related[j]
+    if SWITCHES and kind == EVENT:
+        event_functions(t, z, p, now)
+    if UNTIL and kind == EVENT:
+        located(t, z, p, now[s.surfaces :])
+        orient_conditions(s, x, now[s.surfaces :])
+
+
+def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
+    """Replace the values (C,) of conditions by their rows, which end below 0.
+
+    x : the fraction of the last step. A condition that is not armed has the row 1.
+    """
+    for k in range(s.conditions):
+        if x <= NEXT and own[k] < 0.0:  # closer than the interpolant's rounding
+            own[k] += s.ahead[k]
+        own[k] = own[k] * s.orientation[k] + s.leeway[k]
+        if s.orientation[k] == 0.0:
+            own[k] = 1.0
+        if own[k] == 0.0:  # true; so a true condition has not ended
+            own[k] = TINY if follows(s, k) else -TINY
+
+
+def sample(
+    kind: Static, s: SearchTable, p: Parameters, x: float, beside: float, out: Floats
+) -> None:
+    """Write rows of a kind and their slopes at the fraction x of the last step.
+
+    out : (2 R,), the values, then the slopes. beside : the distance over which values
+    are differenced to slopes.
+    """
+    count = rows(s)
+    now = s.values
+    rows_at(kind, s, p, x + beside)
+    out[count : 2 * count] = now[:count]
+    rows_at(kind, s, p, x)
+    out[:count] = now[:count]
+    out[count : 2 * count] = (out[count : 2 * count] - now[:count]) / beside
+
+
+def value_at(kind: Static, s: SearchTable, p: Parameters, k: int, x: float) -> float:
+    """Return the value of row k at the fraction x of the last step.
+
+    For the kind SIGNAL it is the distance of the signal.
+    """
+    rows_at(kind, s, p, x)
+    if kind == SIGNAL:
+        return away(s, k, s.values)
+    return float(s.values[k])
+
+
+def distance(kind: float, power: float, u: float) -> float:
+    """Return -log of a term relative to 1, where its signal is u.
+
+    The result is the distance of the signal from activity of the term. kind, power :
+    see `Indicator`. 0 for the kind FALLING.
+    """
+    if kind == FALLING:
+        return 0.0
+    if kind == LARGEST:
+        return -power * u
+    if kind == NEAR_ZERO:
+        return 2.0 * power * abs(u)
+    if kind == SMALL:
+        return power * log(max(abs(u), TINY))
+    return -power * log(max(abs(u), TINY))
+
+
+def away(s: SearchTable, k: int, at_point: Floats) -> float:
+    """Return the distance of signal k, with the values of all rows in `at_point`."""
+    return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
+
+
+# --- what is known of a row on a stretch
+
+
+def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
+    """Return the value at x of the cubic with values a, b and slopes A, B at 0 and 1.
+
+    Examples
+    --------
+    >>> cubic(0.5, 0.0, 0.0, 1.0, 3.0)
+    0.125
+    """
+    P = 3.0 * (b - a) - 2.0 * A - B
+    Q = A + B - 2.0 * (b - a)
+    return a + x * (A + x * (P + x * Q))
+
+
+def off(s: SearchTable, k: int, width: float) -> float:
+    """Return |row k - the cubic of its ends| at the middle point of a stretch.
+
+    width : the length of the stretch, as a fraction of the step. The cubic has the
+    values and slopes of both ends.
+    """
+    A = width * s.starts[rows(s) + k]
+    B = width * s.ends[rows(s) + k]
+    value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
+    return float(abs(value - s.middles[k]))
+
+
+def turned(s: SearchTable, k: int, width: float) -> float:
+    """Return |slope of row k - that of the cubic of its ends| at the middle point.
+
+    The difference is multiplied by `width`, see `off`, and weighted to be comparable
+    with `off`.
+    """
+    A = width * s.starts[rows(s) + k]
+    B = width * s.ends[rows(s) + k]
+    change = s.ends[k] - s.starts[k]
+    P = 3.0 * change - 2.0 * A - B
+    Q = A + B - 2.0 * change
+    slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+    return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
+
+
+def variation(s: SearchTable, k: int) -> float:
+    """Return the largest change of row k from the middle of a stretch to an end."""
+    m = s.middles[k]
+    return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
+
+
+def lowest(
+    way: float, s: SearchTable, k: int, left: Floats, right: Floats, width: float
+) -> float:
+    """Return a lower bound of `way` times row k on its cubic between two points.
+
+    way : 1 or -1. left, right : (2 R,), rows and slopes at the points, which are
+    `width` apart. The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are
+    differences: an extremum that seems to be at an end may be just inside.
+    """
+    a = way * left[k]
+    b = way * right[k]
+    part = way * (THIRD * width)
+    c = a + part * left[rows(s) + k]
+    d = b - part * right[rows(s) + k]
+    low = min(a, b, c, d)
+    error = 2.0 * BESIDE * (max(a, b, c, d) - low)
+    if min(abs(c - a), abs(d - b)) <= error:
+        low -= 3.0 * BESIDE * error
+    return float(low)
+
+
+def error_between(s: SearchTable, k: int, width: float) -> float:
+    """Return how far row k is from the cubic of its ends on a stretch, see `off`."""
+    return max(off(s, k, width), turned(s, k, width))
+
+
+def row_is_known(
+    kind: Static, s: SearchTable, p: Parameters, k: int, width: float
+) -> bool:
+    """Whether values and slopes at the ends of a stretch determine row k.
+
+    kind : EVENT or CROSSING. width : the length of the stretch, as a fraction of the
+    step.
+    """
+    a, m, b = s.starts[k], s.middles[k], s.ends[k]
+    least = least_allowed(kind, s, p, k)
+    # An error up to the slack cannot be known better, nor can slopes by its rounding.
+    enough = max(KNOWN * variation(s, k), CLEAR * min(a, m, b), -least)
+    rounding = 0.0
+    nothing = -1.0
+    if SWITCHES and kind == EVENT and p.surfaces <= k < s.surfaces:
+        # The values of a law may be rounding, and the slopes with them.
+        rounding = p.law_rounding[k - p.surfaces]
+        nothing = -least
+    if UNTIL and kind == EVENT and k >= s.surfaces:
+        # The values of a condition that stays at 0 are rounding, within its leeway.
+        rounding = s.leeway[k - s.surfaces]
+        nothing = 2.0 * rounding
+    unknown = off(s, k, width) > max(enough, rounding)
+    if turned(s, k, width) > max(enough, TURNED / BESIDE * rounding):
+        unknown = True
+    return not unknown or max(abs(a), abs(m), abs(b)) <= nothing
+
+
+def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) -> float:
+    """Return the error of a function by the error of the state; 0 if not finite.
+
+    slopes : (count,), the derivatives by the first components of the state. coarse :
+    the error of times, by which positions are off at their largest velocities; or 0.
+    """
+    found = 0.0
+    for i in range(count):
+        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+        if i < s.n:
+            error = max(error, coarse * s.sizes[s.n + i])
+        found += abs(slopes[i]) * max(error, 0.0)
+    return found if found < OVERFLOW else 0.0
+
+
+# --- location of minima and zeros
+
+
+def dip(
+    kind: Static,
+    s: SearchTable,
+    p: Parameters,
+    k: int,
+    low: float,
+    x: float,
+    before: Floats,
+    after: Floats,
+    least: float,
+) -> float:
+    """Return the fraction in [low, x] at which row k has a minimum below `least`.
+
+    Return x if row k, by the hull of its cubic, is nowhere below `least` and both ends.
+    before, after : (2 R,), rows and slopes at low and x.
+    """
+    most = min(before[k], after[k], least)
+    if lowest(1.0, s, k, before, after, x - low) < most:
+        return least_of(kind, NARROW, s, p, k, low, x)
+    return x
+
+
+def least_of(
+    kind: Static,
+    rounds: Static,
+    s: SearchTable,
+    p: Parameters,
+    k: int,
+    low: float,
+    high: float,
+) -> float:
+    """Return the fraction in [low, high] at which row k is least, by golden section.
+
+    rounds : the number of divisions of the interval.
+    """
+    left = high - GOLDEN * (high - low)
+    right = low + GOLDEN * (high - low)
+    at_left = value_at(kind, s, p, k, left)
+    at_right = value_at(kind, s, p, k, right)
+    for _ in range(rounds):
+        if at_left < at_right:
+            high = right
+            right = left
+            at_right = at_left
+            left = high - GOLDEN * (high - low)
+            at_left = value_at(kind, s, p, k, left)
+        else:
+            low = left
+            left = right
+            at_left = at_right
+            right = low + GOLDEN * (high - low)
+            at_right = value_at(kind, s, p, k, right)
+    return 0.5 * (low + high)
+
+
+def end_of(
+    kind: Static,
+    s: SearchTable,
+    p: Parameters,
+    k: int,
+    least: float,
+    low: float,
+    high: float,
+) -> float:
+    """Return the first point in (low, high] at which row k is below `least`.
+
+    The point is located by the ITP method: the secant, moved toward the middle, with no
+    more evaluations than bisection needs, but for one. The iteration ends at two
+    neighbouring numbers, and the larger one is returned.
+
+    Source: I. F. D. Oliveira and R. H. C. Takahashi, An enhancement of the bisection
+    method average performance preserving minmax optimality, ACM Trans. Math. Softw. 47
+    (2020).
+    """
+    at_low = value_at(kind, s, p, k, low) - least
+    at_high = value_at(kind, s, p, k, high) - least
+    curved = ITP / (high - low)
+    most = 2.0 * (high - low)  # of half the bracket, by bisections that are left
+    middle = 0.5 * (low + high)
+    while low < middle and middle < high:
+        most *= 0.5
+        x = middle
+        if at_low - at_high > 0.0:
+            x = low + (high - low) * (at_low / (at_low - at_high))
+        width = high - low
+        toward = 1.0 if x < middle else -1.0
+        moved = min(curved * width * width, abs(middle - x))
+        x += toward * moved
+        free = max(0.0, most - 0.5 * width)
+        if not abs(x - middle) <= free:
+            x = middle - toward * free
+        if not (low < x and x < high):
+            x = middle
+        value = value_at(kind, s, p, k, x) - least
+        if value >= 0.0:
+            low = x
+            at_low = value
+        else:
+            high = x
+            at_high = value
+        middle = 0.5 * (low + high)
+    return high
+
+
+def jumps(
+    kind: Static, s: SearchTable, p: Parameters, k: int, root: float, rounding: float
+) -> bool:
+    """Whether row k is discontinuous at its zero, at the fraction `root` of the step.
+
+    root : the first number at which the row is below 0. rounding : the largest change
+    of a continuous row between two neighbouring fractions.
+    """
+    last = value_at(kind, s, p, k, from_bits(bits(root) - 1))
+    first = value_at(kind, s, p, k, root)
+    change = last - first
+    if last < 0.0 or change <= rounding:
+        return False
+    before = value_at(kind, s, p, k, max(0.0, root - AROUND))
+    after = value_at(kind, s, p, k, min(1.0, root + AROUND))
+    return not change < JUMP * (abs(before - last) + abs(first - after))
