@@ -77,10 +77,6 @@ class Crossings(SearchTable):
     states_found: float  # so many states have been written
     searched: float = 1.0  # up to this fraction the last step has been searched
     banded: float  # 1 once the bands of the last step are known
-    # Up to this time relations have been evaluated; their values and slopes by t there.
-    known_until: float = -inf
-    last_values: Floats = array("sections")
-    last_slopes: Floats = array("sections")
     # By methods that step over impacts: the fraction of the last step at which the
     # state jumps, or 0; the time by which such impacts are late or early.
     leap: float
@@ -127,7 +123,7 @@ def know_bands(s: Crossings, p: Parameters) -> None:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
         interpolate(s, p, x, s.point)
-        section_slopes(s.step_t + x * s.step_h, s.point, p, s.relation_slopes)
+        relations_at(s, p, s.step_t + x * s.step_h, s.point)
         for j in range(s.sections):
             s.bands[j] = band(s, j)
 
@@ -138,27 +134,29 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
     At the start of a step the values at the end of the step before are used, unless an
     arc begins there.
     """
-    known = low == 0.0 and s.step_t == s.known_until and s.step_t != s.arc_start
-    if LOCALIZED or not known:
+    known = low == 0.0 and s.end_step > 0.0 and s.end_time == s.step_t
+    if LOCALIZED or not known or s.step_t == s.arc_start:
         sample(CROSSING, s, p, low, BESIDE * s.widest, s.starts)
         return
+    part, count = s.step_h / s.end_step, rows(s)
     for j in range(s.sections):
-        k = relations(s) + j
-        s.starts[k] = facing(s, j) * s.last_values[j]
-        s.starts[rows(s) + k] = facing(s, j) * s.step_h * s.last_slopes[j]
+        k, sign = relations(s) + j, facing(s, j)
+        s.starts[k] = sign * s.last_ends[k]
+        s.starts[count + k] = sign * part * s.last_ends[count + k]
 
 
 def store_last(s: Crossings, end: float) -> None:
-    """Store values and slopes of the relations at the end of the last step.
+    """Store values and slopes of the relations, in `starts`, at the end of a step.
 
-    The values and slopes are stored in `starts`. end : the fraction up to which the
-    step was searched; if it is not 1, the values are not used for the next step.
+    end : the fraction up to which the step was searched; if it is not 1, the values are
+    not used for the next step.
     """
-    s.known_until = s.t if end == 1.0 else -inf
+    s.end_step = s.step_h if end == 1.0 else 0.0
+    s.end_time = s.t
     for j in range(s.sections):
-        k = relations(s) + j
-        s.last_values[j] = facing(s, j) * s.starts[k]
-        s.last_slopes[j] = facing(s, j) * s.starts[rows(s) + k] / s.step_h
+        k, sign = relations(s) + j, facing(s, j)
+        s.last_ends[k] = sign * s.starts[k]
+        s.last_ends[rows(s) + k] = sign * s.starts[rows(s) + k]
 
 
 def crossed_within(
@@ -298,7 +296,7 @@ def relation_jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
         return False
     x = max(0.0, root - AROUND)
     interpolate(s, p, x, s.point)
-    section_slopes(s.step_t + x * s.step_h, s.point, p, s.relation_slopes)
+    relations_at(s, p, s.step_t + x * s.step_h, s.point)
     return jumps(CROSSING, s, p, relations(s) + j, root, 2.0 * band(s, j))
 
 
@@ -353,13 +351,27 @@ def next_state(s: Crossings, number: int) -> int:
 
 def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
     """Write time and projected state (1 + size,) at the fraction x of the step."""
+    state_at(s, p, x, out[1:])
+    out[0] = shown_time(s, s.step_t + x * s.step_h)
+
+
+def state_at(s: Crossings, p: Parameters, x: float, z: Floats) -> None:
+    """Write the projected state (size,) at the fraction x of the last step to z."""
     t = s.step_t + x * s.step_h
-    interpolate(s, p, x, out[1:])
+    interpolate(s, p, x, z)
     if CONSTRAINED and x > s.satisfied:
-        project(s, p, t, s.step_h, out[1:], s.work)
+        project(s, p, t, s.step_h, z, s.work)
     if SWITCHES:
-        project_sliding(t, out[1:], p)
-    out[0] = shown_time(s, t)
+        project_sliding(t, z, p)
+
+
+def relations_at(s: Crossings, p: Parameters, t: float, z: Floats) -> None:
+    """Store the relations at time t and state z (size,) in s.values, and their slopes.
+
+    The slopes, and the sizes of the terms, are stored in s.relation_slopes.
+    """
+    section_slopes(t, z, p, s.relation_slopes)
+    sections(t, z, p, s.values[relations(s) :])
 
 
 def shown_time(s: Crossings, t: float) -> float:
@@ -381,14 +393,8 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
     x : the fraction of the last step, at which the projected state is evaluated. side :
     1 or -1, the side of 0 from which the motion comes.
     """
-    t, z = s.step_t + x * s.step_h, s.point
-    interpolate(s, p, x, z)
-    if CONSTRAINED and x > s.satisfied:
-        project(s, p, t, s.step_h, z, s.work)
-    if SWITCHES:
-        project_sliding(t, z, p)
-    section_slopes(t, z, p, s.relation_slopes)
-    sections(t, z, p, s.values[relations(s) :])
+    state_at(s, p, x, s.point)
+    relations_at(s, p, s.step_t + x * s.step_h, s.point)
     return float(side * s.values[relations(s) + j]) < -band(s, j)
 
 
@@ -398,9 +404,9 @@ def band(s: Crossings, j: int) -> float:
     The bound is the rounding of the terms of the relation, plus the error of the state
     times |`relation_slopes`|; 0 if this is not finite.
     """
-    rounding = SUM_ROUNDOFF * abs(s.relation_slopes[j])
     slopes = s.relation_slopes[s.sections + j * s.size :]
-    found = rounding + error_of_state(s, slopes, s.size, s.coarse)
+    error = error_of_state(s, slopes, s.size, s.coarse)
+    found = SUM_ROUNDOFF * abs(s.relation_slopes[j]) + error
     return float(found) if found < OVERFLOW else 0.0
 
 
@@ -413,12 +419,10 @@ def meet_instant(s: Crossings, p: Parameters) -> None:
     if is_same(s, s.t, s.instant):
         return
     s.instant = s.t
-    values = s.values[relations(s) :]
-    section_slopes(s.t, s.y, p, s.relation_slopes)
-    sections(s.t, s.y, p, values)
+    relations_at(s, p, s.t, s.y)
     for j in range(s.sections):
         here = s.waits[j] + s.postponed[j] == 0.0
-        if here and s.sides[j] * values[j] < -band(s, j):
+        if here and s.sides[j] * s.values[relations(s) + j] < -band(s, j):
             s.sides[j] = -s.sides[j]
 
 
@@ -465,8 +469,7 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
 
 def finish_located(s: Crossings, p: Parameters) -> None:
     """Write the states of the sections that the end of a run has crossed or reaches."""
-    section_slopes(s.t, s.y, p, s.relation_slopes)
-    sections(s.t, s.y, p, s.values[relations(s) :])
+    relations_at(s, p, s.t, s.y)
     for j in range(s.sections):
         s.bands[j] = band(s, j)
         s.roots[j] = s.sides[j] * s.values[relations(s) + j]

@@ -374,23 +374,28 @@ def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
     if is_missed(s, p, x):
         return x
     least = value_at(SIGNAL, s, p, k, x)
-    beside = 2.0**-50
-    left = True
-    right = True
+    before = missed_beside(s, p, k, x, least, -1.0)
+    return before if before > 0.0 else missed_beside(s, p, k, x, least, 1.0)
+
+
+def missed_beside(
+    s: SearchTable, p: Parameters, k: int, x: float, least: float, way: float
+) -> float:
+    """Return min(x, the fraction beside x at which slopes differ), or 0.
+
+    Slopes are compared on one shoulder of the closest approach of signal k, at x, with
+    the distance `least`. way : -1 before x, 1 after it.
+    """
+    beside = way * 2.0**-50
     for _ in range(DOUBLINGS):
         beside *= 2.0
-        if left:
-            left = x - beside > 0.0
-            far = value_at(SIGNAL, s, p, k, x - beside) - least if left else 0.0
-            left = left and far < FOOT
-            if left and far > SHOULDER and is_missed(s, p, x - beside):
-                return x - beside
-        if right:
-            right = x + beside < 1.0
-            far = value_at(SIGNAL, s, p, k, x + beside) - least if right else 0.0
-            right = right and far < FOOT
-            if right and far > SHOULDER and is_missed(s, p, x + beside):
-                return x
+        if not 0.0 < x + beside < 1.0:
+            return 0.0
+        far = value_at(SIGNAL, s, p, k, x + beside) - least
+        if not far < FOOT:
+            return 0.0
+        if far > SHOULDER and is_missed(s, p, x + beside):
+            return min(x, x + beside)
     return 0.0
 
 

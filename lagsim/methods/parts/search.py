@@ -24,26 +24,10 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
+from lagsim.methods.parts import crossings, missed
 from lagsim.methods.parts.constraints import MARGIN
-from lagsim.methods.parts.crossings import (
-    Crossings,
-    begin_search,
-    crossed_within,
-    find_strobes,
-    know_bands,
-    same_time,
-    sample_first,
-    store_last,
-)
-from lagsim.methods.parts.missed import (
-    AT_END,
-    CLOSEST,
-    hardly_varies,
-    is_zero,
-    may_approach,
-    missed_within,
-    signal_is_known,
-)
+from lagsim.methods.parts.crossings import Crossings
+from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
 from lagsim.methods.parts.search_table import (
     BESIDE,
@@ -125,7 +109,7 @@ def search(
     points = 0
     found = 0.0
     if kind == CROSSING:
-        sample_first(s, p, low)
+        crossings.sample_first(s, p, low)
     else:
         sample(kind, s, p, low, BESIDE * width, first)
     while low < until:
@@ -169,32 +153,19 @@ def found_within(
     known : the fraction of an event found before in this step, or 0.
     """
     if kind == SIGNAL:
-        return missed_within(s, p, low, x)
+        return missed.missed_within(s, p, low, x)
     if kind == RANK:
         return lost_within(s, p, low, x)
     half = low + BETWEEN * (x - low)
-    end = zero_within(kind, s, p, low, half, s.starts, s.middles)
-    if end == 0.0 and x != known:
-        end = zero_within(kind, s, p, half, x, s.middles, s.ends)
-    return end
-
-
-def zero_within(
-    kind: Static,
-    s: Crossings,
-    p: Parameters,
-    low: float,
-    x: float,
-    before: Floats,
-    after: Floats,
-) -> float:
-    """Return the fraction in (low, x] of the first event or crossing, or 0.
-
-    before, after : (2 R,), rows and slopes at low and x.
-    """
     if kind == CROSSING:
-        return crossed_within(s, p, low, x, before, after)
-    return end_within(s, p, low, x, before, after)
+        past = crossings.crossed_within(s, p, low, half, s.starts, s.middles)
+        if past == 0.0:
+            past = crossings.crossed_within(s, p, half, x, s.middles, s.ends)
+        return past
+    end = end_within(s, p, low, half, s.starts, s.middles)
+    if end == 0.0 and x != known:
+        end = end_within(s, p, half, x, s.middles, s.ends)
+    return end
 
 
 def unknown_up_to(
@@ -216,9 +187,9 @@ def unknown_up_to(
     divisible = width >= finest
     if LOCALIZED:
         for k in range(events(s), events(s) + s.signals):
-            if not may_approach(s, k, width) or hardly_varies(s, p, k, x):
+            if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
                 continue
-            if divisible and not signal_is_known(s, k, width):
+            if divisible and not missed.signal_is_known(s, k, width):
                 return 0.5 * width
             if kind != SIGNAL:
                 least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
@@ -241,7 +212,7 @@ def are_known(kind: Static, s: Crossings, p: Parameters, width: float) -> bool:
         if not row_is_known(kind, s, p, k, width):
             if kind == EVENT or s.banded > 0.0:
                 return False
-            know_bands(s, p)
+            crossings.know_bands(s, p)
             if not row_is_known(kind, s, p, k, width):
                 return False
     return True
@@ -264,7 +235,7 @@ def one_sided_up_to(s: SearchTable, p: Parameters, low: float, x: float) -> floa
         enough = max(KNOWN * variation(s, k), CLEAR * clear)
         doubtful = width >= FINEST and error > enough
         one_sided = min(a, m, b) > 0.0 or max(a, m, b) < 0.0
-        if (doubtful or not one_sided) and is_zero(s, p, k, x):
+        if (doubtful or not one_sided) and missed.is_zero(s, p, k, x):
             continue
         if doubtful:
             return low + 0.5 * width
@@ -353,9 +324,10 @@ def goes_on(s: Crossings, p: Parameters, k: int) -> bool:
     True at the end of a condition that was true, which is armed there, and at a jump of
     the function of an equation, which is no passage of 0.
     """
+    row, rounding = s.surfaces + k, MANY * float(s.zero[k])
     if follows(s, k):
         s.orientation[k] = -1.0
-    elif s.equation[k] > 0.0 and equation_jumps(s, p, k):
+    elif s.equation[k] > 0.0 and jumps(EVENT, s, p, row, s.cut, rounding):
         s.orientation[k] = -s.orientation[k]
     else:
         return False
@@ -363,51 +335,52 @@ def goes_on(s: Crossings, p: Parameters, k: int) -> bool:
     return True
 
 
-def equation_jumps(s: Crossings, p: Parameters, k: int) -> bool:
-    """Whether the function of equation k jumps past 0 where the step is cut."""
-    return jumps(EVENT, s, p, s.surfaces + k, s.cut, MANY * float(s.zero[k]))
-
-
-def follow_true(s: Crossings, p: Parameters) -> None:
+def follow_true(s: SearchTable, p: Parameters) -> None:
     """Prepare the search for conditions that are true at the start of the last step.
 
-    Inequalities are located when they end; roots of equations once they are left.
+    Inequalities are located when they end. Equations are armed once their roots are
+    left, by the sign of the function: at the start of an arc just after it, since
+    another root may follow soon. If rounding at the start has the opposite sign, the
+    leeway is kept for this step.
     """
     waits = False
     for k in range(s.conditions):
         waits = waits or s.orientation[k] == 0.0
-    if waits:
-        if s.step_t == s.arc_start:
-            follow_roots(s, p)
-        x = BESIDE / POINTS
-        interpolate(s, p, x, s.work)
-        orient(s, p, s.step_t + x * s.step_h, s.work, 0.0)
+    if not waits:
+        return
+    starts, last = s.step_t == s.arc_start, BESIDE / POINTS
+    x = NEXT * last if starts else last
+    while x <= last:
+        conditions_at(s, p, x)
         for k in range(s.conditions):
-            if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
-                s.orientation[k] = 1.0
-
-
-def follow_roots(s: SearchTable, p: Parameters) -> None:
-    """Arm the equations that hold at the start of an arc, to locate their next roots.
-
-    The orientation is the sign of the function just after the start, since another root
-    may follow soon. If rounding at the start has the opposite sign, the leeway is kept
-    for this step.
-    """
-    x = NEXT * BESIDE / POINTS
-    while x < BESIDE / POINTS:
-        interpolate(s, p, x, s.work)
-        located(s.step_t + x * s.step_h, s.work, p, s.values)
-        for k in range(s.conditions):
-            value = s.values[k]
-            waits = s.equation[k] > 0.0 and s.orientation[k] == 0.0
-            if waits and abs(value) > s.leeway[k]:
-                s.orientation[k] = 1.0 if value > 0.0 else -1.0
+            arm(s, k, x == last)
         x *= FARTHER
-    interpolate(s, p, 0.0, s.work)
-    located(s.step_t, s.work, p, s.values)
+    if starts:
+        conditions_at(s, p, 0.0)
     for k in range(s.conditions):
-        if s.equation[k] > 0.0 and s.values[k] * s.orientation[k] > 0.0:
+        equation = s.equation[k] > 0.0
+        if starts and equation and s.values[k] * s.orientation[k] > 0.0:
+            s.leeway[k] = 0.0
+        if not equation and s.orientation[k] == 0.0 and s.leeway[k] < inf:
+            s.orientation[k] = 1.0
+
+
+def conditions_at(s: SearchTable, p: Parameters, x: float) -> None:
+    """Store the values of conditions at the fraction x of the last step in s.values."""
+    interpolate(s, p, x, s.work)
+    located(s.step_t + x * s.step_h, s.work, p, s.values)
+
+
+def arm(s: SearchTable, k: int, last: bool) -> None:
+    """Arm condition k if it is false, to be located when it is true.
+
+    last : whether inequalities are armed as well, and the leeway ends.
+    """
+    value, equation = s.values[k], s.equation[k] > 0.0
+    waits = s.orientation[k] == 0.0 and (equation or (last and s.leeway[k] <= 0.0))
+    if waits and abs(value) > s.leeway[k] and (equation or value < 0.0):
+        s.orientation[k] = 1.0 if value > 0.0 else -1.0
+        if last:
             s.leeway[k] = 0.0
 
 
@@ -548,23 +521,6 @@ def shorten(s: SearchTable, x: float) -> None:
     s.t = s.step_t + x * s.step_h
 
 
-def orient(s: SearchTable, p: Parameters, t: float, y: Floats, most: float) -> None:
-    """Arm the conditions that are false at y (size,), to be located when they are true.
-
-    Inequalities are armed only with a leeway of at most `most`.
-    """
-    values = s.values
-    located(t, y, p, values)
-    for k in range(s.conditions):
-        if s.orientation[k] == 0.0 and (s.equation[k] > 0.0 or s.leeway[k] <= most):
-            if values[k] < -s.leeway[k]:
-                s.orientation[k] = -1.0
-                s.leeway[k] = 0.0
-            elif s.equation[k] > 0.0 and values[k] > s.leeway[k]:
-                s.orientation[k] = 1.0
-                s.leeway[k] = 0.0
-
-
 # --- sections: the crossings before the end of the step
 
 
@@ -574,7 +530,7 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
     Return 0 if the buffer is full before the end of the step, else 1.
     """
     evaluations = s.evaluations
-    complete = find_located(s, p) * find_strobes(s, p)
+    complete = find_located(s, p) * crossings.find_strobes(s, p)
     s.evaluations = evaluations  # nothing that is decided by them depends on it
     return complete
 
@@ -587,13 +543,13 @@ def find_located(s: Crossings, p: Parameters) -> int:
     if s.sections == 0 or s.searched >= 1.0:
         return 1
     end = s.cut if s.cut > 0.0 else 1.0
-    if s.t - s.step_t <= same_time(s, s.t):
+    if s.t - s.step_t <= crossings.same_time(s, s.t):
         s.searched = 1.0
         return 1
     if s.searched == 0.0:
         if s.states_found + s.sections > s.states_room:
             return 0
-        begin_search(s, p)
+        crossings.begin_search(s, p)
     low = s.searched
     while low < end:
         if s.states_found + s.sections > s.states_room:
@@ -601,7 +557,7 @@ def find_located(s: Crossings, p: Parameters) -> int:
             return 0
         past = search(CROSSING, s, p, low, end)
         if past == 0.0:
-            store_last(s, end)
+            crossings.store_last(s, end)
         low = past if past > 0.0 else end
     s.searched = 1.0
     return 1
