@@ -37,12 +37,12 @@ from lagsim.methods.parts.search_table import (
     dip,
     end_of,
     error_of_state,
-    facing,
     jumps,
     lowest,
     relations,
-    rows,
+    reuse_ends,
     sample,
+    sampled,
     value_at,
 )
 from lagsim.methods.parts.state import (
@@ -115,6 +115,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
         below = value_at(CROSSING, s, p, relations(s) + j, 0.0) < 0.0
         if below and is_past(s, p, j, 0.0, s.sides[j]):
             cross(s, p, j, 0.0)
+            s.end_step = 0.0  # the row has another sign now
 
 
 def know_bands(s: Crossings, p: Parameters) -> None:
@@ -138,76 +139,52 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
     if LOCALIZED or not known or s.step_t == s.arc_start:
         sample(CROSSING, s, p, low, BESIDE * s.widest, s.starts)
         return
-    part, count = s.step_h / s.end_step, rows(s)
-    for j in range(s.sections):
-        k, sign = relations(s) + j, facing(s, j)
-        s.starts[k] = sign * s.last_ends[k]
-        s.starts[count + k] = sign * part * s.last_ends[count + k]
+    reuse_ends(s, relations(s), s.sections, s.step_h)
 
 
-def store_last(s: Crossings, end: float) -> None:
-    """Store values and slopes of the relations, in `starts`, at the end of a step.
+def crossed_within(s: Crossings, p: Parameters, half: int) -> float:
+    """Store the first crossing in half of the stretch; return a fraction just past it.
 
-    end : the fraction up to which the step was searched; if it is not 1, the values are
-    not used for the next step.
-    """
-    s.end_step = s.step_h if end == 1.0 else 0.0
-    s.end_time = s.t
-    for j in range(s.sections):
-        k, sign = relations(s) + j, facing(s, j)
-        s.last_ends[k] = sign * s.starts[k]
-        s.last_ends[rows(s) + k] = sign * s.starts[rows(s) + k]
-
-
-def crossed_within(
-    s: Crossings, p: Parameters, low: float, x: float, before: Floats, after: Floats
-) -> float:
-    """Store the first crossing in (low, x]; return the fraction just past it, or 0.
-
-    before, after : (2 R,), the R rows and their slopes at low and x. A crossing at the
+    0 if there is none. half : 0 before the middle point, 1 after it. A crossing at the
     same instant as the end of the step is postponed, and the end is returned.
     """
-    if keep_sides(s, x - low, before, after):
+    if keep_sides(s, half):
         return 0.0
     for j in range(s.sections):
         s.roots[j] = inf
         if s.sides[j] == 0.0:
-            s.roots[j] = leave(s, p, j, low, x)
+            s.roots[j] = leave(s, p, j, half)
         else:
-            bracket(s, p, j, low, x, before, after)
+            bracket(s, p, j, half)
     while True:
         root = inf
         for j in range(s.sections):
             root = min(root, s.roots[j])
         if root == inf:
             return 0.0
-        past = take_crossings(s, p, root, x)
+        past = take_crossings(s, p, root, s.places[half + 1])
         if past > 0.0:
             return past
 
 
-def keep_sides(s: Crossings, width: float, before: Floats, after: Floats) -> bool:
-    """Whether all relations provably keep their sides on a stretch of the step.
-
-    width : the length of the stretch, as a fraction of the step. before, after : (2
-    R,), the R rows and their slopes at its ends.
-    """
+def keep_sides(s: Crossings, half: int) -> bool:
+    """Whether all relations provably keep their sides in half of the stretch."""
     for j in range(s.sections):
-        least = lowest(1.0, s, relations(s) + j, before, after, width)
+        least = lowest(1.0, s, relations(s) + j, half)
         if not least > 0.0 or s.waits[j] > 0.0 or s.sides[j] == 0.0:
             return False
     return True
 
 
-def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
-    """Return the fraction in (low, x] at which the motion leaves section j, or inf.
+def leave(s: Crossings, p: Parameters, j: int, half: int) -> float:
+    """Return the fraction in half of the stretch at which the motion leaves section j.
 
     inf : the motion does not leave the section there. Since it may return to the
     section very soon, the start of an arc is sampled densely.
     """
     know_bands(s, p)
-    near = x
-    if low == 0.0 and s.step_t == s.arc_start:
+    near = x = float(s.places[half + 1])
+    if s.places[half] == 0.0 and s.step_t == s.arc_start:
         near = NEXT * BESIDE / POINTS
     while True:
         near = min(near, x)
@@ -220,24 +197,16 @@ def leave(s: Crossings, p: Parameters, j: int, low: float, x: float) -> float:
         near = FARTHER * near
 
 
-def bracket(
-    s: Crossings,
-    p: Parameters,
-    j: int,
-    low: float,
-    x: float,
-    before: Floats,
-    after: Floats,
-) -> None:
-    """Set `roots` and `beyond` of section j, if its row falls below 0 in (low, x].
+def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
+    """Set `roots` and `beyond` of section j, if its row falls below 0 in the half.
 
-    A row that is below 0 at the start of the stretch has its root there. A row that
-    returns above 0 is a touch, and does not wait. before, after : see `crossed_within`.
+    A row that is below 0 at the start of the half has its root there. A row that
+    returns above 0 is a touch, and does not wait. half : see `crossed_within`.
     """
-    k = relations(s) + j
-    a, b = before[k], after[k]
+    k, low, x = relations(s) + j, s.places[half], s.places[half + 1]
+    a, b = sampled(s, k, half), sampled(s, k, half + 1)
     s.beyond[j] = x
-    least = dip(CROSSING, s, p, k, low, x, before, after, 0.0)
+    least = dip(CROSSING, s, p, k, half, 0.0)
     if least < x and value_at(CROSSING, s, p, k, least) < min(b, 0.0):
         s.beyond[j] = least
     if b >= 0.0 and s.beyond[j] == x:

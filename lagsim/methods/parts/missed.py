@@ -42,10 +42,13 @@ from lagsim.methods.parts.search_table import (
     least_allowed,
     least_of,
     lowest,
+    reuse_ends,
     rows,
     rows_at,
+    store_ends,
     value_at,
     variation,
+    width,
 )
 from lagsim.methods.parts.state import (
     derivative,
@@ -110,26 +113,20 @@ def check_features(
     old, old_rates, new, new_rates : (size,), y and y' at both ends.
     """
     shape_step(s, h, old, old_rates, new, new_rates)
-    first, count = events(s), rows(s)
+    first = events(s)
     if not SWITCHES and s.end_step > 0.0 and s.end_time == s.t:
-        # The start of this step is the end of the last one.
-        part = h / s.end_step
-        for k in range(first, first + s.signals):
-            s.starts[k] = s.last_ends[k]
-            s.starts[count + k] = part * s.last_ends[count + k]
+        reuse_ends(s, first, s.signals, h)
     else:
         sample_roughly(s, p, h, 0.0, BESIDE, s.starts)
     sample_end(s, p, h, new, new_rates)
     sample_roughly(s, p, h, BETWEEN, -BESIDE, s.middles)
-    for k in range(first, first + s.signals):
-        s.last_ends[k] = s.ends[k]
-        s.last_ends[count + k] = s.ends[count + k]
-    s.end_step = h
-    s.end_time = s.t + h
+    store_ends(s, first, s.signals, s.t + h, h, s.ends)
+    s.places[1], s.places[2] = BETWEEN, 1.0
+    s.places[0] = 0.0
     # At the end of an arc its closest approach may be that of the whole motion.
     s.feature_possible = 1.0 if s.t + h >= next_end(s, p) else 0.0
-    for k in range(events(s), events(s) + s.signals):
-        if may_approach(s, k, 1.0):
+    for k in range(first, first + s.signals):
+        if may_approach(s, k):
             s.feature_possible = 1.0
 
 
@@ -219,20 +216,19 @@ def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
         out[count + k] = (out[count + k] - out[k]) * per
 
 
-def may_approach(s: SearchTable, k: int, width: float) -> bool:
+def may_approach(s: SearchTable, k: int) -> bool:
     """Whether signal k may be closer to activity of its term within than at the ends.
 
-    Within and ends : of a stretch of length width, a fraction of the step. Also true if
-    values and slopes at the ends do not determine the signal in between.
+    Within and ends : of the stretch. Also true if values and slopes at the ends do not
+    determine the signal in between.
     """
-    if not signal_is_known(s, k, width):
+    if not signal_is_known(s, k):
         return True
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
-    if SMALL <= kind <= LARGE and varies_little(s, k, width, power):
+    if SMALL <= kind <= LARGE and varies_little(s, k, power):
         return False
-    on_left = nearest(s, k, s.starts, s.middles, BETWEEN * width)
-    on_right = nearest(s, k, s.middles, s.ends, (1.0 - BETWEEN) * width)
+    on_left, on_right = nearest(s, k, 0), nearest(s, k, 1)
     if SMALL <= kind <= LARGE:  # a power of the signal
         # Distances differ by power log(largest/least), which is at most this.
         a, m, b = abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])
@@ -251,15 +247,15 @@ def may_approach(s: SearchTable, k: int, width: float) -> bool:
     return dip > APPROACH
 
 
-def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
-    """Whether a power of signal k varies by a factor below e^APPROACH in a stretch.
+def varies_little(s: SearchTable, k: int, power: float) -> bool:
+    """Whether a power of signal k varies by a factor below e^APPROACH in the stretch.
 
-    Bounds are the hulls of the cubics on both sides of the middle of the stretch. width
-    : its length, as a fraction of the step. power : the exponent.
+    Bounds are the hulls of the cubics on both sides of the middle point. power : the
+    exponent.
     """
     count = rows(s)
-    left = THIRD * BETWEEN * width
-    right = THIRD * (1.0 - BETWEEN) * width
+    left = THIRD * BETWEEN * width(s)
+    right = THIRD * (1.0 - BETWEEN) * width(s)
     a, m, b = s.starts[k], s.middles[k], s.ends[k]
     turn = s.middles[count + k]
     one = a + left * s.starts[count + k]
@@ -272,15 +268,14 @@ def varies_little(s: SearchTable, k: int, width: float, power: float) -> bool:
     return float(power * (high - low) * ROOM) <= float(APPROACH * least)
 
 
-def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
-    """Whether values and slopes at the ends of a stretch determine signal k within.
+def signal_is_known(s: SearchTable, k: int) -> bool:
+    """Whether values and slopes at the ends of the stretch determine signal k within.
 
-    width : the length of the stretch, as a fraction of the step. It suffices that the
-    distance of the signal is determined.
+    It suffices that the distance of the signal is determined.
     """
     kind = s.kinds[k - events(s)]
     power = s.powers[k - events(s)]
-    error = error_between(s, k, width)
+    error = error_between(s, k)
     if not error < OVERFLOW:
         return False
     if error <= KNOWN * variation(s, k):
@@ -292,24 +287,21 @@ def signal_is_known(s: SearchTable, k: int, width: float) -> bool:
     return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
-def closest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Return a lower bound of the distance of signal k between two points of a step.
-
-    left, right : (2 R,), rows and slopes at the points, which are `width` apart.
-    """
+def closest(s: SearchTable, k: int) -> float:
+    """Return a lower bound of the distance of signal k on the stretch."""
     kind, power = s.kinds[k - events(s)], s.powers[k - events(s)]
-    return distance(kind, power, nearest(s, k, left, right, width))
+    before = distance(kind, power, nearest(s, k, 0))
+    return min(before, distance(kind, power, nearest(s, k, 1)))
 
 
-def nearest(s: SearchTable, k: int, left: Floats, right: Floats, width: float) -> float:
+def nearest(s: SearchTable, k: int, half: int) -> float:
     """Return a bound of signal k itself, on the side of its active value.
 
-    The signal is nowhere closer to that value between two points. left, right, width :
-    see `closest`.
+    The signal is nowhere closer to that value in half of the stretch, see `lowest`.
     """
     kind = s.kinds[k - events(s)]
-    low = lowest(1.0, s, k, left, right, width)
-    u = -lowest(-1.0, s, k, left, right, width)
+    low = lowest(1.0, s, k, half)
+    u = -lowest(-1.0, s, k, half)
     if kind == LARGE:
         u = max(u, -low)
     elif kind != LARGEST:
@@ -326,19 +318,15 @@ def is_missed(s: SearchTable, p: Parameters, x: float) -> bool:
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
 
 
-def missed_within(s: SearchTable, p: Parameters, low: float, high: float) -> float:
-    """Return the fraction in [low, high] at which a localized term is missed, or 0.
+def missed_within(s: SearchTable, p: Parameters) -> float:
+    """Return the fraction in the stretch at which a localized term is missed, or 0.
 
     The largest distance of each signal since its last approach is updated.
     """
-    half = BETWEEN * (high - low)
+    low, high = s.places[0], s.places[2]
     for k in range(events(s), events(s) + s.signals):
         own = k - events(s)
-        least = min(
-            closest(s, k, s.starts, s.middles, half),
-            closest(s, k, s.middles, s.ends, high - low - half),
-        )
-        if s.farthest[own] - least > APPROACH:
+        if s.farthest[own] - closest(s, k) > APPROACH:
             x = least_of(SIGNAL, CLOSEST, s, p, k, low, high)
             # Or it comes closer still, or the next step begins there.
             inside = high - x >= AT_END * (high - low)
@@ -496,34 +484,32 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     return not exceeds(s, most, s.far_before)
 
 
-def hardly_varies(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
-    """Whether signal k varies by rounding and tolerances alone on a stretch.
+def hardly_varies(s: SearchTable, p: Parameters, k: int) -> bool:
+    """Whether signal k varies by rounding and tolerances alone on the stretch.
 
-    x : the end of the stretch, as a fraction of the step. Along a chain at rest, motion
-    spreads with increasing powers of the time: at first no step, however short,
-    resolves the shape of the signal.
+    Along a chain at rest, motion spreads with increasing powers of the time: at first
+    no step, however short, resolves the shape of the signal.
     """
-    return variation(s, k) <= moved_by_rounding(s, p, k, x, 1.0)
+    return variation(s, k) <= moved_by_rounding(s, p, k, 1.0)
 
 
-def is_zero(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
-    """Whether signal k is 0 on a stretch except for roundoff; x is the stretch's end.
+def is_zero(s: SearchTable, p: Parameters, k: int) -> bool:
+    """Whether signal k is 0 on the stretch except for roundoff.
 
     Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
     """
     largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
-    return largest <= CLEAR_OF_ROUNDING * moved_by_rounding(s, p, k, x, 0.0)
+    return largest <= CLEAR_OF_ROUNDING * moved_by_rounding(s, p, k, 0.0)
 
 
 def moved_by_rounding(
-    s: SearchTable, p: Parameters, k: int, x: float, tolerances: float
+    s: SearchTable, p: Parameters, k: int, tolerances: float
 ) -> float:
-    """Return the change of signal k where time and state are rounded at the fraction x.
+    """Return the change of signal k by rounding of time and state at the stretch's end.
 
-    The state is moved by `tolerances` times its tolerances as well. x : the end of the
-    stretch whose rows are in `ends`.
+    The state is moved by `tolerances` times its tolerances as well.
     """
-    z, now = s.point, s.values[events(s) :]
+    z, now, x = s.point, s.values[events(s) :], s.places[2]
     most, t = 0.0, s.step_t + x * s.step_h
     for way in range(2):
         interpolate(s, p, x, z)

@@ -23,7 +23,6 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.language.arrays import Floats
 from lagsim.methods.parts import crossings, missed
 from lagsim.methods.parts.constraints import MARGIN
 from lagsim.methods.parts.crossings import Crossings
@@ -58,6 +57,8 @@ from lagsim.methods.parts.search_table import (
     rows,
     rows_at,
     sample,
+    sampled,
+    store_ends,
     value_at,
     variation,
 )
@@ -115,15 +116,17 @@ def search(
     while low < until:
         x = min(low + width, until)
         half = low + BETWEEN * (x - low)
+        s.places[0], s.places[1] = low, half
+        s.places[2] = x
         sample(kind, s, p, half, -BESIDE * width, s.middles)
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
-        narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p, low, x)
+        narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p)
         leads_on = kind == CROSSING or (kind == EVENT and (low == 0.0 or found > 0.0))
         if points >= most and leads_on:
             narrower = 0.0
         if narrower == 0.0:
-            end = found_within(kind, s, p, low, x, found)
+            end = found_within(kind, s, p, found)
             if end > 0.0:
                 if kind != EVENT or end - low < FINEST:
                     return end
@@ -145,119 +148,112 @@ def search(
     return found
 
 
-def found_within(
-    kind: Static, s: Crossings, p: Parameters, low: float, x: float, known: float
-) -> float:
-    """Return the fraction in (low, x] of the first zero of rows of a kind, or 0.
+def found_within(kind: Static, s: Crossings, p: Parameters, known: float) -> float:
+    """Return the fraction in the stretch of the first zero of rows of a kind, or 0.
 
     known : the fraction of an event found before in this step, or 0.
     """
     if kind == SIGNAL:
-        return missed.missed_within(s, p, low, x)
+        return missed.missed_within(s, p)
     if kind == RANK:
-        return lost_within(s, p, low, x)
-    half = low + BETWEEN * (x - low)
-    if kind == CROSSING:
-        past = crossings.crossed_within(s, p, low, half, s.starts, s.middles)
-        if past == 0.0:
-            past = crossings.crossed_within(s, p, half, x, s.middles, s.ends)
-        return past
-    end = end_within(s, p, low, half, s.starts, s.middles)
-    if end == 0.0 and x != known:
-        end = end_within(s, p, half, x, s.middles, s.ends)
+        return lost_within(s, p)
+    end = 0.0
+    for half in range(2):
+        if end == 0.0 and kind == CROSSING:
+            end = crossings.crossed_within(s, p, half)
+        elif end == 0.0 and (half == 0 or s.places[2] != known):
+            end = end_within(s, p, half)
     return end
 
 
-def unknown_up_to(
-    kind: Static, s: Crossings, p: Parameters, low: float, x: float
-) -> float:
-    """Return the width of a shorter stretch to examine than (low, x); 0 if not needed.
+def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
+    """Return the length of a shorter stretch to examine; 0 if it is not needed.
 
     A shorter one is not needed if the values and slopes at its ends determine what is
     searched for, the `kind`, in between. For events, no signal may approach the
     activity of its term inside either, since an event function made of the term would
-    be flat at every point; the shorter stretch then ends at the closest approach. low,
-    x, and the result are fractions of the step.
+    be flat at every point; the shorter stretch then ends at the closest approach.
     """
+    low, x = float(s.places[0]), float(s.places[2])
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
     least_width = FINEST_CROSSINGS if kind == CROSSING else finest
-    if kind != SIGNAL and width >= least_width and not are_known(kind, s, p, width):
+    if kind != SIGNAL and width >= least_width and not are_known(kind, s, p):
         return 0.5 * width
     divisible = width >= finest
     if LOCALIZED:
         for k in range(events(s), events(s) + s.signals):
-            if not missed.may_approach(s, k, width) or missed.hardly_varies(s, p, k, x):
+            if not missed.may_approach(s, k) or missed.hardly_varies(s, p, k):
                 continue
-            if divisible and not missed.signal_is_known(s, k, width):
+            if divisible and not missed.signal_is_known(s, k):
                 return 0.5 * width
             if kind != SIGNAL:
                 least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
                 if AT_END * width < least - low < (1.0 - AT_END) * width:
                     near = min(near, least)
     if LOCALIZED and kind != SIGNAL:
-        near = min(near, one_sided_up_to(s, p, low, x))
+        near = min(near, one_sided_up_to(s, p))
     return near - low if near < x else 0.0
 
 
-def are_known(kind: Static, s: Crossings, p: Parameters, width: float) -> bool:
-    """Whether values and slopes at the ends of a stretch determine all rows of a kind.
+def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
+    """Whether values and slopes at the ends of the stretch determine rows of a kind.
 
-    kind : EVENT or CROSSING. width : the length of the stretch, as a fraction of the
-    step. The bands of sections are computed only where a relation is not known.
+    kind : EVENT or CROSSING. The bands of sections are computed only where a relation
+    is not known.
     """
     first = relations(s) if kind == CROSSING else 0
     count = s.sections if kind == CROSSING else events(s)
     for k in range(first, first + count):
-        if not row_is_known(kind, s, p, k, width):
+        if not row_is_known(kind, s, p, k):
             if kind == EVENT or s.banded > 0.0:
                 return False
             crossings.know_bands(s, p)
-            if not row_is_known(kind, s, p, k, width):
+            if not row_is_known(kind, s, p, k):
                 return False
     return True
 
 
-def one_sided_up_to(s: SearchTable, p: Parameters, low: float, x: float) -> float:
-    """Return a point in (low, x] just past the first jump of a condition, or x.
+def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
+    """Return a point just past the first jump of a condition, or the stretch's end.
 
     A condition with a step has equal values at all points, though its value may differ
     in between.
     """
-    width, near = x - low, x
+    low, near = float(s.places[0]), float(s.places[2])
+    width = near - low
     for k in range(events(s), events(s) + s.signals):
         if s.kinds[k - events(s)] != FALLING:
             continue
         a, m, b = s.starts[k], s.middles[k], s.ends[k]
-        error = error_between(s, k, width)
+        error = error_between(s, k)
         # An argument far from 0 keeps its sign, whatever rounding leaves of a constant.
         clear = max(min(a, m, b), -max(a, m, b))
         enough = max(KNOWN * variation(s, k), CLEAR * clear)
         doubtful = width >= FINEST and error > enough
         one_sided = min(a, m, b) > 0.0 or max(a, m, b) < 0.0
-        if (doubtful or not one_sided) and missed.is_zero(s, p, k, x):
+        if (doubtful or not one_sided) and missed.is_zero(s, p, k):
             continue
         if doubtful:
             return low + 0.5 * width
-        past = falls_at(s, p, k, low, x) + AT_END * width
+        past = falls_at(s, p, k) + AT_END * width
         if AT_END * width < past - low < (1.0 - AT_END) * width:
             near = min(near, past)
     return near
 
 
-def falls_at(s: SearchTable, p: Parameters, k: int, low: float, x: float) -> float:
-    """Return the fraction in (low, x] at which row k first becomes negative, or x."""
+def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
+    """Return the fraction at which row k becomes negative, or the stretch's end."""
     if s.starts[k] < 0.0:
-        return x
-    half = low + BETWEEN * (x - low)
-    high = half
+        return float(s.places[2])
+    high = s.places[1]
     if not s.middles[k] < 0.0:
-        high = dip(EVENT, s, p, k, low, half, s.starts, s.middles, 0.0)
+        high = dip(EVENT, s, p, k, 0, 0.0)
     if not value_at(EVENT, s, p, k, high) < 0.0:
-        high = dip(EVENT, s, p, k, half, x, s.middles, s.ends, 0.0)
+        high = dip(EVENT, s, p, k, 1, 0.0)
     if not value_at(EVENT, s, p, k, high) < 0.0:
-        return x
-    return end_of(EVENT, s, p, k, 0.0, low, high)
+        return float(s.places[2])
+    return end_of(EVENT, s, p, k, 0.0, s.places[0], high)
 
 
 # --- events: the first switch, or condition, within the step --------------------------
@@ -442,22 +438,18 @@ def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
     return float(error)
 
 
-def end_within(
-    s: SearchTable, p: Parameters, low: float, x: float, before: Floats, after: Floats
-) -> float:
-    """End the step at the first event in (low, x]; return its fraction, or 0.
+def end_within(s: SearchTable, p: Parameters, half: int) -> float:
+    """End the step at the first event in half of the stretch; return the end, or 0.
 
     The event is not later than any minimum at which a function is negative: the
-    function has ended a mode by then. before, after : (2 R,), rows and slopes at low
-    and x.
+    function has ended a mode by then. half : 0 before the middle point, 1 after it.
     """
-    high = 0.0
+    high, low, x = 0.0, s.places[half], s.places[half + 1]
     for k in range(events(s)):
-        if ends(s, p, k, after[k], x):
+        if ends(s, p, k, sampled(s, k, half + 1), x):
             high = x
     for k in range(events(s)):
-        allowed = least_allowed(EVENT, s, p, k)
-        least = dip(EVENT, s, p, k, low, x, before, after, allowed)
+        least = dip(EVENT, s, p, k, half, least_allowed(EVENT, s, p, k))
         if least < x and ends(s, p, k, value_at(EVENT, s, p, k, least), least):
             high = least if high == 0.0 else min(high, least)
     if high > 0.0:
@@ -465,7 +457,7 @@ def end_within(
         return s.cut
     if SWITCHES:
         for k in range(s.surfaces):
-            if after[k] > p.slack[k]:
+            if sampled(s, k, half + 1) > p.slack[k]:
                 p.slack[k] = 0.0
     return 0.0
 
@@ -557,7 +549,8 @@ def find_located(s: Crossings, p: Parameters) -> int:
             return 0
         past = search(CROSSING, s, p, low, end)
         if past == 0.0:
-            crossings.store_last(s, end)
+            h = s.step_h if end == 1.0 else 0.0  # 0: not used for the next step
+            store_ends(s, relations(s), s.sections, s.t, h, s.starts)
         low = past if past > 0.0 else end
     s.searched = 1.0
     return 1
@@ -587,8 +580,8 @@ def loses_rank(s: Crossings, p: Parameters) -> bool:
     return s.watched > 0.0 and search(RANK, s, p, 0.0, 1.0) > 0.0
 
 
-def lost_within(s: SearchTable, p: Parameters, low: float, x: float) -> float:
-    """Return the fraction of the step in [low, x] at which rank is lost, or 0.
+def lost_within(s: SearchTable, p: Parameters) -> float:
+    """Return the fraction of the step, in the stretch, at which rank is lost, or 0.
 
     Sigma has a kink there, and small jumps where rows change their order, which may
     hide the sign of its slope: a stretch is searched where values or slopes fall and
@@ -596,7 +589,7 @@ def lost_within(s: SearchTable, p: Parameters, low: float, x: float) -> float:
     a set of states that all lose rank, where sigma vanishes at an end, the latter does
     not count.
     """
-    k = rows(s) - 1
+    k, low, x = rows(s) - 1, s.places[0], s.places[2]
     slopes = rows(s) + k
     falls = s.starts[slopes] < 0.0 or s.middles[k] < s.starts[k]
     rises = s.ends[slopes] > 0.0 or s.middles[k] < s.ends[k]

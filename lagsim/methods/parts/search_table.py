@@ -30,7 +30,7 @@ from lagsim.methods.parts.state import (
     signals,
 )
 from lagsim.native.kernels.words import bits, from_bits
-from lagsim.native.layout import array
+from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, TINY
 
 if TYPE_CHECKING:
@@ -112,12 +112,14 @@ class SearchTable(Rank):
     kinds: Floats = array("signals")
     powers: Floats = array("signals")
     farthest: Floats = array("signals")
-    # Rows at a point; their values, then slopes, at the start of a stretch, within it,
-    # and at its end.
+    # Rows at a point. The stretch of the step that is examined: the fractions at its
+    # start, within it, and at its end; values of rows, then slopes, at these points.
     values: Floats = array(lambda s: relations(s) + s.sections + 1)
-    starts: Floats = array(lambda s: 2 * rows(s))
-    middles: Floats = array(lambda s: 2 * rows(s))
-    ends: Floats = array(lambda s: 2 * rows(s))
+    places: Floats = array(lambda _: 3)
+    points: Floats = array(lambda s: 6 * rows(s))
+    starts: Floats = part("points", lambda s: 2 * rows(s))
+    middles: Floats = after("starts", lambda s: 2 * rows(s))
+    ends: Floats = after("middles", lambda s: 2 * rows(s))
     # Values and slopes at the end of the last step that was examined, its time, and the
     # length of the step; 0: unknown.
     last_ends: Floats = array(lambda s: 2 * rows(s))
@@ -300,6 +302,30 @@ def away(s: SearchTable, k: int, at_point: Floats) -> float:
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 
+def reuse_ends(s: SearchTable, first: int, count: int, h: float) -> None:
+    """Set `count` rows at the start of a step h to these rows at the end of the last.
+
+    first : the first of the rows.
+    """
+    part = h / s.end_step
+    for k in range(first, first + count):
+        s.starts[k] = s.last_ends[k]
+        s.starts[rows(s) + k] = part * s.last_ends[rows(s) + k]
+
+
+def store_ends(
+    s: SearchTable, first: int, count: int, t: float, h: float, ends: Floats
+) -> None:
+    """Store `count` rows of `ends` (2 R,), at the end of a step h, at the time t.
+
+    first : the first of the rows.
+    """
+    s.end_time, s.end_step = t, h
+    for k in range(first, first + count):
+        s.last_ends[k] = ends[k]
+        s.last_ends[rows(s) + k] = ends[rows(s) + k]
+
+
 # --- what is known of a row on a stretch
 
 
@@ -316,31 +342,40 @@ def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
     return a + x * (A + x * (P + x * Q))
 
 
-def off(s: SearchTable, k: int, width: float) -> float:
-    """Return |row k - the cubic of its ends| at the middle point of a stretch.
+def width(s: SearchTable) -> float:
+    """Return the length of the stretch, as a fraction of the step."""
+    return float(s.places[2] - s.places[0])
 
-    width : the length of the stretch, as a fraction of the step. The cubic has the
-    values and slopes of both ends.
+
+def off(s: SearchTable, k: int) -> float:
+    """Return |row k - the cubic of its ends| at the middle point of the stretch.
+
+    The cubic has the values and slopes of both ends.
     """
-    A = width * s.starts[rows(s) + k]
-    B = width * s.ends[rows(s) + k]
+    A = width(s) * s.starts[rows(s) + k]
+    B = width(s) * s.ends[rows(s) + k]
     value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
     return float(abs(value - s.middles[k]))
 
 
-def turned(s: SearchTable, k: int, width: float) -> float:
+def turned(s: SearchTable, k: int) -> float:
     """Return |slope of row k - that of the cubic of its ends| at the middle point.
 
-    The difference is multiplied by `width`, see `off`, and weighted to be comparable
-    with `off`.
+    The difference is multiplied by the length of the stretch, and weighted, to be
+    comparable with `off`.
     """
-    A = width * s.starts[rows(s) + k]
-    B = width * s.ends[rows(s) + k]
+    A = width(s) * s.starts[rows(s) + k]
+    B = width(s) * s.ends[rows(s) + k]
     change = s.ends[k] - s.starts[k]
     P = 3.0 * change - 2.0 * A - B
     Q = A + B - 2.0 * change
     slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-    return float(TURNED * abs(slope - width * s.middles[rows(s) + k]))
+    return float(TURNED * abs(slope - width(s) * s.middles[rows(s) + k]))
+
+
+def sampled(s: SearchTable, k: int, point: int) -> float:
+    """Return row k at the start (0), the middle point (1) or the end (2)."""
+    return float(s.points[2 * point * rows(s) + k])
 
 
 def variation(s: SearchTable, k: int) -> float:
@@ -349,20 +384,19 @@ def variation(s: SearchTable, k: int) -> float:
     return float(max(abs(m - s.starts[k]), abs(m - s.ends[k])))
 
 
-def lowest(
-    way: float, s: SearchTable, k: int, left: Floats, right: Floats, width: float
-) -> float:
-    """Return a lower bound of `way` times row k on its cubic between two points.
+def lowest(way: float, s: SearchTable, k: int, half: int) -> float:
+    """Return a lower bound of `way` times row k on its cubic in half of the stretch.
 
-    way : 1 or -1. left, right : (2 R,), rows and slopes at the points, which are
-    `width` apart. The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are
-    differences: an extremum that seems to be at an end may be just inside.
+    way : 1 or -1. half : 0 before the middle point, 1 after it. The cubic lies within
+    the hull of a, a + A/3, b - B/3, b. Slopes are differences: an extremum that seems
+    to be at an end may be just inside.
     """
+    left, count = s.points[2 * half * rows(s) :], rows(s)
     a = way * left[k]
-    b = way * right[k]
-    part = way * (THIRD * width)
-    c = a + part * left[rows(s) + k]
-    d = b - part * right[rows(s) + k]
+    b = way * left[2 * count + k]
+    part = way * (THIRD * (s.places[half + 1] - s.places[half]))
+    c = a + part * left[count + k]
+    d = b - part * left[3 * count + k]
     low = min(a, b, c, d)
     error = 2.0 * BESIDE * (max(a, b, c, d) - low)
     if min(abs(c - a), abs(d - b)) <= error:
@@ -370,18 +404,15 @@ def lowest(
     return float(low)
 
 
-def error_between(s: SearchTable, k: int, width: float) -> float:
-    """Return how far row k is from the cubic of its ends on a stretch, see `off`."""
-    return max(off(s, k, width), turned(s, k, width))
+def error_between(s: SearchTable, k: int) -> float:
+    """Return how far row k is from the cubic of its ends on the stretch, see `off`."""
+    return max(off(s, k), turned(s, k))
 
 
-def row_is_known(
-    kind: Static, s: SearchTable, p: Parameters, k: int, width: float
-) -> bool:
-    """Whether values and slopes at the ends of a stretch determine row k.
+def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
+    """Whether values and slopes at the ends of the stretch determine row k inside.
 
-    kind : EVENT or CROSSING. width : the length of the stretch, as a fraction of the
-    step.
+    kind : EVENT or CROSSING.
     """
     a, m, b = s.starts[k], s.middles[k], s.ends[k]
     least = least_allowed(kind, s, p, k)
@@ -397,8 +428,8 @@ def row_is_known(
         # The values of a condition that stays at 0 are rounding, within its leeway.
         rounding = s.leeway[k - s.surfaces]
         nothing = 2.0 * rounding
-    unknown = off(s, k, width) > max(enough, rounding)
-    if turned(s, k, width) > max(enough, TURNED / BESIDE * rounding):
+    unknown = off(s, k) > max(enough, rounding)
+    if turned(s, k) > max(enough, TURNED / BESIDE * rounding):
         unknown = True
     return not unknown or max(abs(a), abs(m), abs(b)) <= nothing
 
@@ -422,25 +453,17 @@ def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) ->
 
 
 def dip(
-    kind: Static,
-    s: SearchTable,
-    p: Parameters,
-    k: int,
-    low: float,
-    x: float,
-    before: Floats,
-    after: Floats,
-    least: float,
+    kind: Static, s: SearchTable, p: Parameters, k: int, half: int, least: float
 ) -> float:
-    """Return the fraction in [low, x] at which row k has a minimum below `least`.
+    """Return where row k has a minimum below `least` in half of the stretch.
 
-    Return x if row k, by the hull of its cubic, is nowhere below `least` and both ends.
-    before, after : (2 R,), rows and slopes at low and x.
+    Return the end of the half if row k, by the hull of its cubic, is nowhere below
+    `least` and both ends. half : 0 before the middle point, 1 after it.
     """
-    most = min(before[k], after[k], least)
-    if lowest(1.0, s, k, before, after, x - low) < most:
-        return least_of(kind, NARROW, s, p, k, low, x)
-    return x
+    most = min(sampled(s, k, half), sampled(s, k, half + 1), least)
+    if lowest(1.0, s, k, half) < most:
+        return least_of(kind, NARROW, s, p, k, s.places[half], s.places[half + 1])
+    return float(s.places[half + 1])
 
 
 def least_of(
