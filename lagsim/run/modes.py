@@ -1,14 +1,16 @@
-"""The modes of an arc as one frozen record, and trials of other modes.
+"""The modes of an arc as one frozen record, and trials of other modes and truths.
 
 The kernels read the modes of surfaces and laws from the memory of the arc
 (`methods.parts.parameters.ModeWords`). A phase of `run.settle` decides on trial
 (`TrialModes`): the modes that it tries, and those that it selects, are in the memory
 until the trial ends, so that the functions of the model are evaluated with them. Then
 the memory is as it was before, and the modes selected are a record. Only `settle`
-writes the record to the memory (`write`).
+writes the record to the memory (`write`). The truth of the conditions of events is
+decided in the same way (`TrialTruth`).
 
 Within an arc the kernel itself changes some words: the side and the slack of a surface
-whose level decides nothing and is passed, a slack that has been left, and `law_opens`.
+whose level decides nothing and is passed, a slack that has been left, `law_opens`, and
+the truth of a condition that becomes false, or waits for another one.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from typing import Self
 
+    from lagsim.methods.parts.driver import State
     from lagsim.methods.parts.parameters import Parameters
 
 
@@ -66,3 +69,25 @@ class TrialModes:
     def __exit__(self, *_error: object) -> None:
         self.found = ArcModes.of(self.p)
         write(self.p, self.before)
+
+
+class TrialTruth:
+    """A trial of the truth of conditions: within it, kernels decide it in the memory.
+
+    Attributes
+    ----------
+    before, found : bytes
+        The orientations, then the leeways, of all conditions at the start of the trial,
+        which its end restores; and at its end.
+    """
+
+    def __init__(self, state: State) -> None:
+        self.words = state.truth_words
+        self.before = self.found = bytes(self.words)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.found = bytes(self.words)
+        self.words[:] = self.before

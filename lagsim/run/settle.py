@@ -33,8 +33,8 @@ from lagsim.run.events.contacts import comes_to_rest, laws_at
 from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
-from lagsim.run.modes import TrialModes, write
-from lagsim.run.trajectory import NOWHERE, Decision, Ending, Outcome, quoted
+from lagsim.run.modes import TrialModes, TrialTruth, write
+from lagsim.run.trajectory import GO_ON, NOWHERE, Decision, Ending, Outcome, quoted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -264,8 +264,12 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         before = before_event(arc)
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
-    found, acted = by.transitions.act(arc, now.due, now.acts)
-    return carried_out(now, found, shown=shown, acts=acted, before=before, stale=True)
+    with TrialTruth(arc.state) as trial:
+        found, acted = by.transitions.act(arc, now.due, now.acts)
+    return carried_out(
+        now, found, truth=trial.found,
+        shown=shown, acts=acted, before=before, stale=True,
+    )  # fmt: skip
 
 
 @phase
@@ -388,9 +392,13 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts
-    due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
+    with TrialTruth(now.arc.state) as trial:
+        due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
     acted = acted._replace(rounds=()) if struck else acted
-    return now.but(due=due, acts=acted, impacts=False, looked_at=due.acts)
+    return carried_out(
+        now, GO_ON, truth=trial.found,
+        due=due, acts=acted, impacts=False, looked_at=due.acts,
+    )  # fmt: skip
 
 
 @phase
@@ -404,7 +412,12 @@ def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 
 def carried_out(
-    now: InstantRecord, found: Decision, *, modes: ArcModes | None = None, **others: Any
+    now: InstantRecord,
+    found: Decision,
+    *,
+    modes: ArcModes | None = None,
+    truth: bytes | None = None,
+    **others: Any,
 ) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
 
@@ -418,12 +431,16 @@ def carried_out(
     found : Decision
     modes : ArcModes, optional
         The modes of surfaces and laws that the phase has selected.
+    truth : bytes, optional
+        The truth of conditions that the phase has decided, see `TrialTruth`.
     **others
         Further fields of the next record.
     """
     arc = now.arc
     if modes is not None:
         write(arc.system.p, modes)
+    if truth is not None:
+        arc.state.truth_words[:] = truth
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
     if found.leeway is not None:
@@ -481,7 +498,9 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    return now.but(due=by.transitions.due(now.arc, rests), looked_at=True)
+    with TrialTruth(now.arc.state) as trial:
+        due = by.transitions.due(now.arc, rests)
+    return carried_out(now, GO_ON, truth=trial.found, due=due, looked_at=True)
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -501,8 +520,11 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = modes_and_velocities(now, by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
-        due = by.transitions.look_at_start(arc, struck)
-        now = now.but(due=due, impacts=False, looked_at=True)
+        with TrialTruth(arc.state) as trial:
+            due = by.transitions.look_at_start(arc, struck)
+        now = carried_out(
+            now, GO_ON, truth=trial.found, due=due, impacts=False, looked_at=True
+        )
         if now.due != NOTHING:
             return settle(now, by)
     return bookkeep(now, by)
@@ -518,13 +540,17 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     arc, transitions = now.arc, by.transitions
     assert transitions is not None
     if not arc.equations.begun_by.impulses or may_strike(arc, by):
-        return carried_out(now, transitions.start(arc))
+        with TrialTruth(arc.state) as truth:
+            found = transitions.start(arc)
+        return carried_out(now, found, truth=truth.found)
     at_rest = modes(velocities(sides(now, by), by), by)
-    with TrialModes(arc.system.p) as trial:
+    with TrialModes(arc.system.p) as trial, TrialTruth(arc.state) as truth:
         found = transitions.start(arc)
         if by.switching is not None:
             by.switching.let_go(arc)
-    return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
+    return carried_out(
+        now.but(ending=at_rest.ending), found, modes=trial.found, truth=truth.found
+    )
 
 
 def may_strike(arc: Arc, by: Deciders) -> bool:

@@ -16,6 +16,7 @@ is located by golden section (`least_of`), and a zero to the last bit (`end_of`)
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import log
 from typing import TYPE_CHECKING
 
@@ -137,11 +138,13 @@ class SearchTable(Rank):
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
 
-    # A condition holds where this times its function is <= 0; 0: not armed, it has not
-    # been false since, that is less than 0 by more than the leeway.
-    orientation: Floats = array("conditions")
+    # The truth of conditions, see `run.modes.TrialTruth`. A condition holds where its
+    # orientation times its function is <= 0; 0: not armed, it has not been false since,
+    # that is less than 0 by more than the leeway.
+    truth: Floats = array(lambda s: 2 * s.conditions)
+    orientation: Floats = part("truth", "conditions")
+    leeway: Floats = after("orientation", "conditions")
     equation: Floats = array("conditions")  # 1 of an equation
-    leeway: Floats = array("conditions")
     zero: Floats = array("conditions")  # sizes up to which a value is 0
     # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
     # sizes of their terms, then their slopes by the motion and t.
@@ -165,6 +168,12 @@ class SearchTable(Rank):
     # section; and the largest value of the relation on it, see `crossings.band`.
     sides: Floats = array("sections")
     bands: Floats = array("sections")
+
+    @cached_property
+    def truth_words(self) -> memoryview:
+        """View of the bytes of the truth of all conditions."""
+        words = self.numbers[self.place("truth") : self.place_after("truth")]
+        return words.cast("B") if self.conditions else memoryview(bytearray())
 
 
 def events(s: SearchTable) -> int:
