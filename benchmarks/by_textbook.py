@@ -62,7 +62,7 @@ class Node:
 
 
 class Functions:
-    """Functions of nodes."""
+    """Functions of nodes, with which `textbook.OF` builds y' on a graph."""
 
     @staticmethod
     def sin(x):

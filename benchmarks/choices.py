@@ -119,7 +119,10 @@ def points(rows):
 
 
 def rows_of(model, charts=None, budget=BUDGET):
-    """Return the table's rows for one model; draw its chart if `charts` is given."""
+    """Return the table's rows for one model, one for each error.
+
+    If the folder `charts` is given, its chart is drawn there. budget : seconds.
+    """
     case = open_case(read_file(str(MODELS / f"{model}.yaml")))
     wish = BenchOptions(methods=None if charts else names(), budget=budget)
     try:
@@ -204,7 +207,7 @@ def row_of(model, found, error, compiling):
 
 
 def marked(factor):
-    """Write how many times as much; past the goal it stands out."""
+    """Return a factor as text; bold if it exceeds the goal."""
     return f"**{factor:.2f}**" if factor > GOAL else f"{factor:.2f}"
 
 

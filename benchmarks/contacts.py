@@ -54,7 +54,7 @@ def runs(of):
 
 
 def bounces(turns):
-    """Measure arcs with impacts against arcs without."""
+    """Measure the time of arcs that end at impacts, beside arcs without impacts."""
     chosen = {
         "bounces": session(bouncing(BOUNCES)),
         "arcs": session(smooth(BOUNCES)),
@@ -88,7 +88,7 @@ def error(of):
 
 
 def accuracy(turns):
-    """Measure time and error of both ways."""
+    """Measure time and error with located impacts, and with time stepping."""
     text = bouncing(FEWER)
     chosen = {
         f"located, rtol {rtol:g}": session(text, rtol=rtol)

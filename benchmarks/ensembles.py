@@ -32,7 +32,7 @@ def starts():
 
 
 class Equations:
-    """heyoka's, of the textbook."""
+    """The textbook's y' in heyoka's expressions: in doubles, and in quadruple."""
 
     def __init__(self, parameters):
         import heyoka as hy

@@ -36,7 +36,7 @@ class Motion:
         self.kept = Keep()
 
     def whole(self):
-        """Integrate it."""
+        """Integrate the motion; return this object."""
         with np.errstate(all="ignore"):
             self.trajectory = self.session.run([self.kept])
         return self
@@ -46,13 +46,14 @@ class Motion:
 
     @property
     def evaluations(self):
-        """How many it took."""
+        """Return the number of evaluations of y' in the run."""
         return self.trajectory.statistics.evaluations
 
     def steps(self, most):
-        """Return times, lengths, rejections and evaluations of first steps, (4, steps).
+        """Return the first steps: times, lengths, rejections, evaluations (4, steps).
 
-        The rejections and evaluations are counted from the start of the run.
+        most : the largest number of steps. The rejections and evaluations are counted
+        from the start of the run.
         """
         run = Run(self.session.first_arc(), [])
         run.begin()
@@ -65,13 +66,16 @@ class Motion:
 
 
 def run(name, sets=None, **options):
-    """Run a failing model."""
+    """Run a model of models/failing; return its `Motion`.
+
+    sets : values of parameters. options : settings of the run.
+    """
     return Motion(name, sets, **options).whole()
 
 
 @contextmanager
 def constants(module, **values):
-    """Change constants of a kernel's module for a while."""
+    """Context manager: kernels are compiled with other constants of their module."""
     before = {name: getattr(module, name) for name in values}
     try:
         for name, value in values.items():
@@ -349,7 +353,10 @@ def graze():
     R, depths = 1.0, 10.0 ** -np.arange(1.0, 11.0)
 
     def blind(depth):
-        """Return the deflection if ends of steps of at most 0.07 alone are tested."""
+        """Return the deflection if contact is tested at ends of steps of 0.07 only.
+
+        depth : of the path below the surface.
+        """
 
         def gap(_t, y):
             return np.hypot(y[0], y[1]) - R
@@ -436,6 +443,6 @@ PICTURES = (
 
 
 def drawn(name):
-    """Draw a picture; give it as a PNG."""
+    """Draw the picture with this name; return a PNG."""
     (picture,) = (x for x in PICTURES if x.__name__ == name)
     return picture()

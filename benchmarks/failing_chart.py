@@ -67,7 +67,7 @@ class View:
 
 @in_house_style
 def draw(*views):
-    """Draw views side by side; gives a PNG."""
+    """Draw views side by side; return a PNG."""
     picture = Picture(HEIGHT, "", width=WIDTH)
     [panels] = picture.subplots(1, len(views), squeeze=False)
     for axes, view in zip(panels, views, strict=True):
@@ -133,7 +133,7 @@ def _panel(picture, axes, view):
 def named(text):
     """Split `name (unit)` into name and unit.
 
-    A power of ten can then be written between the two at an axis.
+    A power of ten can then be written between name and unit at an axis.
     """
     name, _, unit = text.partition(" (")
     return name, unit.removesuffix(")")

@@ -61,7 +61,7 @@ def start_times(folder, turns):
 
 
 def odd_cases(folder):
-    """Run with unusual caches; return pairs (case, largest deviation of rows)."""
+    """Run with unusable or outdated caches; return (case, largest deviation)."""
     number = 0
     cache = folder / "odd-cache"
 
@@ -139,7 +139,7 @@ def _together(folder, apart):
 
 
 def tables(turns):
-    """Measure; return the table of start times and the table of unusual caches."""
+    """Return the tables of start times and of unusable or outdated caches."""
     with workspace() as folder:
         times = start_times(folder, turns)
         odd = odd_cases(folder)

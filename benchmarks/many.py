@@ -64,9 +64,10 @@ def one(n):
 
 
 def table(title, scene, sizes, turns, number=one):
-    """Measure all sizes, each several times, and keep the least of each stage.
+    """Measure a scene at all sizes; return a table with the least time of each stage.
 
-    number : the number, of a size, in which the exponent is.
+    scene : size -> model text. number : size -> the number of bodies or pairs, of which
+    times are powers; their exponents are in the last column.
     """
     found = {n: [] for n in sizes}
     for _ in range(turns):

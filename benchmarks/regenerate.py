@@ -76,7 +76,7 @@ def _documents(_anew):
 
 
 def _others(folder, names):
-    """Yield the files of a folder that are derived no longer."""
+    """Yield the files of a folder other than `names`, which are to be removed."""
     for path in sorted(folder.iterdir()):
         if path.name not in names:
             yield path, lambda: None
@@ -144,7 +144,7 @@ CODES = ROOT / "tests/data/codes.txt"
 
 
 def codes():
-    """Return the numbers and codes ever used; new ones stand at the end.
+    """Return the list of all numbers and codes ever used; new rows are appended.
 
     Raises
     ------

@@ -72,7 +72,7 @@ def converted(g, nodes, parameters):
 
 
 class Heyoka:
-    """Its Taylor integrator at one tolerance: rows hold the state alone.
+    """heyoka's Taylor integrator at one tolerance; rows hold the state alone.
 
     Attributes
     ----------
@@ -95,12 +95,12 @@ class Heyoka:
 
     @property
     def counts(self):
-        """How long its series are, and of how many expressions."""
+        """Return the order of the series, and the number of its expressions."""
         ta = self.integrator
         return {"order": ta.order, "expressions": len(ta.decomposition)}
 
     def solve(self, start):
-        """Solve once, from a start; rows : (k, 1 + state)."""
+        """Integrate once from a start; return rows, seconds and steps."""
         ta = self.integrator
         ta.time = self.times[0]
         ta.state[:] = [self.number(x) for x in start]

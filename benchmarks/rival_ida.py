@@ -91,7 +91,7 @@ class Problem:
 
 
 def _index_one(e, _mu):
-    """q' = v, M v' = f + A^T lambda, A v' = b."""
+    """Return the residuals q' - v, M v' - f - A^T lambda and A v' - b as nodes."""
     g = e.graph
     v = [g.variable(name) for name in e.velocities]
     a = [g.variable(name) for name in e.accelerations]
@@ -103,7 +103,7 @@ def _index_one(e, _mu):
 
 
 def _stabilised(e, mu):
-    """q' = v + A^T mu, M v' = f + A^T lambda, g = 0, g' = 0."""
+    """Return the residuals of q' = v + A^T mu, M v' = f + A^T lambda, g = 0, g' = 0."""
     g = e.graph
     v = [g.variable(name) for name in e.velocities]
     a = [g.variable(name) for name in e.accelerations]
@@ -132,7 +132,7 @@ def _momentum(e, a):
 
 
 class Ida:
-    """IDA at one tolerance; rows : (k, 1 + state)."""
+    """IDA at one tolerance; rows have the shape (k, 1 + state)."""
 
     def __init__(self, problem, times, sizes, rtol):
         self.problem, self.times = problem, times
@@ -148,7 +148,7 @@ class Ida:
         )
 
     def solve(self, _start):
-        """Solve once, from the start of the scene: a consistent one."""
+        """Integrate once, from the consistent start of the scene."""
         problem = self.problem
         problem.evaluations = 0
         began = time.perf_counter()

@@ -16,7 +16,10 @@ from lagsim.studies.bench import LEAST_RTOL, solved
 
 
 class Scipy:
-    """One of the two at one tolerance; rows : (k, 1 + state)."""
+    """DOP853, or LSODA with `by_odeint`, at one tolerance.
+
+    It integrates y' of `nodes` of the graph g; rows have the shape (k, 1 + state).
+    """
 
     def __init__(self, g, nodes, names, times, sizes, rtol, *, by_odeint):
         self.f = Compiled(g, nodes, names)
@@ -24,7 +27,7 @@ class Scipy:
         self.tolerances = {"rtol": max(rtol, LEAST_RTOL), "atol": rtol * sizes}
 
     def solve(self, start):
-        """Solve once, from a start."""
+        """Integrate once from a start; return rows, seconds and evaluations."""
         self.f.evaluations = 0
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")

@@ -72,7 +72,7 @@ def library():
 
 
 class Library:
-    """The functions that are called."""
+    """The functions of the C library that the benchmark calls."""
 
     def __init__(self):
         core, vectors, cvode = library()
@@ -109,7 +109,7 @@ class Library:
 
 
 class Cvode:
-    """Adams' methods at one tolerance; rows : (k, 1 + state)."""
+    """CVODE with Adams' methods at one tolerance; rows : (k, 1 + state)."""
 
     def __init__(self, library, g, nodes, names, times, sizes, rtol):
         self.library = library
@@ -137,7 +137,7 @@ class Cvode:
         _good(library.nonlinear(self.memory, solver))
 
     def solve(self, start):
-        """Solve once, from a start."""
+        """Integrate once from a start; return rows, seconds and evaluations."""
         self.y[:] = start
         began = time.perf_counter()
         _good(self.library.again(self.memory, self.times[0], self.vector))

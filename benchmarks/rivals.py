@@ -93,7 +93,10 @@ class Judge:
         self.agreement = max(self.error(rows, k) for k, rows in enumerate(other))
 
     def error(self, rows, k):
-        """Return the largest error of all components and rows, relative to ranges."""
+        """Return the largest error of all components and rows, relative to ranges.
+
+        k : the index of the start.
+        """
         count = len(self.scales[k])
         apart = np.abs(rows[:, 1 : 1 + count] - self.rows[k][:, 1:])
         return float(np.max(apart / self.scales[k]))
@@ -111,7 +114,7 @@ class Timed:
 
 
 class Scene:
-    """A case, read, and all that is compiled of it once."""
+    """A case with its model, and all that is compiled once for every solver."""
 
     def __init__(self, case, method):
         from by_textbook import nodes_of
@@ -291,7 +294,10 @@ def measured(case, method):
 
 
 def first_round(scene, solve, about):
-    """Warm a candidate, and judge it."""
+    """Run a candidate once from each start; return its times and errors.
+
+    solve : start -> rows and seconds. about : data about the candidate.
+    """
     timed = Timed(solve, about, [], [])
     for k, start in enumerate(scene.starts):
         solved = solve(start)
@@ -303,7 +309,10 @@ def first_round(scene, solve, about):
 
 
 def rounds(scene, ready):
-    """Time all solvers in turn; each stores its least time for every start."""
+    """Time all solvers in turn; store the least time of each for every start.
+
+    ready : name -> `Timed`, changed in place.
+    """
     began = time.perf_counter()
     spent = dict.fromkeys(ready, 0.0)
     for turn in range(ROUNDS):
@@ -377,7 +386,7 @@ def main():
 
 
 def one(key, method):
-    """Measure one thing, in a process of its own."""
+    """Measure one scene, or one of OTHERS, by its key; return a JSON document."""
     if key in OTHERS:
         return importlib.import_module(OTHERS[key]).measured()
     case = next(c for c in CASES if c.key == key)

@@ -37,7 +37,7 @@ WHAT = (
 
 @in_house_style
 def chart(document):
-    """Draw all scenes of results-rivals.json; gives a PNG."""
+    """Draw all scenes of results-rivals.json; return a PNG."""
     scenes = document["scenes"]
     rows = -(-len(scenes) // 2)
     used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]

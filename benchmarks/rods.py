@@ -18,7 +18,7 @@ SECONDS = 0.1  # spent on a candidate at each of its turns
 
 
 def evaluation(turns):
-    """Measure y' of each way of solving, in one process."""
+    """Measure the time of one y' by tape, by compiled code, and by loops."""
     rows = []
     for n in SIZES:
         calls, operations = candidates(n)
@@ -42,7 +42,10 @@ def evaluation(turns):
 
 
 def candidates(n):
-    """Return name -> function that times one y', and the numbers of operations."""
+    """Return name -> function that times one y', and the number of operations.
+
+    n : the number of rods.
+    """
     import time
 
     import numpy as np

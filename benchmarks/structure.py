@@ -16,7 +16,7 @@ from lagsim.run.session import open_case
 
 
 class Scene:
-    """A scene, ready to be integrated again and again; rows are tabulated, too."""
+    """A model in one formulation, to be integrated again and again, with its table."""
 
     def __init__(self, model, formulation, *, change=None, **options):
         began = time.perf_counter()

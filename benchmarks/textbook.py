@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Numbers:
-    """Functions of numbers."""
+    """Functions of numbers, with which `OF` computes y' from numbers."""
 
     sin, cos, sqrt = np.sin, np.cos, np.sqrt
 

@@ -27,7 +27,7 @@ UP = (-np.sin(0.6) * np.sin(0.4), np.cos(0.6) * np.sin(0.4), np.cos(0.4))
 
 
 def drawn(name):
-    """Run a model; give its picture as a PNG."""
+    """Run a model; return its picture as a PNG."""
     model = read_file(str(MODELS / f"{name}.yaml"))
     session = open_case(model).ready()
     kept = Keep()

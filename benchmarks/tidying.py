@@ -35,7 +35,7 @@ MOST_TURNED = 600
 
 
 class SympyTidier(Tidier):
-    """Simplifies by sympy's own functions."""
+    """Tidier that simplifies by sympy's own functions."""
 
     trig = False
 
@@ -58,7 +58,10 @@ class SympyTidier(Tidier):
 
 
 def measured(path, tidier, folder):
-    """Write the documents of a model; give the time and the cost, None if refused."""
+    """Write the documents of a model; return the time and the cost, None if refused.
+
+    tidier : class that simplifies. folder : where the documents are written.
+    """
     symbols.Tidier = tidier
     equations = derive(read_file(str(path)))
     began = time.process_time()

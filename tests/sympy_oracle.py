@@ -254,7 +254,7 @@ class Oracle:
         return sp.lambdify(self.inputs, everything, modules="mpmath", cse=True)
 
     def at(self, values):
-        """Evaluate with DIGITS digits; give doubles."""
+        """Evaluate with DIGITS digits; return doubles."""
         return self._numbers(np.array([float(x) for x in self.digits(values)]))
 
     def exactly(self, values):

@@ -55,7 +55,7 @@ def started(*words, before=(), **around):
 
 
 def ended(*words, **around):
-    """Call the command as a process of its own; give its code, stdout and stderr."""
+    """Call the command as a process of its own; return its code, stdout and stderr."""
     process = started(*words, **around)
     out, err = process.communicate(timeout=120 * PATIENCE)
     return process.returncode, out.decode(), err.decode()

@@ -124,7 +124,7 @@ def test_no_annotations_anywhere_else(lagsim, write):
 
 @pytest.fixture
 def differing(lagsim, write):
-    """Store a golden and change its model; give the file."""
+    """Store a golden and change its model; return the file."""
     file = write(PENDULUM, "pendulum.yaml")
     assert lagsim("golden", file, "--update", "-q").code == 0
     return write(PENDULUM.replace("9.8", "9.800001"), "pendulum.yaml")

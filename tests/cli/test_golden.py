@@ -14,7 +14,7 @@ from tests.small_scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
 @pytest.fixture
 def stored(lagsim, write):
-    """Store the pendulum's golden; give the name of the model's file."""
+    """Store the pendulum's golden; return the name of the model's file."""
     file = write(PENDULUM, "pendulum.yaml")
     assert lagsim("golden", file, "--update", "-q").code == 0
     return file

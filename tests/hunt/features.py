@@ -110,7 +110,7 @@ class Maker:
         self.laws += laws
 
     def table(self, low, high, size, outside="", kinds=KINDS):
-        """Add a table of numbers up to `size` between two arguments; give its name."""
+        """Add a table of values up to `size` on [low, high]; return its name."""
         outside = outside or self.r.choice(["hold", "extend", "repeat"])
         name, kind = self.name("tab"), self.r.choice(kinds)
         inner = {self.some(low, high) for _ in range(self.r.randint(2, 7))}

@@ -26,7 +26,7 @@ FEW = 30
 def motion(
     links, method, n=40, c=1e4, T=0.02, mass=1.0, u="1e-3", v="1e-9*i", more="", rows=1
 ):
-    """Run a lattice; give its run, with its last displacements and velocities."""
+    """Run a lattice; return its run, with its last displacements and velocities."""
     text = MOVING.format(
         links=links, method=method, n=n, c=c, T=T, mass=mass, u=u, v=v, more=more,
         rows=rows,

@@ -94,7 +94,7 @@ class Tab:
         os.close(self._write)
 
     def send(self, method, *, own=True, **given):
-        """Send a command; give its result."""
+        """Send a command; return its result."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": given}
         if own:

@@ -185,7 +185,7 @@ def test_what_energies_are_drawn_less_is_named():
 
 
 def hanging(length, a, b):
-    """Draw a string of a length from a to b, which stay; give the panel of the view."""
+    """Draw a string of a length between fixed points a and b; return its panel."""
     points = {"a": a, "b": b, "low": (0.0, -2.0)}
     columns = {"t": T, "q": np.sin(T)}
     for name, place in points.items():
@@ -294,7 +294,7 @@ def test_a_plot_against_time():
 
 
 def ellipse(a, b, units, wanted=None, scene=NOWHERE):
-    """Draw an ellipse; give drawing, panel, and the sides of its path in pixels."""
+    """Draw an ellipse; return drawing, panel, and the sides of its path in pixels."""
     columns = {"t": TURN, "plot:0.x": a * np.cos(TURN), "plot:0.y.1": b * np.sin(TURN)}
     drawing = plotted(columns, wanted or against("u", "v"), scene, units=units)
     [panel] = drawing.panels

@@ -67,7 +67,7 @@ def pendulum():
 
 
 def by_wasmtime(module, **values):
-    """Run a module, with values of parameters; give its rows and its last code."""
+    """Run a module, with values of parameters; return its rows and its last code."""
     about = wasm.described(module)
     store = wasmtime.Store(wasmtime.Engine())
     instance = wasmtime.Instance(store, wasmtime.Module(store.engine, module), [])

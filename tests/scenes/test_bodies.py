@@ -257,7 +257,7 @@ def spun(t, w1, w3):
 
 
 def freely(method, step=None, more=""):
-    """Run a free body that tumbles for 20 s; give its w (3, k), and the run."""
+    """Run a free body that tumbles for 20 s; return its w (3, k), and the run."""
     text = FREE.replace("[W]", "[0.6, 0, 0.8]").replace("duration: 50", "duration: 20")
     r = simulate(lagsim.load(text + more), method=method, step=step)
     return np.array([r[f"w.{c}"] for c in "xyz"]), r

@@ -62,7 +62,7 @@ def small(text: str, **options: bool) -> Content:
 
 
 def numbers(texts: list[str], values: Mapping[str, float]) -> list[float]:
-    """Read expressions by the parser of model files; give their values."""
+    """Read expressions by the parser of model files; return their values."""
     g = Graph()
     nodes = [parse(text).build(g, g.variable) for text in texts]
     return evaluate(g, nodes, {**values, "pi": math.pi})

@@ -37,7 +37,7 @@ class LatexError(Exception):
 
 
 def check(document: str) -> list[str]:
-    """Read a document; give the aligned formulas in it."""
+    """Read a document; return the aligned formulas in it."""
     displays = []
 
     def read(m: re.Match[str]) -> str:

@@ -33,7 +33,7 @@ def doubt(found, bar="not estimated"):
 
 
 def made(model, values=None, **options):
-    """Run a model, or a text; give its session, trajectory and checkpoints."""
+    """Run a model, or a text; return its session, trajectory and checkpoints."""
     if isinstance(model, str):
         texts = ({k: str(x) for k, x in (d or {}).items()} for d in (values, options))
         model = read(model, "model.yaml", *texts)
@@ -53,7 +53,7 @@ def repeated(session, trajectory, checkpoints, allowance=None, always=False):
 
 
 def barred(model, allowance=None, *, always=False, values=None, **options):
-    """Run a model, or a text, and its repeat; give the checkpoints and the bar.
+    """Run a model, or a text, and its repeat; return the checkpoints and the bar.
 
     `values` : of parameters; others are options of its simulation.
     """

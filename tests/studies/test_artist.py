@@ -74,7 +74,7 @@ LEAN = (
 
 
 def pictures(folder, before):
-    """Draw a run; give its pictures, and how long a docstring of matplotlib is."""
+    """Draw a run; return its pictures, and how long a docstring of matplotlib is."""
     command = [sys.executable, "-c", CALL.format(before=before), "run"]
     command += [MODELS / "elastic-pendulum.yaml", "-q", "-o", folder]
     command += ["--error-bar", "never"]

@@ -21,7 +21,7 @@ pytestmark = [needs_browser, pytest.mark.slow]
 
 @contextlib.contextmanager
 def served(model, *options):
-    """Run the command; give its process and the address that it prints."""
+    """Run the command; return its process and the address that it prints."""
     command = [sys.executable, "-m", "lagsim", "explore", str(model), "--no-browser"]
     found = subprocess.Popen(
         [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
