@@ -23,7 +23,7 @@ from lagsim.methods import method, moreau, taylor
 from lagsim.methods.parts import crossings, driver, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.methods.parts.search_table import POINTS
-from lagsim.native.graph import keys, polynomials
+from lagsim.native.graph import keys, lanes, polynomials
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
 from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runtime
@@ -171,6 +171,8 @@ class System:
         Number of surfaces and laws, whose modes may end.
     newton : NewtonMatrix or None
         Sparse Newton matrix of an implicit method.
+    together : bool
+        Whether the columns of several rows are evaluated at once, see `lanes`.
     indicators : list of Indicator
         Activity indicators of localized terms, see `localized`.
     program : list of ProgramPart
@@ -241,6 +243,9 @@ class System:
             made = motion_series(equations, rates, plan.rtol or 0.0, loop=not plan.tape)
             code["series"] = made
         self.operations = self._operations(code)
+        self.together = not (plan.tape or self.model.tables) and lanes.suits(
+            equations.graph, nodes_of.get("observe", ()), self.size
+        )
         p = self._parameters()
         layout = self._layout(p)
         kernel_part(*of_method(self, plan.method)).begin()
@@ -278,7 +283,10 @@ class System:
     def _manner(self) -> Manner:
         """Choices of how code of the model's functions is generated, see `Manner`."""
         matrices = (self.n + self.m) * self.n
-        return MANNER._replace(blank=(("dynamics", matrices), ("geometry", matrices)))
+        return MANNER._replace(
+            blank=(("dynamics", matrices), ("geometry", matrices)),
+            together=("observe",) * self.together,
+        )
 
     @property
     def has_loops(self) -> bool:
@@ -813,5 +821,6 @@ def _statics(system: System, name: str) -> dict[str, object]:
         "SWITCHES": system.watched > 0,
         "LOCALIZED": bool(system.indicators),
         "SECTIONS": bool(system.columns.wants_sections),
+        "TOGETHER": system.together,
         "ADAPTIVE": method(name).ADAPTIVE,
     }

@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, conditions, and return codes.
 
-Compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS
-and ADAPTIVE; code that a model does not need is omitted.
+Compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS,
+ADAPTIVE and TOGETHER; code that a model does not need is omitted.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from lagsim.methods.parts.state import (
     inertias,
     interpolate,
     observe,
+    observe_rows,
     project_sliding,
     start,
     step,
     surface_rows,
     surfaces,
 )
+from lagsim.native.graph.lines import LANES
 from lagsim.native.layout import array
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
@@ -40,6 +42,7 @@ SWITCHES = True
 LOCALIZED = True
 SECTIONS = True
 ADAPTIVE = True
+TOGETHER = False
 
 # Number of steps after which lengths no longer depend on the guessed first step.
 SETTLING = 10.0
@@ -494,6 +497,15 @@ def tabulate(
     Tables have the cells that were in force at the time of each state.
     """
     exchange_lengths(p)
+    if TOGETHER:
+        first = 0
+        while first < rows:
+            count = min(LANES, rows - first)
+            there = out[first * width :]
+            observe_rows(states[first * (1 + size) :], p, there, count)
+            first += LANES
+        exchange_lengths(p)
+        return
     passed = p.passed
     for i in range(rows):
         row = states[i * (1 + size) :]

@@ -170,6 +170,11 @@ signals = of_model("signals")
 
 
 @external
+def observe_rows(rows: Floats, p: Parameters, out: Floats, count: int) -> None:
+    """Write all columns of up to LANES rows (count, 1 + size) to out, row by row."""
+
+
+@external
 def bend(h: float, c: Floats, out: Floats) -> None:
     """Write the sum over k >= 2 of y_k h^k (size,) of a series c to out."""
 

@@ -84,12 +84,15 @@ class Manner(NamedTuple):
         Functions, each with a number of leading results. Those results are not stored
         if
         they are identically 0, since their memory is 0 from the beginning.
+    together : tuple of str
+        Functions that are evaluated for several rows at once, see `lanes`.
     """
 
     contracted: tuple[str, ...] = ()
     once: tuple[str, ...] = ()
     rare: tuple[str, ...] = ()
     blank: tuple[tuple[str, int], ...] = ()
+    together: tuple[str, ...] = ()
 
 
 PLAIN = Manner()

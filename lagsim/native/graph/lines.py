@@ -73,6 +73,11 @@ def exponent_of(g: Graph, n: int) -> float | None:
     return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
 
 
+def is_product(exponent: float | None) -> bool:
+    """Whether a power with this exponent is computed by products and a root."""
+    return exponent is not None and exponent * 2 in _HALVES
+
+
 class Code(NamedTuple):
     """LLVM IR of all functions, and the required length of p."""
 
@@ -157,7 +162,7 @@ class Lines:
         op : as in the graph. exponent : of a power with a constant exponent; else None.
         operands : the names of the values.
         """
-        if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
+        if op == "pow" and exponent is not None and is_product(exponent):
             return self._power(operands[0], exponent)
         if op in CIRCULAR:
             return self.circular(operands, [(op, 0)])[0]
@@ -272,7 +277,12 @@ class _Vectors(Lines):
 
 def vector_literal(x: float) -> str:
     """Return the literal of a vector of LANES equal numbers."""
-    return "<" + ", ".join([f"double {number(x)}"] * LANES) + ">"
+    return vector_literal_of(number(x))
+
+
+def vector_literal_of(literal: str) -> str:
+    """Return the literal of a vector of LANES equal numbers, from that of a number."""
+    return "<" + ", ".join([f"double {literal}"] * LANES) + ">"
 
 
 @functools.cache

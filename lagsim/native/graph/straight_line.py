@@ -14,6 +14,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from lagsim.native.graph import keys, loop, orders, tapes
+from lagsim.native.graph.lanes import LaneWriter
 from lagsim.native.graph.lines import Code, fixed_nodes
 from lagsim.native.graph.writer import LONG, FunctionWriter, Place
 
@@ -124,12 +125,18 @@ def generate(
         for name, nodes in functions.items()
         if not isinstance(nodes, keys.Loop)
         and name in (*manner.once, *manner.rare)
+        and name not in manner.together
         and len(g.cone(nodes, places)) > _longest(name, manner) * keys.PIECE
     }
     common = CommonNodes(g, layout, scratch, {**long, **interpreted}, places)
     writers += common.writers
     scratch += len(common.places)
     for name, nodes in functions.items():
+        if name in manner.together and not isinstance(nodes, keys.Loop):
+            lanes = LaneWriter(g, layout, scratch)
+            writers.append(lanes)
+            lanes.write(name, nodes, places, len(layout.y))
+            continue
         writer = FunctionWriter(g, layout, scratch, contract=name in manner.contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
