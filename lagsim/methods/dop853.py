@@ -1,11 +1,13 @@
 """DOP853: the explicit Runge-Kutta method of order 8 by Dormand and Prince.
 
-Error estimates of order 5 and 3, PI step control, dense output of order 7. Where
-stability limits the steps, the dense output may be much less accurate than the steps;
-its last term detects this, and each row and event is then computed by a step of its
-own. The method for smooth, nonstiff motion at small tolerances. Its stability interval
-on the imaginary axis, where undamped oscillations lie, is 5.96: a step cannot exceed
-about 0.95 periods of the fastest mode.
+The method for smooth, nonstiff motion at small tolerances.
+
+- **Error.** Two estimates, of order 5 and 3, and PI step control.
+- **Rows** between steps are of order 7. Where stability limits the steps, the dense
+  output may be much less accurate than the steps; its last term detects this, and each
+  row and event is then computed by a step of its own.
+- **Stability.** The interval on the imaginary axis, where undamped oscillations lie, is
+  5.96: a step cannot exceed about 0.95 periods of the fastest mode.
 
 Source: E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations
 I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (method) and II.6 (dense output).

@@ -1,10 +1,13 @@
 """DOPRI5: the explicit Runge-Kutta method of order 5 by Dormand and Prince.
 
-The method of `ode45` in MATLAB and `RK45` in scipy, with their dense output of order 4.
-An error estimate of order 4, PI step control. For comparison with these programs, and
-for loose tolerances; from about 1e-6 on `dop853` is faster. Its stability
-interval on the imaginary axis, where undamped oscillations lie, is 0.997, and 3.3 on
-the real axis.
+The method of `ode45` in MATLAB and `RK45` in scipy, with their dense output. For
+comparison with these programs, and for loose tolerances; from about 1e-6 on `dop853` is
+faster.
+
+- **Error.** An estimate of order 4, and PI step control.
+- **Rows** between steps are of order 4.
+- **Stability.** The interval on the imaginary axis, where undamped oscillations lie, is
+  0.997, and that on the real axis 3.3.
 
 Sources: J. R. Dormand and P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19-26; E.
 Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd ed.,

@@ -1,11 +1,14 @@
 """Euler: the oldest method, one evaluation per step, order 1.
 
-Each step follows the tangent at its start. For lessons: halving the step halves the
-error, so each further digit costs ten times the work. The energy of an undamped
-oscillation grows by the factor 1 + (h w)^2 in every step h. At h w = 0.01 it has grown
-e-fold after 100 units of time (w = 1). No step is short enough on the imaginary axis,
-where undamped oscillations lie; an oscillation of damping ratio d is stable for
-h w < 2 d.
+Each step follows the tangent at its start. For lessons on accuracy and stability:
+
+- **Error.** Halving the step halves the error, so each further digit costs ten times
+  the work.
+- **Energy.** The energy of an undamped oscillation of frequency w grows by the factor
+  1 + (h w)^2 in every step h. At h w = 0.01 and w = 1 it has grown e-fold after 100
+  units of time.
+- **Stability.** No step is short enough on the imaginary axis, where undamped
+  oscillations lie; an oscillation of damping ratio d is stable for h w < 2 d.
 
 Source: L. Euler, Institutionum calculi integralis I (1768), section II, chapter VII;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd

@@ -1,12 +1,14 @@
 """Gauss collocation with two stages: order 4, symplectic for any Lagrangian.
 
 The method uses positions and momenta, so the mass matrix may vary with the positions.
-Energy errors, of size (step * frequency)^4, do not grow; quadratic invariants such as
-angular momentum are kept to rounding; the method is symmetric. For more than two digits
-it is better than `midpoint`. Forces and damping are allowed. The order is 4 for motion
-that is not stiff, and 2 for stiff motion. Stable at any step on the imaginary axis, but
-fast motion past step * frequency of about 2 has the wrong phase, and Newton's method
-must converge.
+For more than two digits it is better than `midpoint`. Forces and damping are allowed.
+
+- **Order** 4 for motion that is not stiff, and 2 for stiff motion. The method is
+  symmetric.
+- **Energy.** Errors, of size (step * frequency)^4, do not grow. Quadratic invariants,
+  such as angular momentum, are kept to rounding.
+- **Stability.** Stable at any step on the imaginary axis, but fast motion past step *
+  frequency of about 2 has the wrong phase, and Newton's method must converge.
 
 Source: E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration, 2nd ed.,
 sections II.1.3, VI.4 and VIII.6.

@@ -2,12 +2,13 @@
 
 The Gauss method of one stage, in positions and momenta. So it is symplectic and
 symmetric even if the mass matrix varies with the positions (double pendulum, polar
-coordinates); the same rule in positions and velocities is not. Energy errors, of
-size (step * frequency)^2, do not grow; quadratic invariants, such as angular momentum
-and the energy of linear oscillations, are kept to rounding. Forces and damping are
-allowed, with the same order. Stable at any step on the
-imaginary axis, but fast motion past step * frequency of about 1 has the wrong phase,
-and Newton's method must converge.
+coordinates); the same rule in positions and velocities is not. Forces and damping are
+allowed, with the same order.
+
+- **Energy.** Errors, of size (step * frequency)^2, do not grow. Quadratic invariants,
+  such as angular momentum and the energy of linear oscillations, are kept to rounding.
+- **Stability.** Stable at any step on the imaginary axis, but fast motion past step *
+  frequency of about 1 has the wrong phase, and Newton's method must converge.
 
 Source: E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration, 2nd ed.,
 sections II.1.3, VI.4 and VIII.6.

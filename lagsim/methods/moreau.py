@@ -1,24 +1,31 @@
 """Moreau's time stepping: for hundreds of contacts, impulses in fixed steps, order 1.
 
-No impact is located. In each step the velocities change by the forces and by the
-impulses of all contacts at once: M (v+ - v) = h f + A^T p. The positions in the middle,
-q + h/2 v, decide which contacts act (gap <= 0), and forces and M are evaluated there;
-the step ends at q + h/2 (v + v+). After it each active contact has Newton's rate, at
-least -e times the one before; friction is on its cone, a limited multiplier within its
-limit. Equalities are treated like contacts, and their residuals are corrected in the
-next step. The impulses are found by projected relaxation: a sweep over the active rows
-costs as much as these have elements. A step whose relaxation does not converge is
-counted and reported.
+No impact is located. A step of length h computes, in this order:
 
-The result is of order 1 in the step. A contact is found up to one step late and keeps a
-penetration of about h |v|; times of impact, and quantities that depend on these times,
-are of order 1, even if the motion between impacts is computed exactly. The residual of
-an equality is up to h^2 times the acceleration along it, and of one between velocities
-h times it. Bounces shorter than a few steps count as rest. A row has the mean
-multiplier of its step, lambda = p/h, so that an impact is a high value; columns
-`impulse.<c>` are 0 and there are no events. Smooth motion is that of `verlet`. The work
-of impulses is p times the mean of the velocities before and after, so that no impulse
-changes `energy - work`.
+1. the positions in the middle, q + h/2 v, which decide the contacts that act (gap <=
+   0), and at which forces f and M are evaluated;
+2. the velocities after the step, changed by the forces and by the impulses p of all
+   contacts at once: M (v+ - v) = h f + A^T p;
+3. the positions after the step: q + h/2 (v + v+).
+
+After the step each active contact has Newton's rate, at least -e times the rate before;
+friction is on its cone, a limited multiplier within its limit. Equalities are treated
+like contacts, and their residuals are corrected in the next step. The impulses are
+found by projected relaxation; the cost of a sweep is proportional to the number of
+elements of the active rows. A step whose relaxation does not converge is counted and
+reported.
+
+- **Contacts.** A contact is found up to one step late and keeps a penetration of about
+  h |v|. Bounces shorter than a few steps count as rest.
+- **Error.** Times of impact, and quantities that depend on these times, are of order 1
+  in h, even if the motion between impacts is computed exactly. Smooth motion is that of
+  `verlet`.
+- **Equalities.** The residual is up to h^2 times the acceleration along the row; of an
+  equality between velocities, h times that acceleration.
+- **Rows** have the mean multiplier of the step, lambda = p/h, so that an impact is a
+  high value. Columns `impulse.<c>` are 0, and there are no events.
+- **Work.** The work of impulses is p times the mean of the velocities before and after,
+  so that no impulse changes `energy - work`.
 
 For few contacts, or for many digits, methods that locate impacts are better.
 

@@ -2,12 +2,16 @@
 
 Very stiff springs and dampers do not limit its step once their fast motion has died
 out. It damps such motion itself (L-stable): a fast oscillation below the tolerance
-disappears, so energy is lost. Simplified Newton iterations with the exact Jacobian,
-Gustafsson's predictive step control, an error estimate of order 3 with the tolerance
-adapted to it, dense output of order 4 from the stages' slopes. On stiff parts of the
-motion the order falls to 3. Stable on the whole imaginary axis and in the left
-half-plane: no limit on step * frequency. A sparse Newton matrix is factored as such:
-for chains and trees in a time proportional to the number of bodies.
+disappears, so energy is lost.
+
+- **Order** 5; on stiff parts of the motion the order falls to 3.
+- **Newton.** Simplified iterations with the exact Jacobian. A sparse Newton matrix is
+  factored as such: for chains and trees in a time proportional to the number of bodies.
+- **Error.** An estimate of order 3, with the tolerance adapted to it, and Gustafsson's
+  predictive step control.
+- **Rows** between steps are of order 4, from the slopes of the stages.
+- **Stability.** Stable on the whole imaginary axis and in the left half-plane: there is
+  no limit on step * frequency.
 
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 sections IV.5, IV.8 and IV.15; K. Gustafsson, ACM Trans. Math. Software 20 (1994).

@@ -1,17 +1,21 @@
 """Taylor: the power series of the motion, computed on the expression graph.
 
-Recurrences give the coefficients up to order K, operation by operation: as
-straight-line code, or, if that is long, as a loop over the order with vectorised
-products. K follows from the tolerance (15 at the default), the step from the last four
-coefficients; two alone vanish at a symmetric start, and the error would then grow
-without a warning. The next step's series, which is needed anyway, gives the defect of
-the equations at the end of the step: a step that is too long is repeated. If that
-happens to most steps, the model is stiff. Rows between steps are values of the series,
-to full order. The method for tight tolerances; it takes longer to compile than others.
-On the imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond
-by less than its truncation error, which limits the step. If an expression has a value
-but no derivatives (drag that grows with the square of the speed, at rest), there is no
-series, and `dop853` continues.
+Recurrences give the coefficients of the power series up to order K, operation by
+operation. The method for tight tolerances; it takes longer to compile than others.
+
+- **Code.** Straight-line code or, if that is long, a loop over the order with
+  vectorised products.
+- **Order.** K follows from the tolerance: 15 at the default.
+- **Step.** It follows from the last four coefficients. The last two alone vanish at a
+  symmetric start, and the error would then grow without a warning.
+- **Error.** The next step's series, which is needed anyway, gives the defect of the
+  equations at the end of the step; a step that is too long is repeated. If that happens
+  to most steps, the model is stiff.
+- **Rows** between steps are values of the series, to full order.
+- **Stability.** On the imaginary axis order 15 does not grow for step * frequency below
+  1.66, and beyond by less than its truncation error, which limits the step.
+- **Limits.** If an expression has a value but no derivatives (drag that grows with the
+  square of the speed, at rest), there is no series, and `dop853` continues.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
