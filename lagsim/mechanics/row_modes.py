@@ -11,6 +11,7 @@ Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (19
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.mechanics.rows import Closed
+
+    Ahead = Callable[[Floats], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +84,7 @@ def modes(
     rates: Floats,
     roundoff: Floats,
     slip_noise: Floats,
-    ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
+    ahead: Ahead | None = None,
     left: Ints | None = None,
 ) -> RowModes:
     """Determine the modes of the rows and their multipliers.
@@ -109,6 +112,13 @@ def modes(
     if not len(closed):
         return RowModes((), accelerations, accelerations, paradox=False)
     left = np.zeros(len(rates), dtype=int) if left is None else left
+    if len(rates) == 1 and closed.pushes is None:
+        numbers = accelerations, rates, roundoff, slip_noise
+        single = _of_one(
+            closed, *(x.item(0) for x in numbers), left=left.item(0), ahead=ahead
+        )
+        if single is not None:
+            return single
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
@@ -129,6 +139,93 @@ def modes(
             continue
         decided = _decided(rows, found, directions_found)
         return _farther(rows, decided, directions_found) if problem.discs else decided
+
+
+def _of_one(
+    closed: Closed,
+    c: float,
+    rate: float,
+    roundoff: float,
+    slip_noise: float,
+    *,
+    left: int,
+    ahead: Ahead | None,
+) -> RowModes | None:
+    """Determine the mode of a single row as `modes` does, in closed form.
+
+    None where no multiplier accelerates the row, or it begins to slide at rest with
+    another bound than it had at rest.
+
+    c, rate, roundoff, slip_noise, left : the elements of the arguments of `modes`.
+    """
+    table, own = closed.table, closed.D.item(0)
+    if not (math.isfinite(c) and math.isfinite(own)):
+        raise FloatingPointError("forces that are not finite")
+    if own <= 0.0:
+        return None
+    bounded = bool(table.bounded[0])
+    given = bounded and abs(rate) > slip_noise
+    limit = (closed.bounds if given else closed.statics).item(0) if bounded else 0.0
+    direction = math.copysign(1.0, -rate) if given else 0.0
+    low, high = (
+        float(x[0]) * (limit if bounded else 1.0) for x in (table.low, table.high)
+    )
+    z = -c / own
+    p = direction * limit if given else min(max(z, low), high)
+    w = 0.0 if p == z else own * p + c
+    limit = abs(high) if bounded else 0.0
+    terms = own * max(abs(p), limit) + abs(c)
+    rounding = max(roundoff, ACCELERATION_ROUNDOFF * terms)
+    small = rounding / own
+    if table.equal[0]:
+        mode = Mode.HELD
+    elif not bounded and w > rounding:
+        mode = Mode.OFF
+    elif bounded and (given or abs(w) > rounding):
+        mode = Mode.SLIDING
+        if not given:
+            inside = abs(p) < limit - small or limit <= small
+            direction = math.copysign(1.0, -w if inside else p)
+    elif abs(p) < limit - small if bounded else p > small:
+        mode = Mode.HELD
+    else:
+        mode = Mode.HELD
+        way = math.copysign(1.0, p) if bounded else -1.0
+        way = 0.0 if bounded and limit <= small else way
+        soon = (np.zeros(1), np.zeros(1)) if ahead is None else ahead(np.array([p]))
+        if _leaves(own, soon, way, left):
+            mode = Mode.SLIDING if limit else Mode.OFF
+            direction = p / limit if limit else 0.0
+    if mode is Mode.SLIDING and not given and closed.bounds[0] != closed.statics[0]:
+        return None
+    force = {Mode.HELD: z, Mode.SLIDING: direction * limit}.get(mode, 0.0)
+    return RowModes((mode,), np.array([direction]), np.array([force]), paradox=False)
+
+
+def _leaves(own: float, soon: tuple[Floats, Floats], way: float, left: int) -> bool:
+    """Whether a single tied row does not hold, by the rate of its acceleration.
+
+    The closed form of `complementarity.rates_at`. A row also leaves where its
+    multiplier cannot change and it has reached the end of its mode at this time.
+
+    Parameters
+    ----------
+    own : float
+        The element of D, positive.
+    soon : tuple of ndarray, shape (1,)
+        The rate of the acceleration at a constant multiplier, and its rounding error.
+    way : float
+        The sign of the bound that the multiplier has reached; 0 without a bound.
+    left : int
+        How often the row has reached the end of its held mode at this time.
+    """
+    c, noise = (x.item(0) for x in soon)
+    c = c if abs(c) > noise else 0.0
+    x = -c / own if way * c > 0.0 else 0.0
+    w = own * x + c
+    terms = own * abs(x) + abs(c)
+    moves = abs(w) > noise + RATES_ROUNDOFF * terms
+    return moves or (left > 0 and x == 0.0)
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
@@ -165,7 +262,7 @@ class _Edges(NamedTuple):
     """
 
     rows: ContactRows
-    ahead: Callable[[Floats], tuple[Floats, Floats]] | None
+    ahead: Ahead | None
     left: Ints
 
     @property

@@ -191,3 +191,46 @@ def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
     assert D @ found.p + push == pytest.approx(0.0, abs=1e-10)
     # Along the line the distance from the disc grows as a square.
     assert found.p == pytest.approx(most * u, abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", [Kind.CONTACT, Kind.LIMITED, Kind.TIMED])
+def test_the_mode_of_a_single_row_is_that_of_the_row_among_others(kind):
+    """Two rows that are not coupled are decided as one problem, one by its closed form.
+
+    Accelerations, bounds and rates are such that all modes and ties occur.
+    """
+    rng, seen = np.random.default_rng(7), set()
+    alone = closed([0.5], [[1.0]], [kind], mu=2.0)
+    both = closed([0.5, 0.5], [[1.0, 0.0], [0.0, 1.0]], [kind] * 2, mu=2.0)
+    for _ in range(300):
+        c = float(rng.choice([-4.0, -2.0, 0.0, 1e-13, 2.0 + 1e-14, 2.0, 3.0, -9.0]))
+        rate = float(rng.choice([0.0, 1e-12, -1e-3, 0.2]))
+        left, grows = int(rng.integers(3)), float(rng.choice([-1.0, 0.0, 1e-7, 1.0]))
+        to_come = ahead(grows) if rng.integers(4) else None
+
+        def doubled(p, grows=grows):
+            return ahead(grows, grows)(p)
+
+        arguments = [
+            np.array([c]),
+            np.array([rate]),
+            np.array([1e-12]),
+            np.array([1e-9]),
+        ]
+        found = modes(alone, *arguments, to_come, np.array([left]))
+        twice = modes(
+            both, *(np.repeat(x, 2) for x in arguments), to_come and doubled,
+            np.array([left] * 2),
+        )  # fmt: skip
+        case = c, rate, left, grows, to_come is None
+        assert found.mode[0] is twice.mode[0] is twice.mode[1], case
+        assert found.direction[0] == twice.direction[0]
+        assert found.multipliers[0] == twice.multipliers[0]
+        assert not found.paradox
+        seen.add((found.mode[0], bool(found.direction[0])))
+    expected = {
+        Kind.CONTACT: {(OFF, False), (HELD, False)},
+        Kind.LIMITED: {(HELD, False), (SLIDING, True)},
+        Kind.TIMED: {(HELD, False)},
+    }
+    assert seen == expected[kind]
