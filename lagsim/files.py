@@ -154,9 +154,9 @@ def drop(path: Path) -> None:
 
 
 def passes(key: object, remove: Callable[[], object]) -> None:
-    """Register a removal, which is carried out when this process ends.
+    """Register the removal of a file, which is carried out when this process ends.
 
-    key : identifies the removal for `stays`. remove : function that removes a file.
+    key : identifies the removal for `stays`. remove : function that removes the file.
     """
     _passing[key] = remove
 
@@ -168,7 +168,10 @@ def stays(key: object) -> None:
 
 @atexit.register
 def remove_passing() -> None:
-    """Carry out all registered removals; to be called before `os._exit`."""
+    """Carry out all removals of files that `passes` has registered.
+
+    It has to be called before `os._exit`, which calls no exit functions.
+    """
     while _passing:
         _, remove = _passing.popitem()
         with contextlib.suppress(OSError):

@@ -132,7 +132,10 @@ def note_still(p: Parameters) -> None:
 
 
 def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
-    """Assemble and factor S of group g, the rows with places from begin to end - 1."""
+    """Assemble and factor S of group g, the rows with places from begin to end - 1.
+
+    S : see `couple`. g : the number of the group.
+    """
     n, count = p.n, end - begin
     matrix = p.S[bits(p.group_matrices[g]) :]
     for k in range(begin, end):
