@@ -78,16 +78,17 @@ class TrialTruth:
     ----------
     before, found : bytes
         The orientations, then the leeways, of all conditions at the start of the trial,
-        which its end restores; and at its end.
+        which its end restores; and at its end. Empty without conditions.
     """
 
     def __init__(self, state: State) -> None:
         self.words = state.truth_words
-        self.before = self.found = bytes(self.words)
+        self.before = self.found = bytes(self.words) if self.words else b""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.found = bytes(self.words)
-        self.words[:] = self.before
+        if self.before:
+            self.found = bytes(self.words)
+            self.words[:] = self.before

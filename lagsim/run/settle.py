@@ -416,7 +416,7 @@ def carried_out(
     found: Decision,
     *,
     modes: ArcModes | None = None,
-    truth: bytes | None = None,
+    truth: bytes = b"",
     **others: Any,
 ) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
@@ -439,8 +439,10 @@ def carried_out(
     arc = now.arc
     if modes is not None:
         write(arc.system.p, modes)
-    if truth is not None:
+    if truth:
         arc.state.truth_words[:] = truth
+    if found is GO_ON:
+        return now.but(**others)
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
     if found.leeway is not None:
