@@ -6,7 +6,7 @@ The kernels read the modes of surfaces and laws from the memory of the arc
 until the trial ends, so that the functions of the model are evaluated with them. Then
 the memory is as it was before, and the modes selected are a record. Only `settle`
 writes the record to the memory (`write`). The truth of the conditions of events is
-decided in the same way (`TrialTruth`).
+decided in the same way (`conditions.Truth`).
 
 Within an arc the kernel itself changes some words: the side and the slack of a surface
 whose level decides nothing and is passed, a slack that has been left, `law_opens`, and
@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from typing import Self
 
-    from lagsim.methods.parts.driver import State
     from lagsim.methods.parts.parameters import Parameters
 
 
@@ -69,26 +68,3 @@ class TrialModes:
     def __exit__(self, *_error: object) -> None:
         self.found = ArcModes.of(self.p)
         write(self.p, self.before)
-
-
-class TrialTruth:
-    """A trial of the truth of conditions: within it, kernels decide it in the memory.
-
-    Attributes
-    ----------
-    before, found : bytes
-        The orientations, then the leeways, of all conditions at the start of the trial,
-        which its end restores; and at its end. Empty without conditions.
-    """
-
-    def __init__(self, state: State) -> None:
-        self.words = state.truth_words
-        self.before = self.found = bytes(self.words) if self.words else b""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self.before:
-            self.found = bytes(self.words)
-            self.words[:] = self.before

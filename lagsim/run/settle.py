@@ -33,7 +33,7 @@ from lagsim.run.events.contacts import comes_to_rest, laws_at
 from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
-from lagsim.run.modes import TrialModes, TrialTruth, write
+from lagsim.run.modes import TrialModes, write
 from lagsim.run.trajectory import GO_ON, NOWHERE, Decision, Ending, Outcome, quoted
 
 if TYPE_CHECKING:
@@ -264,12 +264,8 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         before = before_event(arc)
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
-    with TrialTruth(arc.state) as trial:
-        found, acted = by.transitions.act(arc, now.due, now.acts)
-    return carried_out(
-        now, found, truth=trial.found,
-        shown=shown, acts=acted, before=before, stale=True,
-    )  # fmt: skip
+    found, acted = by.transitions.act(arc, now.due, now.acts)
+    return carried_out(now, found, shown=shown, acts=acted, before=before, stale=True)
 
 
 @phase
@@ -392,11 +388,12 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts
-    with TrialTruth(now.arc.state) as trial:
-        due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
+    due, truth = by.transitions.due_after(
+        now.arc, struck=struck, looked_at=now.looked_at
+    )
     acted = acted._replace(rounds=()) if struck else acted
     return carried_out(
-        now, GO_ON, truth=trial.found,
+        now, GO_ON, truth=truth,
         due=due, acts=acted, impacts=False, looked_at=due.acts,
     )  # fmt: skip
 
@@ -432,21 +429,19 @@ def carried_out(
     modes : ArcModes, optional
         The modes of surfaces and laws that the phase has selected.
     truth : bytes, optional
-        The truth of conditions that the phase has decided, see `TrialTruth`.
+        The truth of conditions that the phase has decided, if not in `found`.
     **others
         Further fields of the next record.
     """
     arc = now.arc
     if modes is not None:
         write(arc.system.p, modes)
-    if truth:
+    if truth := truth or found.truth:
         arc.state.truth_words[:] = truth
     if found is GO_ON:
         return now.but(**others)
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
-    if found.leeway is not None:
-        arc.state.leeway[:] = found.leeway
     if found.y is not None:
         arc.put(found.y)
     if found.events:
@@ -500,9 +495,8 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    with TrialTruth(now.arc.state) as trial:
-        due = by.transitions.due(now.arc, rests)
-    return carried_out(now, GO_ON, truth=trial.found, due=due, looked_at=True)
+    due, truth = by.transitions.due(now.arc, rests)
+    return carried_out(now, GO_ON, truth=truth, due=due, looked_at=True)
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -522,10 +516,9 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = modes_and_velocities(now, by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
-        with TrialTruth(arc.state) as trial:
-            due = by.transitions.look_at_start(arc, struck)
+        due, truth = by.transitions.look_at_start(arc, struck)
         now = carried_out(
-            now, GO_ON, truth=trial.found, due=due, impacts=False, looked_at=True
+            now, GO_ON, truth=truth, due=due, impacts=False, looked_at=True
         )
         if now.due != NOTHING:
             return settle(now, by)
@@ -542,17 +535,13 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     arc, transitions = now.arc, by.transitions
     assert transitions is not None
     if not arc.equations.begun_by.impulses or may_strike(arc, by):
-        with TrialTruth(arc.state) as truth:
-            found = transitions.start(arc)
-        return carried_out(now, found, truth=truth.found)
+        return carried_out(now, transitions.start(arc))
     at_rest = modes(velocities(sides(now, by), by), by)
-    with TrialModes(arc.system.p) as trial, TrialTruth(arc.state) as truth:
+    with TrialModes(arc.system.p) as trial:
         found = transitions.start(arc)
         if by.switching is not None:
             by.switching.let_go(arc)
-    return carried_out(
-        now.but(ending=at_rest.ending), found, modes=trial.found, truth=truth.found
-    )
+    return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
 
 
 def may_strike(arc: Arc, by: Deciders) -> bool:

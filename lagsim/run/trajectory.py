@@ -194,8 +194,8 @@ class Decision(NamedTuple):
         Columns just before the jump, to be written as a row.
     impulses : JumpImpulses or None
         The impulses transmitted in the jump.
-    leeway : ndarray, shape (C,), or None
-        New leeway of the conditions of events, see `methods.parts.truth`.
+    truth : bytes
+        The truth of the conditions, see `conditions.Truth`; empty if it is not new.
     ending : Ending or None
         Reason to end the run.
     turn : Turn
@@ -215,7 +215,7 @@ class Decision(NamedTuple):
     y: Floats | None = None
     rows: Floats | None = None
     impulses: JumpImpulses | None = None
-    leeway: Floats | None = None
+    truth: bytes = b""
     ending: Ending | None = None
     turn: Turn = Turn.NONE
     located: Located = NOWHERE

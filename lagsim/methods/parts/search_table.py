@@ -138,7 +138,7 @@ class SearchTable(Rank):
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
 
-    # The truth of conditions, see `run.modes.TrialTruth`. A condition holds where its
+    # The truth of conditions, see `conditions.Truth`. A condition holds where its
     # orientation times its function is <= 0; 0: not armed, it has not been false since,
     # that is less than 0 by more than the leeway.
     truth: Floats = array(lambda s: 2 * s.conditions)

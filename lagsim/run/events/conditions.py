@@ -16,6 +16,7 @@ from lagsim.run.instants import width
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Self
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
@@ -62,20 +63,37 @@ def rounding_of_start(arc: Arc) -> Floats:
 
 
 class Truth:
-    """Truth of the conditions just before and just after an instant.
+    """A trial of the truth of all conditions, just before or just after an instant.
 
-    The truth is stored in the arrays `orientation` and `leeway` of the kernels, and
-    read from these arrays at the next instant.
+    Within the trial the kernels decide the truth in the arrays `orientation` and
+    `leeway` of the memory. Its end restores these arrays; `settle` writes what was
+    decided, and the kernels read it in the next arc and at the next instant.
 
     Attributes
     ----------
     set_by_modes : bool
         Whether conditions contain modes that events set.
+    before, decided : bytes
+        The orientations, then the leeways, of all conditions, at the start and at the
+        end of the trial. Empty without conditions.
     """
+
+    before = decided = b""
 
     def __init__(self, arc: Arc, *, set_by_modes: bool = True) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
         self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
+
+    def __enter__(self) -> Self:
+        words = self.state.truth_words
+        self.before = bytes(words) if words else b""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self.before:
+            words = self.state.truth_words
+            self.decided = bytes(words)
+            words[:] = self.before
 
     @property
     def tolerances(self) -> tuple[float, float]:
@@ -264,12 +282,12 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     state.leeway[which] = np.maximum(state.leeway, part * scale)[which]
 
 
-def leeway_of_closed(arc: Arc, y: Floats, closed: Floats) -> Floats | None:
-    """Return the leeway (C,), changed for conditions that an impact makes true.
+def truth_of_closed(arc: Arc, y: Floats, closed: Floats) -> bytes:
+    """Return the truth of conditions with the leeway of those an impact makes true.
 
-    None in a model without conditions. The conditions are those that are true but for
-    rounding: after an impact rounding leaves a gap of either sign, and the motion opens
-    the gap. With the old leeway, `x <= 0` may never be true at the ground `x >= 0`.
+    The conditions are those that are true but for rounding: after an impact rounding
+    leaves a gap of either sign, and the motion opens the gap. With the old leeway,
+    `x <= 0` may never be true at the ground `x >= 0`. Empty without conditions.
 
     Parameters
     ----------
@@ -279,8 +297,9 @@ def leeway_of_closed(arc: Arc, y: Floats, closed: Floats) -> Floats | None:
     """
     state = arc.state
     if not len(state.orientation):
-        return None
+        return b""
     misses = arc.located(arc.t, y) * state.orientation
     met = arc.located(arc.t, closed) * state.orientation <= 0.0
     met &= (state.orientation != 0.0) & (state.leeway == 0.0)
-    return np.where(met, -np.maximum(misses, LEAST), state.leeway)
+    leeway = np.where(met, -np.maximum(misses, LEAST), state.leeway)
+    return state.orientation.tobytes() + leeway.tobytes()
