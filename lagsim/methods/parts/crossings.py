@@ -41,6 +41,7 @@ from lagsim.methods.parts.search_table import (
     lowest,
     relations,
     reuse_ends,
+    same_time,
     sample,
     sampled,
     value_at,
@@ -53,7 +54,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, SAME_INSTANT, SUM_ROUNDOFF
+from lagsim.tolerances import OVERFLOW, SUM_ROUNDOFF
 
 CONSTRAINED = True
 SWITCHES = True
@@ -97,11 +98,6 @@ class Crossings(SearchTable):
     passed: Floats = array("strobes")  # the number of the next
     # Of each state found the number of its section, the time, and the state.
     crossed_states: Floats = array(lambda s: s.states_room * (2 + s.size))
-
-
-def same_time(s: Crossings, t: float) -> float:
-    """Return the largest difference from t of a time at the same instant."""
-    return SAME_INSTANT * max(abs(t), abs(s.row_start))
 
 
 def begin_search(s: Crossings, p: Parameters) -> None:
@@ -251,8 +247,9 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
             past = root
         elif s.beyond[j] == x and s.waits[j] == 0.0:
             s.waits[j] = 1.0
-            at_root = s.waiting[j * (1 + s.size) :]
-            locate(s, p, root_of(s, p, j, root), at_root)
+            kept, at_root = s.waiting[j * (1 + s.size) :], root_of(s, p, j, root)
+            state_at(s, p, at_root, kept[1:])
+            kept[0] = shown_time(s, s.step_t + at_root * s.step_h)
     return past
 
 
@@ -296,13 +293,13 @@ def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
     s.waits[j] = 0.0
     if s.ways[j] * s.sides[j] < 0.0:
         return
-    width = 1 + s.size
-    kept = s.waiting[j * width :]
-    out = s.crossed_states[next_state(s, j) :]
+    kept = s.waiting[j * (1 + s.size) :]
     if waits and not (s.step_t == s.arc_start and is_same(s, kept[0], s.step_t)):
-        out[:width] = kept[:width]
+        record(s, j, kept[0], kept[1:])
     else:
-        locate(s, p, 0.0 if waits else x, out)
+        state_at(s, p, 0.0 if waits else x, s.point)
+        t = s.step_t if waits else s.step_t + x * s.step_h
+        record(s, j, shown_time(s, t), s.point)
 
 
 def is_same(s: Crossings, t: float, other: float) -> bool:
@@ -310,18 +307,13 @@ def is_same(s: Crossings, t: float, other: float) -> bool:
     return abs(t - other) <= same_time(s, t)
 
 
-def next_state(s: Crossings, number: int) -> int:
-    """Begin a record of section `number`; return the index of its time."""
-    place = int(s.states_found) * (2 + s.size)
-    s.crossed_states[place] = float(number)
+def record(s: Crossings, number: int, t: float, y: Floats) -> None:
+    """Write the time t and the state y (size,) to the rows of section `number`."""
+    out = s.crossed_states[int(s.states_found) * (2 + s.size) :]
+    out[0] = float(number)
+    out[1] = t
+    out[2 : 2 + s.size] = y[: s.size]
     s.states_found += 1.0
-    return place + 1
-
-
-def locate(s: Crossings, p: Parameters, x: float, out: Floats) -> None:
-    """Write time and projected state (1 + size,) at the fraction x of the step."""
-    state_at(s, p, x, out[1:])
-    out[0] = shown_time(s, s.step_t + x * s.step_h)
 
 
 def state_at(s: Crossings, p: Parameters, x: float, z: Floats) -> None:
@@ -407,9 +399,8 @@ def find_strobes(s: Crossings, p: Parameters) -> int:
             if s.states_found >= s.states_room:
                 return 0
             t = strobe_time(s, j)
-            out = s.crossed_states[next_state(s, s.sections + j) :]
-            locate(s, p, max(0.0, (t - s.step_t) / s.step_h), out)
-            out[0] = shown_time(s, t)
+            state_at(s, p, max(0.0, (t - s.step_t) / s.step_h), s.point)
+            record(s, s.sections + j, shown_time(s, t), s.point)
             s.passed[j] += 1.0
     return 1
 
@@ -430,9 +421,7 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
     short = SHORT if whole > 0.0 else 0.0
     for j in range(s.strobes):
         if strobe_time(s, j) <= s.t + max(same_time(s, s.t), short * s.periods[j]):
-            out = s.crossed_states[next_state(s, s.sections + j) :]
-            out[0] = s.t
-            out[1 : 1 + s.size] = s.y
+            record(s, s.sections + j, s.t, s.y)
             s.passed[j] += 1.0
 
 
@@ -442,20 +431,17 @@ def finish_located(s: Crossings, p: Parameters) -> None:
     for j in range(s.sections):
         s.bands[j] = band(s, j)
         s.roots[j] = s.sides[j] * s.values[relations(s) + j]
-    width = 1 + s.size
     for j in range(s.sections):
         way = -s.sides[j]
         crossed = s.roots[j] < -s.bands[j]
         if way != 0.0 and not crossed and s.roots[j] <= s.bands[j]:
             crossed = comes_to(s, p, j)
         if crossed and s.ways[j] * way >= 0.0:
-            kept = s.waiting[j * width :]
-            out = s.crossed_states[next_state(s, j) :]
+            kept = s.waiting[j * (1 + s.size) :]
             if s.waits[j] > 0.0 and not is_same(s, kept[0], s.t):
-                out[:width] = kept[:width]
+                record(s, j, kept[0], kept[1:])
             else:
-                out[0] = s.t
-                out[1:width] = s.y
+                record(s, j, s.t, s.y)
     s.sides[:] = 0.0
 
 

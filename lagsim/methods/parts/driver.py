@@ -280,7 +280,7 @@ def has_missed(s: State, p: Parameters) -> int:
     if x == 0.0:
         x = missed.find_defect(s, p)
         if s.defect_found > 0.0:
-            missed.expect_at(s, p, x)
+            missed.expect(s, p, x)
     if x == 0.0:
         return 0
     missed.reject_step(s, p, x)

@@ -333,24 +333,11 @@ def missed_within(s: SearchTable, p: Parameters) -> float:
             if inside or (high == 1.0 and s.t >= next_end(s, p)):
                 found = missed_about(s, p, k, x)
                 if found > 0.0:
-                    expect_at(s, p, found)
+                    expect(s, p, found)
                     return found
                 s.farthest[own] = value_at(SIGNAL, s, p, k, x)
         s.farthest[own] = max(s.farthest[own], away(s, k, s.ends))
     return 0.0
-
-
-def expect_at(s: SearchTable, p: Parameters, x: float) -> None:
-    """Raise sizes by the defect at the fraction x, unless a mode ends before x.
-
-    Past the end of a mode the step is no motion, and its rates may have any magnitude.
-    """
-    if SWITCHES:
-        rows_at(EVENT, s, p, x)
-        for k in range(s.surfaces):
-            if s.values[k] < least_allowed(EVENT, s, p, k):
-                return
-    expect(s)
 
 
 def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
@@ -434,12 +421,18 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
     return 0.0
 
 
-def expect(s: SearchTable) -> None:
-    """Raise the sizes of components by the changes that the defect at a row causes.
+def expect(s: SearchTable, p: Parameters, x: float) -> None:
+    """Raise the sizes of components by the changes that the defect at x causes.
 
-    Without these sizes the very beginning of a motion from rest would be controlled as
-    finely as denormal numbers.
+    x : the fraction of the last step. Without these sizes the very beginning of a
+    motion from rest would be controlled as finely as denormal numbers. Past the end of
+    a mode the step is no motion, and its rates may have any magnitude.
     """
+    if SWITCHES:
+        rows_at(EVENT, s, p, x)
+        for k in range(s.surfaces):
+            if s.values[k] < least_allowed(EVENT, s, p, k):
+                return
     n, delta = s.n, s.row_step
     sizes = s.sizes_before
     for i in range(n, s.size):

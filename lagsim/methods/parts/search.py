@@ -56,6 +56,7 @@ from lagsim.methods.parts.search_table import (
     row_is_known,
     rows,
     rows_at,
+    same_time,
     sample,
     sampled,
     store_ends,
@@ -63,7 +64,7 @@ from lagsim.methods.parts.search_table import (
     variation,
 )
 from lagsim.methods.parts.state import derivative, interpolate, located
-from lagsim.tolerances import SAME_INSTANT, SUM_ROUNDOFF
+from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.native.kernels.words import Static
@@ -499,8 +500,7 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             p.law_opens[k] = 1.0 if errs else 0.0
     shorten(s, high)
     # Rows at the same instant are the next arc's.
-    same = SAME_INSTANT * max(abs(s.t), abs(s.row_start))
-    s.row_limit = min(s.row_limit, s.t - same)
+    s.row_limit = min(s.row_limit, s.t - same_time(s, s.t))
 
 
 def shorten(s: SearchTable, x: float) -> None:
@@ -535,7 +535,7 @@ def find_located(s: Crossings, p: Parameters) -> int:
     if s.sections == 0 or s.searched >= 1.0:
         return 1
     end = s.cut if s.cut > 0.0 else 1.0
-    if s.t - s.step_t <= crossings.same_time(s, s.t):
+    if s.t - s.step_t <= same_time(s, s.t):
         s.searched = 1.0
         return 1
     if s.searched == 0.0:

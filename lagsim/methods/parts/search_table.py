@@ -32,7 +32,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import after, array, part
-from lagsim.tolerances import OVERFLOW, TINY
+from lagsim.tolerances import OVERFLOW, SAME_INSTANT, TINY
 
 if TYPE_CHECKING:
     from lagsim.native.kernels.words import Static
@@ -203,6 +203,11 @@ def facing(s: SearchTable, j: int) -> float:
     return -1.0 if s.sides[j] < 0.0 else 1.0
 
 
+def same_time(s: SearchTable, t: float) -> float:
+    """Return the largest difference from t of a time at the same instant."""
+    return SAME_INSTANT * max(abs(t), abs(s.row_start))
+
+
 def follows(s: SearchTable, k: int) -> bool:
     """Whether condition k is an inequality that is true, and located when it ends."""
     return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
@@ -338,48 +343,27 @@ def store_ends(
 # --- what is known of a row on a stretch
 
 
-def cubic(x: float, a: float, A: float, b: float, B: float) -> float:
-    """Return the value at x of the cubic with values a, b and slopes A, B at 0 and 1.
-
-    Examples
-    --------
-    >>> cubic(0.5, 0.0, 0.0, 1.0, 3.0)
-    0.125
-    """
-    P = 3.0 * (b - a) - 2.0 * A - B
-    Q = A + B - 2.0 * (b - a)
-    return a + x * (A + x * (P + x * Q))
-
-
 def width(s: SearchTable) -> float:
     """Return the length of the stretch, as a fraction of the step."""
     return float(s.places[2] - s.places[0])
 
 
-def off(s: SearchTable, k: int) -> float:
+def off(of_slope: Static, s: SearchTable, k: int) -> float:
     """Return |row k - the cubic of its ends| at the middle point of the stretch.
 
-    The cubic has the values and slopes of both ends.
-    """
-    A = width(s) * s.starts[rows(s) + k]
-    B = width(s) * s.ends[rows(s) + k]
-    value = cubic(BETWEEN, s.starts[k], A, s.ends[k], B)
-    return float(abs(value - s.middles[k]))
-
-
-def turned(s: SearchTable, k: int) -> float:
-    """Return |slope of row k - that of the cubic of its ends| at the middle point.
-
-    The difference is multiplied by the length of the stretch, and weighted, to be
-    comparable with `off`.
+    The cubic has the values and slopes of both ends. of_slope : 0, or 1 for the
+    difference of the slopes, times the length of the stretch and TURNED.
     """
     A = width(s) * s.starts[rows(s) + k]
     B = width(s) * s.ends[rows(s) + k]
     change = s.ends[k] - s.starts[k]
     P = 3.0 * change - 2.0 * A - B
     Q = A + B - 2.0 * change
-    slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-    return float(TURNED * abs(slope - width(s) * s.middles[rows(s) + k]))
+    if of_slope == 1:
+        slope = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+        return float(TURNED * abs(slope - width(s) * s.middles[rows(s) + k]))
+    value = s.starts[k] + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
+    return float(abs(value - s.middles[k]))
 
 
 def sampled(s: SearchTable, k: int, point: int) -> float:
@@ -415,7 +399,7 @@ def lowest(way: float, s: SearchTable, k: int, half: int) -> float:
 
 def error_between(s: SearchTable, k: int) -> float:
     """Return how far row k is from the cubic of its ends on the stretch, see `off`."""
-    return max(off(s, k), turned(s, k))
+    return max(off(0, s, k), off(1, s, k))
 
 
 def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
@@ -437,8 +421,8 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
         # The values of a condition that stays at 0 are rounding, within its leeway.
         rounding = s.leeway[k - s.surfaces]
         nothing = 2.0 * rounding
-    unknown = off(s, k) > max(enough, rounding)
-    if turned(s, k) > max(enough, TURNED / BESIDE * rounding):
+    unknown = off(0, s, k) > max(enough, rounding)
+    if off(1, s, k) > max(enough, TURNED / BESIDE * rounding):
         unknown = True
     return not unknown or max(abs(a), abs(m), abs(b)) <= nothing
 

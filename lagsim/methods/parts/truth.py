@@ -337,15 +337,6 @@ def may_change(s: SearchTable) -> bool:
     return False
 
 
-def error_of_value(s: SearchTable, k: int) -> float:
-    """Return the error of condition k's value by the error of the state, in tolerances.
-
-    0 if this is not finite.
-    """
-    slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
-    return error_of_state(s, slopes, s.dynamic.stop, 0.0)
-
-
 def become(s: SearchTable, rated: int) -> int:
     """Find the conditions that became true; store the sides of conditions now false.
 
@@ -364,7 +355,8 @@ def become(s: SearchTable, rated: int) -> int:
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))
         if rated > 0 and side != 0.0 and not true:
-            error = error_of_value(s, k)
+            slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
+            error = error_of_state(s, slopes, s.dynamic.stop, 0.0)
             leap = s.former[k] * side - miss
             true = miss <= error and LEAP * leap > error
         s.marked[k] = 0.0
