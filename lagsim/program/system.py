@@ -75,21 +75,20 @@ _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
 )
-_SEEN = (ctypes.c_double, ctypes.c_double)
 # Kernels that a run calls at an instant: of sections, and of conditions.
 _SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     crossings.meet_instant: (None, (_POINTER, _POINTER)),
     crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
 }
 _CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    truth.look: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
-    truth.located_within: (ctypes.c_double, (_POINTER, _POINTER, *_SEEN)),
-    truth.wait: (ctypes.c_int64, (_POINTER, _POINTER, *_SEEN)),
-    truth.see: (None, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
+    truth.look: (None, (_POINTER, _POINTER, ctypes.c_int64)),
+    truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
+    truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
+    truth.see: (None, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.meet: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.hold: (None, (_POINTER, _POINTER)),
     truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64, *_SEEN)),
+    truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.turn: (None, (_POINTER, _POINTER)),
 }
 _TABULATE = (

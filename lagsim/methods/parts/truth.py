@@ -22,7 +22,7 @@ from __future__ import annotations
 from math import inf
 
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.search_table import SearchTable, error_of_state
+from lagsim.methods.parts.search_table import SearchTable, error_of_state, same_time
 from lagsim.methods.parts.state import derivative, located, located_slopes
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
 
@@ -43,35 +43,28 @@ NEAR = 4.0
 LEAP = 2.0**-20
 
 
-def look(
-    s: SearchTable, p: Parameters, found: int, width: float, tolerance: float
-) -> None:
+def look(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
 
     The three arrays are the values, the sizes up to which a value counts as 0, and the
-    rates.
-
-    Parameters
-    ----------
-    found : int
-        Index of the condition located there, or -1; its value there bounds the error
-        of the state.
-    width : float
-        Largest difference of times at one instant.
-    tolerance : float
-        Relative tolerance of the run.
+    rates. found : the index of the condition located there, or -1; its value there
+    bounds the error of the state.
     """
     slopes, rates = s.condition_slopes, s.exact_rates
     evaluate(s, p)
     located_slopes(s.t, s.y, p, slopes)
-    set_rates(s, p)
+    if RATED:
+        derivative(s.t, s.y, p, rates)
+    velocities = s.y[s.velocities]
+    for i in range(s.n):
+        rates[i] = velocities[i]
     part = SUM_ROUNDOFF
     if found >= 0:
         terms = terms_of(s, found)
         value = abs(s.worth[found])
         if value <= LOCATED * terms:
             part = max(part, 2.0 * value / terms if terms > 0.0 else 2.0 * value)
-    least = max(RESIDUAL_ROUNDOFF, tolerance)
+    least = max(RESIDUAL_ROUNDOFF, float(s.rtol))
     width_of = s.dynamic.stop + 1
     for k in range(s.conditions):
         row = slopes[s.conditions + k * width_of :]
@@ -85,7 +78,7 @@ def look(
         if not known or not abs(change) > least * moved:
             change = 0.0
         s.trend[k] = change
-        s.zero[k] = part * terms_of(s, k) + width * abs(change)
+        s.zero[k] = part * terms_of(s, k) + same_time(s, s.t) * abs(change)
 
 
 def evaluate(s: SearchTable, p: Parameters) -> None:
@@ -96,19 +89,6 @@ def evaluate(s: SearchTable, p: Parameters) -> None:
     located(s.t, s.y, p, s.worth)
     for k in range(s.conditions):
         s.worth[k] += s.ahead[k]
-
-
-def set_rates(s: SearchTable, p: Parameters) -> None:
-    """Store y' at the state reached in `exact_rates` (size,).
-
-    Where y' is not known at an instant, only the velocities are stored.
-    """
-    rates = s.exact_rates
-    if RATED:
-        derivative(s.t, s.y, p, rates)
-    velocities = s.y[s.velocities]
-    for i in range(s.n):
-        rates[i] = velocities[i]
 
 
 def seen(s: SearchTable, i: int) -> float:
@@ -143,27 +123,23 @@ def error_of_time(s: SearchTable, k: int) -> float:
     return float(s.zero[k]) / rate if rate > 0.0 else 0.0
 
 
-def located_within(
-    s: SearchTable, p: Parameters, width: float, tolerance: float
-) -> float:
+def located_within(s: SearchTable, p: Parameters) -> float:
     """Return the rounding error of the time of the condition located last, or 0.
 
-    0 if no condition is located. Parameters: see `look`.
+    0 if no condition is located.
     """
     found = int(s.event) - 1
     if found < 0:
         return 0.0
-    look(s, p, found, width, tolerance)
+    look(s, p, found)
     return error_of_time(s, found)
 
 
-def see(
-    s: SearchTable, p: Parameters, found: int, width: float, tolerance: float
-) -> None:
+def see(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate the conditions at the state just before an instant.
 
     Rates are evaluated only where a condition may change; `calm` becomes 1 if no
-    condition can change unless the state jumps. Parameters: see `look`.
+    condition can change unless the state jumps. found : see `look`.
     """
     s.met_first = float(found)
     s.calm = 0.0
@@ -181,7 +157,7 @@ def see(
             s.calm = 0.0
     if not far:
         s.calm = 0.0
-        look(s, p, found, width, tolerance)
+        look(s, p, found)
 
 
 def is_calm(s: SearchTable, k: int, least: float) -> bool:
@@ -230,18 +206,17 @@ def mark(s: SearchTable) -> int:
     return count
 
 
-def wait(s: SearchTable, p: Parameters, width: float, tolerance: float) -> int:
+def wait(s: SearchTable, p: Parameters) -> int:
     """Decide whether the conditions just located wait for a more precise one.
 
     The time at which a condition is located has an error by rounding. If another
     condition becomes true within this error, both belong to one instant, at the time of
     the condition with the smaller error. Until then the motion continues, and the
     others are located later, by twice their rounding. Return 1 if they wait, else 0.
-    Parameters: see `look`.
     """
     found = int(s.event) - 1
     s.met_first = float(found)
-    look(s, p, found, width, tolerance)
+    look(s, p, found)
     mark(s)
     late = 0.0
     for k in range(s.conditions):
@@ -286,13 +261,11 @@ def change(s: SearchTable, p: Parameters) -> int:
     return become(s, 0)
 
 
-def settle(
-    s: SearchTable, p: Parameters, jumped: int, width: float, tolerance: float
-) -> int:
+def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
     """Find the conditions that become true at the state just after the instant.
 
     Return the number of conditions; `marked` is 1 for each. jumped : 1 if velocities or
-    modes may have jumped, else 0. Other parameters: see `look`.
+    modes may have jumped, else 0.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
@@ -304,7 +277,7 @@ def settle(
         evaluate(s, p)
     if not may_change(s):
         return 0
-    look(s, p, -1, width, tolerance)
+    look(s, p, -1)
     count = become(s, 1)
     turn(s, p)
     return count

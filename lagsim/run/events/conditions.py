@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from lagsim.run.instants import width
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
@@ -37,8 +35,7 @@ def located_within(arc: Arc) -> float:
 
     The time is that at which the condition became true; 0 if no condition was located.
     """
-    truth = Truth(arc)
-    return truth.run("located_within", *truth.tolerances)
+    return Truth(arc).run("located_within")
 
 
 def is_postponed(arc: Arc) -> bool:
@@ -46,8 +43,7 @@ def is_postponed(arc: Arc) -> bool:
 
     Both events belong to one instant, see `truth.wait`.
     """
-    truth = Truth(arc)
-    return truth.run("wait", *truth.tolerances) > 0
+    return Truth(arc).run("wait") > 0
 
 
 def rounding_of_start(arc: Arc) -> Floats:
@@ -95,12 +91,6 @@ class Truth:
             self.decided = bytes(words)
             words[:] = self.before
 
-    @property
-    def tolerances(self) -> tuple[float, float]:
-        """Largest time difference in an instant, and the run's relative tolerance."""
-        arc = self.arc
-        return width(arc.settings, arc.t), float(arc.plan.tolerance)
-
     def run(self, kernel: str, *arguments: float) -> float:
         """Call a kernel of `methods.parts.truth` by its name, and return its result."""
         call = self._kernels[kernel]
@@ -114,7 +104,7 @@ class Truth:
         is false from then on.
         """
         state, equation = self.state, self.state.equation > 0.0
-        self.run("look", -1, *self.tolerances)
+        self.run("look", -1)
         np.maximum(state.zero, rounding_of_start(self.arc), out=state.zero)
         values, zero, fixed = state.worth, state.zero, np.isinf(state.leeway)
         off = (np.abs(values) > zero) & ((values < 0.0) | equation) & ~fixed
@@ -188,7 +178,7 @@ class Truth:
 
         found : index of the condition located at the instant, or -1.
         """
-        self.run("see", found, *self.tolerances)
+        self.run("see", found)
 
     def met(self) -> set[int]:
         """Return indices of the conditions that the motion satisfies at the instant.
@@ -233,7 +223,7 @@ class Truth:
         """
         jumped = int(struck or self.set_by_modes)
         self._look_ahead()
-        return self._marked(self.run("settle", jumped, *self.tolerances))
+        return self._marked(self.run("settle", jumped))
 
     def _marked(self, count: float) -> set[int]:
         """Return the indices of the conditions that the last kernel has marked as true.
