@@ -66,6 +66,16 @@ def test_a_damped_fast_mode_is_passed_over(text):
     assert found.drift < 1e-2 * np.ptp(found["potential"])
 
 
+@pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+def test_a_series_finds_a_damped_fast_mode_within_its_first_steps(rtol):
+    text = DAMPED.replace("rtol: 1e-7", f"rtol: {rtol}")
+    found = run(text.replace("duration: 1, output_step: 0.05", "duration: 0.01"))
+    [choice] = found.trajectory.choices
+    assert choice.choice.startswith("method: radau from t = ")
+    # A check after 20,000 steps finds it at the latest.
+    assert found.trajectory.statistics.steps < 1000
+
+
 def test_a_quiet_oscillation_is_passed_over_and_what_follows_stays():
     found = run(QUIET.replace("TOLERANCE", "1e-5"))
     assert found.trajectory.choices
