@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import ast
 import builtins
+import functools
 import inspect
 import math
 import textwrap
 from types import FunctionType, ModuleType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from lagsim.native.kernels import words
 from lagsim.native.kernels.keys import KernelError, is_static, memories
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from types import CodeType
 
     from lagsim.native.kernels.keys import Static
@@ -37,6 +38,19 @@ def static_parameters(function: FunctionType) -> list[str]:
     """Return the names of the parameters that are known at translation."""
     kinds = inspect.unwrap(function).__annotations__.items()
     return [name for name, kind in kinds if kind == "Static"]
+
+
+@functools.cache
+def parsed(function: Callable[..., Any]) -> ast.stmt:
+    """Return the definition of a function, with the line numbers of its file.
+
+    It is shared by all translations of the function, and must not be changed.
+    """
+    lines, first = inspect.getsourcelines(function)
+    tree = ast.parse(textwrap.dedent("".join(lines)))
+    ast.increment_lineno(tree, first - 1)
+    [node] = tree.body
+    return node
 
 
 class KernelText:
@@ -70,10 +84,7 @@ class KernelText:
         self.name = function.__name__
         plain = inspect.unwrap(function)
         self.file = plain.__code__.co_filename
-        lines, first = inspect.getsourcelines(plain)
-        tree = ast.parse(textwrap.dedent("".join(lines)))
-        ast.increment_lineno(tree, first - 1)
-        [node] = tree.body
+        node = parsed(plain)
         if not isinstance(node, ast.FunctionDef):
             raise self.error(node, "a kernel is a function made by `def`")
         self.node = node
