@@ -338,18 +338,32 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
 
 
 class Measured(NamedTuple):
-    """The result of an experiment, as it is written and reported."""
+    """The result of an experiment, as it is written and reported.
 
-    # The manifest, to which the list of files is added, and the other files by name.
+    Attributes
+    ----------
+    document : dict
+        The manifest, to which the list of files is added.
+    tables : mapping of str to bytes
+        The contents of the other files, by name.
+    chart : str
+        The name of the file of the chart.
+    draw : callable or None
+        Returns the content of the chart; None without a chart.
+    summary : callable
+        Returns the closing lines, for a text on the files.
+    remarks : sequence of str
+        Lines for stderr.
+    code : int
+        The exit code, unless a signal ends the command.
+    """
+
     document: dict[str, Any]
     tables: Mapping[str, bytes]
-    # The name of the chart, and the function that draws it; None without a chart.
     chart: str
     draw: Callable[[], bytes] | None
-    # Returns the closing lines for a text on the files; and lines for stderr.
     summary: Callable[[str], str]
     remarks: Sequence[str] = ()
-    # The exit code, if no signal has another.
     code: int = 0
 
 

@@ -193,7 +193,31 @@ KEPT_AFTER_SECONDS = 3.0
 
 
 class RunRequest(NamedTuple):
-    """Options of a run and of its files, see the help of the command."""
+    """Options of a run and of its files, see the help of the command.
+
+    Attributes
+    ----------
+    error_bars : ErrorBars
+        When a repeat with a tighter tolerance estimates the error.
+    table : TableFormat
+        The format of the table of rows.
+    show_units : bool
+        Whether the table has a row of units.
+    plots : PictureFormat or None
+        The format of pictures; None for no pictures.
+    animate : bool
+        Whether a page that plays the motion is written.
+    resume : bool
+        Whether an interrupted run is continued from its last checkpoint.
+    quiet : bool
+        Whether no summary is printed.
+    strict : bool
+        Whether a warning is exit code 1.
+    varied : sequence of str
+        Names by which sensitivities are computed.
+    no_limits : bool
+        Whether limits on the size of models are lifted.
+    """
 
     error_bars: ErrorBars
     table: TableFormat

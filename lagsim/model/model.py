@@ -640,17 +640,66 @@ class TurningFrame(NamedTuple):
 class Model:
     """Mechanical model: all content of the file but the settings of its integration.
 
-    `kinetic` and `potential` are None where the file has `lagrangian`, which is
-    `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
-    every velocity, in the order of the coordinates, positions first, then of `states`
-    and the start values of definitions. Modes are the last of `parameters`, which
-    `events` set; `until` ends a run. `bind` and `settings` evaluate `stated`. `unused`
-    are parameters that no expression uses. `places` are the places of parameters,
-    coordinates, definitions and energies in the file. `gimbals` are the frames by three
-    angles, `frames` the frames in space, parents first, and `quaternions` the
-    constraints on the lengths of quaternions; `idle` has texts on parts of the file
-    without effect. `hidden` are definitions that the file implies, such as the entries
-    of a frame's matrix `frame.arm.2.xy`.
+    Expressions are nodes of `graph`. Start values and settings are evaluated by `bind`
+    and `settings`.
+
+    Attributes
+    ----------
+    name : str
+        The name of the model, by default that of its file.
+    file : str
+        The path of the file, as given.
+    sha256 : str
+        The digest of the text of the file.
+    graph : Graph
+        The graph of all expressions.
+    parameters : tuple of Parameter
+        Parameters with their values; the last are the modes, which `events` set.
+    coordinates : tuple of Coordinate
+    definitions : tuple of Definition
+    lagrangian : int
+        Node of the Lagrangian: `kinetic - potential`, or `lagrangian` of the file.
+    kinetic, potential : int or None
+        Nodes of the energies; None where the file has `lagrangian`.
+    dissipation : int or None
+        Node of Rayleigh's function; None where the file has none.
+    forces : tuple of Force
+        Generalised forces on coordinates and definitions.
+    constraints : tuple of Constraint
+        Equality constraints, contacts, limits and friction, in the order of the file.
+    initial : tuple of InitialValue
+        An entry for every coordinate and every velocity, in the order of the
+        coordinates, positions first, then of `states` and of the start values of
+        definitions.
+    until : Relation or None
+        The condition that ends a run; None where the file has none.
+    scene : Scene
+        Points, lines and shapes to draw.
+    output : Output
+        Requests for columns, plots and sections.
+    stated : Stated
+        The expressions of values as in the file, from which other values are bound.
+    description, source : str
+        Texts for readers.
+    unused : tuple of str
+        Parameters that no expression uses.
+    states : tuple of FirstOrderState
+    events : tuple of Transition
+        Events of the file, which set modes or states, or give impulses.
+    gimbals : tuple of Gimbal
+        Frames by three angles.
+    frames : tuple of TurningFrame
+        Frames in space, parents first.
+    quaternions : frozenset of str
+        Names of the constraints on the lengths of quaternions.
+    idle : tuple of str
+        Texts on parts of the file without effect.
+    tables : tuple of Table
+    hidden : tuple of Definition
+        Definitions that the file implies, such as the entries of a frame's matrix
+        `frame.arm.2.xy`.
+    places : mapping of str to Place
+        Places in the file of parameters, coordinates, definitions and energies.
     """
 
     name: str
