@@ -60,10 +60,15 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
     z : complex
         The step times the eigenvalue of the mode.
     """
+    with np.errstate(all="ignore"):
+        return _exceeds(amplification, z)
+
+
+def _exceeds(amplification: Amplification, z: complex) -> bool:
+    """Return the result of `exceeds`; numpy may warn of overflows."""
     grows = max(0.0, z.real)
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
-    with np.errstate(all="ignore"):
-        found = amplification(z)
+    found = amplification(z)
     return not found <= allowed * (1.0 + SAME_RESULT)
 
 
@@ -83,19 +88,20 @@ def stability_limit(
     factor : float
         The ratio of consecutive |z| that are examined.
     """
-    if exceeds(amplification, AT_ONCE * direction):
-        return 0.0
-    low, high = AT_ONCE, SMALLEST
-    while not exceeds(amplification, high * direction):
-        if high >= most:
-            return math.inf
-        low, high = high, high * factor
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        if exceeds(amplification, middle * direction):
-            high = middle
-        else:
-            low = middle
+    with np.errstate(all="ignore"):  # once, since it costs a third of an amplification
+        if _exceeds(amplification, AT_ONCE * direction):
+            return 0.0
+        low, high = AT_ONCE, SMALLEST
+        while not _exceeds(amplification, high * direction):
+            if high >= most:
+                return math.inf
+            low, high = high, high * factor
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            if _exceeds(amplification, middle * direction):
+                high = middle
+            else:
+                low = middle
     return high
 
 

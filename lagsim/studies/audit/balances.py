@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from itertools import pairwise, zip_longest
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -227,9 +227,13 @@ def energy_jumps(equations: Equations, balance: Balance) -> Floats:
     if not energy.switches:
         return np.zeros(len(rows))
     worst = rows[0] if balance.worst_row is None else balance.worst_row
-    ways = pairwise([worst[: rows.shape[1]], *rows])
+    states = np.vstack([worst[: rows.shape[1]], rows])
+    sides = energy.sides_of_rows(states)
     least = COMPUTED_ZERO * balance.in_play
-    return np.array([energy.jump(a, b, least) for a, b in ways])
+    found = np.zeros(len(rows))
+    for k in np.flatnonzero((sides[:, 1:] != sides[:, :-1]).any(axis=0)):
+        found[k] = energy.jump(states[k], states[k + 1], least)
+    return found
 
 
 def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
@@ -273,6 +277,16 @@ class Energy:
         """
         values = zip(self._values(self.switches, state), self.cut, strict=True)
         return [math.copysign(1.0, x) if cut else float(x) for x, cut in values]
+
+    def sides_of_rows(self, states: Floats) -> Floats:
+        """Return the numbers of `sides` for states in rows, shape (switches, k).
+
+        states : (k, 1 + 2 n).
+        """
+        values = self.parameters | dict(zip(self.names, states.T, strict=True))
+        found = evaluate_rows(self.graph, self.switches, values, len(states))
+        cut = np.array(self.cut)[:, np.newaxis]
+        return np.where(cut, np.copysign(1.0, found), found)
 
     def jump(self, a: Floats, b: Floats, least: float) -> float:
         """Return the sum of the jumps of the energy on the straight line from a to b.
