@@ -62,6 +62,10 @@ _SCRIPT = re.compile(
 _CHECKS = re.compile(r"\b(strict|slots|frozen)=$")
 # How a file of kernels says so: by its words, or by what a kernel takes.
 _KERNELS = re.compile(r"native\.kernels\.words import|\bs: \w+, p: Parameters")
+# Tests in pytest's summary that fail, with the reason behind their names.
+_FAILED = re.compile(r"(?m)^(?:FAILED|ERROR) (\S.*)$")
+# In place of the tests that fail, where pytest does not say which these are.
+NO_RESULT = "(no result)"
 # What pytest says of how long tests took.
 _DURATION = re.compile(r"(?m)^(\d+\.\d+)s (?:setup|call) +(\S.*)$")
 
@@ -201,8 +205,13 @@ def rooms_of(commit: str) -> tuple[str, ...]:
     return ("page", *(2 * others)[first : first + A_NIGHT])
 
 
-def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]:
-    """Return `count` mutants by the hash of a commit, from some rooms in turn."""
+def chosen(
+    commit: str, count: int, rooms: tuple[str, ...] = (), part: str = ""
+) -> list[Mutant]:
+    """Return `count` mutants by the hash of a commit, from some rooms in turn.
+
+    part : a text in the paths of all files that are changed.
+    """
     names = rooms or rooms_of(commit)
     every: dict[str, list[Mutant]] = {}
     found: list[Mutant] = []
@@ -212,6 +221,7 @@ def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]
         room = names[(first + len(found)) % len(names)]
         if room not in every:
             paths = sorted((ROOT / "lagsim").glob(ROOMS[room].files))
+            paths = [path for path in paths if part in path.as_posix()]
             every[room] = [
                 mutant
                 for path in paths
@@ -262,7 +272,7 @@ class Copy:
         The limit holds for each process; a process that waits for others ends at four
         times the limit, later on a busy machine.
         """
-        line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+        line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
         # With the settings' `--dist` coverage waits for workers, and names no test.
         line += ["--no-header", "-n0", "--dist=no", *options]
         limited = ["sh", "-c", f'ulimit -t {math.ceil(limit)}; exec "$@"', "sh"]
@@ -290,7 +300,7 @@ class Copy:
         cover = [tests, "--cov=lagsim", "--cov-context=test", "--cov-report="]
         shown = ["--durations=0", "--durations-min=0"]
         code, text = self._pytest(
-            [*cover, *shown], cases, self.cache, 3600.0 * PATIENCE
+            ["-x", *cover, *shown], cases, self.cache, 3600.0 * PATIENCE
         )
         assert code == 0, f"{tests} fail without a mutant:\n{text[-2000:]}"
         seconds: dict[str, float] = {}
@@ -311,6 +321,20 @@ class Copy:
 
     def notices(self, mutant: Mutant, tests: Sequence[str], limit: float) -> bool:
         """Return whether a test fails, crashes or hangs with a mutant."""
+        return bool(self.killers(mutant, tests, limit, ["-x"]))
+
+    def killers(
+        self,
+        mutant: Mutant,
+        tests: Sequence[str],
+        limit: float,
+        options: Sequence[str] = (),
+    ) -> set[str]:
+        """Return the tests that fail where a mutant is in, or that have no result.
+
+        With the option `-x` only the first of them. If pytest crashes, is ended at its
+        limit, or cannot read a file of tests, the set is {NO_RESULT}.
+        """
         # What a broken mutant leaves in the cache is not for the next one.
         shutil.rmtree(self.used, ignore_errors=True)
         shutil.copytree(self.cache, self.used)
@@ -319,16 +343,24 @@ class Copy:
         text = path.read_text("utf-8")
         path.write_text(mutant.applied(text), "utf-8")
         try:
-            code, said = self._pytest([f"@{chosen}"], "all", self.used, limit)
+            options = [*options, "-rfE", f"@{chosen}"]
+            code, said = self._pytest(options, "all", self.used, limit)
         finally:
             path.write_text(text, "utf-8")
         # 4: the file of a test that is named cannot be read.
         assert code in (None, 0, 1, 2, 3, 4), said[-2000:]
-        return code != 0
+        if not code:
+            return set() if code == 0 else {NO_RESULT}
+        lines = _FAILED.findall(said)
+        found = {
+            max((x for x in tests if line.startswith(x)), key=len, default=line)
+            for line in lines
+        }
+        return found or {NO_RESULT}
 
 
 def exercising(
-    mutant: Mutant, text: str, clean: Sequence[Clean]
+    mutant: Mutant, text: str, clean: Sequence[Clean], most: float = MOST
 ) -> tuple[list[str], float]:
     """Return tests that may detect a mutant, the soonest first, and their time limit.
 
@@ -350,7 +382,7 @@ def exercising(
         known.add(family)
     found, total = [], 0.0
     for *_, test in sorted(ranked):
-        if total + seconds.get(test, 0.0) <= MOST or not found:
+        if total + seconds.get(test, 0.0) <= most or not found:
             found.append(test)
             total += seconds.get(test, 0.0)
     return found, STARTING + 3.0 * total
