@@ -12,6 +12,10 @@ import pytest
 from lagsim.cli import main
 from lagsim.run.observers.monitors import ResidualMonitor
 from tests.blank_pictures import blank_pictures  # noqa: F401  a fixture
+from tests.small_scenes import PENDULUM
+
+# The files of the pendulum's golden, by name: stored once in each process.
+_GOLDEN: dict[str, bytes] = {}
 
 
 @dataclass(frozen=True)
@@ -85,3 +89,16 @@ def write(tmp_path):
         return name
 
     return write
+
+
+@pytest.fixture
+def stored(lagsim, write, tmp_path):
+    """Write the pendulum and its golden; return the name of the model's file."""
+    file, folder = write(PENDULUM, "pendulum.yaml"), tmp_path / "golden"
+    if not _GOLDEN:
+        assert lagsim("golden", file, "--update", "-q").code == 0
+        _GOLDEN.update((path.name, path.read_bytes()) for path in folder.iterdir())
+    folder.mkdir(exist_ok=True)
+    for name, content in _GOLDEN.items():
+        (folder / name).write_bytes(content)
+    return file

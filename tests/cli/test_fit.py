@@ -100,7 +100,8 @@ def test_a_model_without_duration_needs_the_option(lagsim, write, data):
 
 
 def test_files_of_others_are_not_replaced(lagsim, write, data):
-    path, again = write(MODEL), ("--vary", "x", "--no-plots", "-q")
+    path = write(MODEL)
+    again = "--vary", "x", "--set", "k=10", "--no-plots", "-q"
     other = MODEL.replace("m: 1", "mass: 1").replace("m*", "mass*")
     Path("other.yaml").write_text(other)
     Path("thesis.txt").write_text("to keep")
@@ -125,7 +126,17 @@ def test_files_of_others_are_not_replaced(lagsim, write, data):
 
 def test_the_fitted_file_of_another_model_is_removed(lagsim, write, data):
     # A folder has the files of one fit; a file that was changed since stays.
-    again = data("a.csv"), "--vary", "x", "--no-plots", "-q", "-o", "out"
+    again = (
+        data("a.csv"),
+        "--vary",
+        "x",
+        "--set",
+        "k=10",
+        "--no-plots",
+        "-q",
+        "-o",
+        "out",
+    )
     kept = set()
     for name in ("one", "two", "three"):
         lagsim("fit", write(MODEL.replace("spring", name)), *again, code=0)

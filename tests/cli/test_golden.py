@@ -12,15 +12,9 @@ from tests.outputs.drawn import noted
 from tests.small_scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
 
-@pytest.fixture
-def stored(lagsim, write):
-    """Store the pendulum's golden; return the name of the model's file."""
-    file = write(PENDULUM, "pendulum.yaml")
-    assert lagsim("golden", file, "--update", "-q").code == 0
-    return file
-
-
-def test_a_golden_and_its_files(lagsim, stored):
+def test_a_golden_and_its_files(lagsim, write):
+    stored = write(PENDULUM, "pendulum.yaml")
+    assert lagsim("golden", stored, "--update", "-q").code == 0
     assert sorted(p.name for p in Path("golden").iterdir()) == [
         "pendulum.csv",
         "pendulum.json",

@@ -25,9 +25,8 @@ def test_what_a_shell_gives_as_a_file_is_read(write):
     assert (run.returncode, run.stderr) == (0, "")
 
 
-def test_a_pipe_is_no_table_and_no_golden(lagsim, write):
-    model = write(PENDULUM)
-    assert lagsim("golden", model, "--update").code == 0
+def test_a_pipe_is_no_table_and_no_golden(lagsim, stored):
+    model = stored
     lagsim("run", model, "-o", "out", "--no-plots")
     os.mkfifo("pipe.csv")
     called = lagsim("compare", "out/trajectory.csv", "pipe.csv")
@@ -35,7 +34,7 @@ def test_a_pipe_is_no_table_and_no_golden(lagsim, write):
     os.mkfifo("pipe.json")
     called = lagsim("bench", "pipe.json")
     assert (called.code, called.reports("E101")) == (2, True)
-    for name, number in (("model.csv", "E602"), ("model.json", "E604")):
+    for name, number in (("pendulum.csv", "E602"), ("pendulum.json", "E604")):
         kept = Path("golden", name).read_bytes()
         Path("golden", name).unlink()
         os.mkfifo(Path("golden", name))
@@ -67,18 +66,18 @@ def test_a_golden_is_not_written_through_links(lagsim, write):
 
 
 @pytest.mark.parametrize("call", ["write", "fsync"])
-def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, call):
-    model = write(PENDULUM)
-    assert lagsim("golden", model, "--update").code == 0
+def test_a_golden_is_replaced_whole_or_not_at_all(
+    lagsim, write, stored, monkeypatch, call
+):
     before = contents("golden")
-    write(PENDULUM.replace("g: 9.8", "g: 1.6"))
+    write(PENDULUM.replace("g: 9.8", "g: 1.6"), stored)
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr(os, call, full)
-        called = lagsim("golden", model, "--update")
+        called = lagsim("golden", stored, "--update")
     assert called.code == 2
     assert called.reports("E701"), called.err
     assert contents("golden") == before

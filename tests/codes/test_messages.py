@@ -1,6 +1,7 @@
 """One table of messages: all that the code says, each with a number and an example."""
 
 import ast
+import functools
 import re
 import shlex
 
@@ -71,17 +72,23 @@ def test_each_says_what_is_found_and_expected_and_what_to_try():
 # --- the code -------------------------------------------------------------------------
 
 
+@functools.cache
 def _modules():
-    """Yield the syntax tree of each module that reports messages."""
+    """Return path and nodes of each module that has a message, or a code as text."""
+    found = []
+    codes = re.compile('"(' + "|".join({*errors(), *cautions()}) + ')"')
     for path in (ROOT / "lagsim").rglob("*.py"):
-        if "codes" not in path.parts:
-            yield path, ast.parse(path.read_text("utf-8"))
+        text = path.read_text("utf-8")
+        mentions = "codes.known" in text or "known." in text or codes.search(text)
+        if "codes" not in path.parts and mentions:
+            found.append((path, [*ast.walk(ast.parse(text))]))
+    return found
 
 
-def _imported(tree):
+def _imported(nodes):
     """Return the names that a module imports from `known`, or reads from it."""
-    found = {x.attr for x in ast.walk(tree) if isinstance(x, ast.Attribute)}
-    for x in ast.walk(tree):
+    found = {x.attr for x in nodes if isinstance(x, ast.Attribute)}
+    for x in nodes:
         if isinstance(x, ast.ImportFrom) and x.module == "lagsim.codes.known":
             found |= {name.name for name in x.names}
     return found
@@ -89,7 +96,7 @@ def _imported(tree):
 
 def test_every_message_is_used():
     """An unknown code cannot be imported; here are rows that no module imports."""
-    used = set().union(*(_imported(tree) for _, tree in _modules()))
+    used = set().union(*(_imported(nodes) for _, nodes in _modules()))
     constants = {x for x in vars(known) if x.isupper() and x != "TYPE_CHECKING"}
     assert constants - used == set()
     assert {getattr(known, x) for x in constants} == {*errors(), *cautions()}
@@ -100,8 +107,8 @@ def test_codes_are_imported():
     hyphenated = {x for x in (*errors(), *cautions()) if "-" in x}
     found = [
         (path.name, x.lineno, argument.value)
-        for path, tree in _modules()
-        for x in ast.walk(tree)
+        for path, nodes in _modules()
+        for x in nodes
         if isinstance(x, ast.Call)
         for argument in (*x.args, *(k.value for k in x.keywords))
         if isinstance(argument, ast.Constant) and argument.value in hyphenated

@@ -29,7 +29,8 @@ def check(seed, **options):
         assert states == pytest.approx(rows, abs=30.0 * near), about
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_sections_of_flights(seed):
     check(seed)
 

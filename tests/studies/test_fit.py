@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
@@ -272,7 +272,7 @@ def test_standard_errors_of_a_linear_model(deviation):
     free = len(TIMES) - 2
     size = deviation or math.sqrt(left @ left / free)
     cov = size**2 * np.linalg.inv(A.T @ A)
-    wide = 1.959963984540054 if deviation else student.ppf(0.975, free)
+    wide = 1.959963984540054 if deviation else stdtrit(free, 0.975)
     for k, name in enumerate(("x", "x_dot")):
         one, error = found["parameters"][name], math.sqrt(cov[k, k])
         assert one["value"] == pytest.approx(best[k], abs=1e-7 * error)

@@ -149,7 +149,8 @@ def test_what_stands_on_legs_stays(corners, height):
     assert np.max(np.abs(checkpoints.rows[:, 2:])) < 1e-12
 
 
-@pytest.mark.parametrize("duration", [1, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("duration", [1, 30])
 def test_a_string_that_hangs_at_rest_does_not_move(duration):
     """Reactions balance the weights but for the rounding of the whole string."""
     text = f"""
