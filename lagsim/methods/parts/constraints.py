@@ -192,6 +192,7 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 CLOSE = 0.03
 # How much faster than it has been seen to sigma may change.
 MARGIN = 1.5
+FASTER = 4.0
 # Fractions of a step at which a loss of rank may lie: BETWEEN, or up to LATEST, or
 # `early` if the loss is near, or up to AT_ONCE. There no method has a stage: `dop853`
 # has stages at 0, 0.05, 0.08, 0.12, then from 0.25 to 0.33, and from 0.60 on; `dopri5`
@@ -236,8 +237,12 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
     """Store sigma after a step of length h, and sigma at the middle of the step.
 
     sigma : the value after the step. Sigma may vanish within a long step and have equal
-    values at both ends.
+    values at both ends; it is not evaluated between these if it would have to change
+    faster than at any time so far by the factor FASTER.
     """
+    if s.sigma + sigma > FASTER * s.sigma_slope * h > 0.0:
+        record_sigma(s, sigma, h)
+        return
     record_sigma(s, sigma_at(s, p, 0.5), 0.5 * h)
     watched = s.watched
     record_sigma(s, sigma, 0.5 * h)
