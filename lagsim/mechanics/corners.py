@@ -24,7 +24,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient
-from lagsim.mechanics.surfaces import Corner, on_both_sides
+from lagsim.mechanics.surfaces import Corner
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.surfaces import Side
     from lagsim.mechanics.switches import Switches
 
 
@@ -60,7 +59,7 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
     followers = _followers(g, switches)
     found = {}
     for k, side in enumerate(switches.sides):
-        own = {g.variable(x) for x in (side.variable, *dict(followers[k]))}
+        own = {g.variable(x) for x in followers[k]}
         bent = [(r, row) for r, row in held if not own.isdisjoint(g.cone(slopes[r]))]
         (u,) = switches.freeze([side.node])
         if not bent or fast & g.depends([u]):
@@ -70,11 +69,11 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         if square == g.zero:
             continue
         levers = [g.zero] * (1 + len(e.multipliers))
-        levers[0] = _along(g, side, followers[k], switches.freeze(e.f), J, square)
+        levers[0] = _along(g, switches.freeze(e.f), J, square)
         for r, _ in bent:
-            levers[1 + r] = _along(g, side, followers[k], slopes[r], J, square)
+            levers[1 + r] = _along(g, slopes[r], J, square)
         names = tuple(row.name for _, row in bent)
-        found[k] = Corner(f"push.{k}", tuple(levers), names, followers[k])
+        found[k] = Corner(f"push.{k}", tuple(levers), names)
     return found
 
 
@@ -86,57 +85,39 @@ def _is_equality(e: Equations, r: int, row: Row) -> bool:
     )
 
 
-def _followers(g: Graph, switches: Switches) -> list[tuple[tuple[str, int], ...]]:
-    """Return, for each side, the other sides that may change together with it.
+def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:
+    """Return, for each side, the mode variables that may change with it, and its own.
 
     A side may change with another side if its expression depends on that side, directly
-    or through further sides; see `Corner.followers` for the form.
+    or through further sides. The argument of `abs(mod(x, 2) - 1)` jumps with the
+    `floor` of `mod`, from 1 to -1, where the value of `abs` is continuous.
     """
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]
     found = []
     for side in switches.sides:
-        changed, after = {side.variable}, list[tuple[str, int]]()
+        changed = {side.variable}
         rest = [(x.variable, n) for x, n in pairs if x is not side and not x.whole]
         while more := [x for x in rest if changed & g.depends([x[1]])]:
-            after += more
             changed |= set(dict(more))
             rest = [x for x in rest if x not in more]
-        found.append((*after,))
+        found.append(frozenset(changed))
     return found
 
 
-def _along(
-    g: Graph,
-    side: Side,
-    followers: tuple[tuple[str, int], ...],
-    rows: list[int],
-    J: list[int],
-    square: int,
-) -> int:
-    """Return the jump of a row at a surface as a multiple of the surface's gradient.
+def _along(g: Graph, rows: list[int], J: list[int], square: int) -> int:
+    """Return the component of a row along a surface's gradient, divided by |J|.
 
     Parameters
     ----------
-    side : Side
-        The side of the surface, with the variable that selects it.
-    followers : tuple of (str, int)
-        The sides that may change with it, see `Corner`.
     rows : list of int, length n
-        The row, as nodes that depend on that variable.
+        The row, as nodes of mode variables.
     J : list of int, length n
         du/dq of the surface u = 0.
     square : int
         J . J.
-
-    Returns
-    -------
-    int
-        The component of (upper row - lower row) along J, divided by |J|: a node.
     """
-    below, above = on_both_sides(g, side, followers, rows)
-    jumps = (g.call("sub", a, b) for a, b in zip(above, below, strict=True))
-    return g.call("div", g.product_sum(zip(jumps, J, strict=True)), square)
+    return g.call("div", g.product_sum(zip(rows, J, strict=True)), square)
 
 
 def with_pushes(

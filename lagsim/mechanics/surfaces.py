@@ -16,8 +16,6 @@ from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.tables import written
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from lagsim.language.graph import Graph
 
 
@@ -112,43 +110,15 @@ class Corner(NamedTuple):
     push : str
         The name of the variable p, the generalized force along du/dq.
     levers : tuple of int, length 1 + m
-        Nodes: the jump of the forces along du/dq, then C of each row.
+        Nodes of mode variables: the components of the forces, then of each row, along
+        du/dq. Their jumps at the surface are d and C.
     rows : tuple of str
         The names of the rows with a kink.
-    followers : tuple of (str, int)
-        Sides that may change with the surface's, in the order of dependence: the
-        variable of each, and the node of its frozen expression. The argument of
-        `abs(mod(x, 2) - 1)` jumps with the `floor` of `mod`, from 1 to -1, where the
-        value of `abs` is continuous.
     """
 
     push: str
     levers: tuple[int, ...]
     rows: tuple[str, ...]
-    followers: tuple[tuple[str, int], ...] = ()
-
-
-def on_both_sides(
-    g: Graph, side: Side, followers: Sequence[tuple[str, int]], nodes: Sequence[int]
-) -> tuple[list[int], list[int]]:
-    """Return nodes with the branches below a surface, and with the branches above it.
-
-    side : the side of the surface. followers : switches whose sides follow from that
-    side, see `Corner`. nodes : expressions with mode variables.
-    """
-    variable = g.variable(side.variable)
-    low, high = g.constant(-1.0), g.one
-    if side.whole:
-        low = g.call("floor", variable)
-        high = g.call("add", low, g.one)
-    ends = []
-    for x in (low, high):
-        known = {variable: x}
-        for name, node in followers:
-            above = g.call("gt", g.substitute([node], known)[0], g.zero)
-            known[g.variable(name)] = g.call("if", above, g.one, g.constant(-1.0))
-        ends.append(g.substitute(nodes, known))
-    return ends[0], ends[1]
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
@@ -190,31 +160,6 @@ def stepped(g: Graph, op: str, side: int, sign: int) -> int:
     if op == "heaviside":
         return g.call("if", g.call("ge", turned, g.zero), g.one, g.zero)
     return g.call(op, turned, g.zero)
-
-
-def between(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the value of a discrete function while the motion slides on its surface.
-
-    The value is a node of the mode variable `side`, which then lies between the values
-    of both sides. op, side, sign : see `stepped`.
-    """
-    if op == "floor":
-        return side
-    if op == "ceil":
-        return g.call("add", side, g.one)
-    if op == "heaviside":
-        return true_branch_weight(g, op, side, sign)
-    return stepped(g, op, side, sign)
-
-
-def true_branch_weight(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the weight in [0, 1] of the true branch while the motion slides.
-
-    It is the weight in Filippov's convex combination of the vector fields of both
-    sides, as a node of the mode variable `side`. op, side, sign : see `stepped`.
-    """
-    half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
-    return g.call("add", g.constant(0.5), g.call("mul", half, side))
 
 
 def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:

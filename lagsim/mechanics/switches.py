@@ -39,13 +39,10 @@ from lagsim.mechanics.surfaces import (
     WHOLE,
     Corner,
     Side,
-    between,
     expression_text,
-    on_both_sides,
     oriented,
     stepped,
     surfaces,
-    true_branch_weight,
 )
 
 if TYPE_CHECKING:
@@ -183,165 +180,6 @@ class Roots(NamedTuple):
 def mixed(g: Graph, part: int, low: int, high: int) -> int:
     """Return the node low + part (high - low), an interpolation between two nodes."""
     return g.call("add", low, g.call("mul", part, g.call("sub", high, low)))
-
-
-# Operations linear in each argument, or in each branch and in the condition.
-LINEAR = ("mul", "if")
-SUMS = ("add", "sub", "neg")
-
-
-class SlidingSteps:
-    """Replacement of steps by their values while the motion slides on a surface."""
-
-    def __init__(
-        self,
-        g: Graph,
-        sides: Sequence[Side],
-        sides_of: Mapping[int, tuple[int, int]],
-        roots: Roots,
-        bent: Collection[int] = (),
-    ) -> None:
-        """Store the sides; `bent` has the numbers of sides at corners of equalities.
-
-        Switches of the sides `bent` are decided by their mode variables, so that at the
-        corner the row of constraints is that of the present side.
-        """
-        self.g, self.roots = g, roots
-        self.bent = {g.variable(sides[k].variable) for k in bent}
-        self.sides_of = sides_of
-        half, less = g.constant(0.5), g.constant(-0.5)
-        modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
-        self.slides = {v: g.call("gt", m, half) for v, m in modes.items()}
-        self.level = {v: g.call("lt", m, less) for v, m in modes.items()}
-        self.whole = frozenset(g.variable(s.variable) for s in sides if s.whole)
-        self.done: dict[int, int] = {}
-        self.shares: dict[int, int] = {}  # of the conditions that may be between
-        self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
-
-    def nodes(self, nodes: list[int]) -> list[int]:
-        """Return `nodes` with discrete functions replaced by their sliding values."""
-        g = self.g
-        if not self.slides:
-            return nodes
-        for n in g.cone(nodes):
-            args = tuple(self.done[a] for a in g.args[n])
-            same = n if args == g.args[n] else g.call(g.ops[n], *args)
-            self.done[n] = self._between(n, same, args)
-            self._combine(n)
-        return [self.done[n] for n in nodes]
-
-    def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
-        g, op = self.g, self.g.ops[n]
-        if self.roots.floor(n) is not None:
-            return self._root(n, args)
-        side = self.sides_of.get(n)
-        if side is not None:
-            slides, level = self.slides[side[0]], self.level[side[0]]
-            kept = stepped(g, op, *side)
-            same = kept if side[0] in self.bent else same
-            if op in STEPS:
-                same = g.call("if", level, kept, same)
-                return g.call("if", slides, between(g, op, *side), same)
-            kept = g.call("and", level, kept)
-            same = g.call("or", kept, g.call("and", g.call("not", level), same))
-            whole = g.call("if", same, g.one, g.zero)
-            self.shares[n] = g.call(
-                "if", slides, true_branch_weight(g, op, *side), whole
-            )
-        elif op in JOINING and any(a in self.shares for a in g.args[n]):
-            self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
-        elif op == "if" and g.args[n][0] in self.shares:
-            part = self.shares[g.args[n][0]]
-            low = g.call("le", part, g.zero)
-            low = g.call("if", low, args[2], mixed(g, part, args[2], args[1]))
-            return g.call("if", g.call("ge", part, g.one), args[1], low)
-        return same
-
-    def _combine(self, n: int) -> None:
-        """Replace node n, if nonlinear in a side, by a combination of both sides.
-
-        So forces are combined, for instance for a branch of a branch, or a product of
-        two steps. Sides of whole numbers are not combined.
-        """
-        g, op = self.g, self.g.ops[n]
-        below = [self.on[a] for a in g.args[n]]
-        own = self.sides_of.get(n)
-        self.on[n] = frozenset().union(*below, {own[0]} if own else ())
-        if own or not self.on[n] or self.roots.floor(n) is not None:
-            return
-        if op in SUMS:
-            return
-        row = OPERATIONS[op]
-        if row.condition:
-            self.shares[n] = self._share(n)
-        found = self.shares if row.condition else self.done
-        most = 1 if op in LINEAR or op in JOINING else 0
-        for v in self.on[n] - self.whole:
-            if sum(v in one for one in below) > most:
-                found[n] = self._mixed(found[n], v)
-
-    def _mixed(self, n: int, v: int) -> int:
-        g, half = self.g, self.g.constant(0.5)
-        low, high = (
-            g.substitute([n], {v: side})[0] for side in (g.constant(-1.0), g.one)
-        )
-        part = g.call("add", half, g.call("mul", half, v))
-        return g.call("if", self.slides[v], mixed(g, part, low, high), n)
-
-    def _root(self, n: int, args: tuple[int, ...]) -> int:
-        """Return root n of arguments `args`, bounded below by its floor.
-
-        The floor is 0 unless the motion slides.
-        """
-        g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
-        if g.ops[inner] in CHOOSING:
-            return self._apart(n, inner, args)
-        if op != "cbrt":
-            return g.call(op, self.roots.floored(n, args[0]), *args[1:])
-        size = self.roots.floored(n, g.call("abs", args[0]))
-        kept = g.call("sign", args[0])
-        side = self.sides_of.get(g.call("sign", inner))
-        if side is not None:
-            kept = g.call("if", self.slides[side[0]], between(g, "sign", *side), kept)
-        return g.call("mul", kept, g.call("cbrt", size))
-
-    def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
-        """Return the root of an argument with two branches: both roots combined.
-
-        n : the root. inner : its argument, an interpolation between the branches. args
-        : the root's arguments.
-        """
-        g, op = self.g, self.g.ops[inner]
-        condition, *branches = g.args[inner]
-        if op != "if":
-            branches = list(g.args[inner])
-            condition = g.call(OPERATIONS[op].decided_by, *branches)
-        roots = [
-            g.call(g.ops[n], self.roots.floored(n, self.done[x]), *args[1:])
-            for x in branches
-        ]
-        side = self.sides_of.get(condition)
-        plain = g.call(g.ops[n], args[0], *args[1:])
-        if side is None:
-            return plain
-        whole = mixed(
-            g, true_branch_weight(g, g.ops[condition], *side), roots[1], roots[0]
-        )
-        return g.call("if", self.slides[side[0]], whole, plain)
-
-    def _share(self, condition: int) -> int:
-        g = self.g
-        whole = g.call("if", self.done[condition], g.one, g.zero)
-        return self.shares.get(condition, whole)
-
-    def _joined(self, op: str, parts: list[int]) -> int:
-        g = self.g
-        if op == "and":
-            return g.call("mul", *parts)
-        missing = [g.call("sub", g.one, part) for part in parts]
-        if op == "not":
-            return missing[0]
-        return g.call("sub", g.one, g.call("mul", *missing))
 
 
 class TimeSwitch(NamedTuple):
@@ -557,42 +395,59 @@ class Switches:
         return [done[n] for n in nodes]
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
-        """Return `nodes` for output rows: as written, except while sliding.
+        """Return `nodes` for output rows: as written, except at surfaces that hold.
 
-        While the motion slides along a surface, a function that steps there has the
-        value, between the values of the two sides, that keeps the motion there. At a
-        corner at which further sides change, whole nodes have such values.
+        Where the motion slides along a surface, or rests at it, and at corners of
+        equalities, steps have the value on the side of the mode variable. The kernel of
+        output rows combines the rows of both sides of a surface that the motion follows
+        (`program.sliding.observe`).
         """
         g, nodes = self.graph, list(nodes)
-        known = g, self.sides, self._sides_of, self._roots
-        found = SlidingSteps(*known, bent=self.corners).nodes(nodes)
-        for k, corner in self.corners.items():
-            if corner.followers:
-                found = self._at_corner(k, corner, nodes, found)
-        return found
+        if not self.sides:
+            return nodes
+        half, less = g.constant(0.5), g.constant(-0.5)
+        kept = {g.variable(s.variable): g.variable(s.sliding) for s in self.sides}
+        bent = {g.variable(self.sides[k].variable) for k in self.corners}
+        done: dict[int, int] = {}
 
-    def _at_corner(
-        self, k: int, corner: Corner, nodes: list[int], others: list[int]
-    ) -> list[int]:
-        """Return the nodes, interpolated while the motion follows corner k.
+        def by_mode(step: int, written: int) -> int:
+            variable, sign = self._sides_of[step]
+            value, mode = stepped(g, g.ops[step], variable, sign), kept[variable]
+            if variable in bent:
+                return value
+            holds = g.call("or", g.call("gt", mode, half), g.call("lt", mode, less))
+            if g.ops[step] in STEPS:
+                return g.call("if", holds, value, written)
+            free = g.call("and", g.call("not", holds), written)
+            return g.call("or", g.call("and", holds, value), free)
 
-        The interpolation is between the values on both sides of the corner.
+        for n in g.cone(nodes):
+            args = tuple(done[a] for a in g.args[n])
+            if self._roots.floor(n) is not None:
+                done[n] = self._shown_root(n, args, by_mode)
+                continue
+            done[n] = n if args == g.args[n] else g.call(g.ops[n], *args)
+            if n in self._sides_of:
+                done[n] = by_mode(n, done[n])
+        return [done[n] for n in nodes]
 
-        nodes : as written. others : the nodes that count while the motion does not
-        follow the corner.
+    def _shown_root(
+        self, n: int, args: tuple[int, ...], by_mode: Callable[[int, int], int]
+    ) -> int:
+        """Return root n of arguments `args`, bounded below by its floor.
+
+        The floor is 0 unless the motion slides. by_mode : function of a step, and of
+        its node as written, that returns the step for output rows.
         """
-        g, side = self.graph, self.sides[k]
-        frozen, variable = self.freeze(nodes), g.variable(side.variable)
-        half = g.constant(0.5)
-        part = g.call("add", half, g.call("mul", half, variable))
-        if side.whole:
-            part = g.call("sub", variable, g.call("floor", variable))
-        stays = g.call("gt", g.variable(side.sliding), g.constant(1.5))
-        ends = on_both_sides(g, side, corner.followers, frozen)
-        return [
-            other if a == b else g.call("if", stays, mixed(g, part, a, b), other)
-            for a, b, other in zip(*ends, others, strict=True)
-        ]
+        g, op = self.graph, self.graph.ops[n]
+        if op != "cbrt":
+            return g.call(op, self._roots.floored(n, args[0]), *args[1:])
+        size = self._roots.floored(n, g.call("abs", args[0]))
+        sign = g.call("sign", args[0])
+        step = g.call("sign", g.args[n][0])
+        if step in self._sides_of:
+            sign = by_mode(step, sign)
+        return g.call("mul", sign, g.call("cbrt", size))
 
 
 def prevailing(

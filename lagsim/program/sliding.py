@@ -55,7 +55,7 @@ def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the columns of an output row, without Baumgarte's stabilising terms."""
     n = p.n
-    slides, low = p.slides, p.low
+    slides = p.slides
     gain = p.gain
     p.gain = 0.0
     for k in range(p.surfaces):
@@ -70,19 +70,39 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     if LAWS and p.law_shares > 0.0:
         share_loads(t, y, p, p.multipliers)
+    show(t, y, p, out)
     for k in range(p.surfaces):
         if slides[k] > 0.0:
-            leader = k
-            if slides[k] == CARRIED:
-                leader = int(p.leader[k]) - 1
-            p.side[k] = low[k] + p.share[leader] * (p.high[k] - low[k])
-    columns(t, y, p, out)
-    for k in range(p.surfaces):
-        if slides[k] > 0.0:
-            p.side[k] = low[k]
+            p.side[k] = p.low[k]
         p.floor[k] = p.least_root[k]
         if p.first_met[k] < p.last_met[k]:
             p.side[k] = p.side_before[k]
+
+
+def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the columns in out, combined like the forces of the motion along surfaces.
+
+    The columns are c0 + sum_k w_k (c_k - c0), with c0 on the lower sides and c_k on the
+    upper side of surface k, so that a force in a definition is the one that acts.
+    Surfaces with a share of 1 are on their upper side in c0.
+    """
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED and not p.share[k] < 1.0:
+            take_side(k, p.high, p)
+    columns(t, y, p, out)
+    if p.sliding == 0.0:
+        return
+    width = p.shown_width
+    base = p.shown[width:]
+    base[:width] = out[:width]
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED and 0.0 < p.share[k] < 1.0:
+            take_side(k, p.high, p)
+            columns(t, y, p, p.shown)
+            take_side(k, p.low, p)
+            for i in range(width):
+                if p.shown[i] != base[i]:
+                    out[i] += p.share[k] * (p.shown[i] - base[i])
 
 
 def take_cells(t: float, y: Floats, p: Parameters) -> None:
@@ -217,8 +237,25 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
                 other[:width] -= fields[:width]
         share_out(sliding, p)
         if p.corners > 0:
-            corner_levers(t, y, p, p.levers)
+            jumps_at_corners(t, y, p)
             share_corners(p)
+
+
+def jumps_at_corners(t: float, y: Floats, p: Parameters) -> None:
+    """Store the jumps of forces and rows at each corner that is followed, in p.levers.
+
+    Surfaces that a corner carries change their sides with it: several kinks may lie at
+    one place.
+    """
+    width = 1 + p.m
+    corner_levers(t, y, p, p.levers)
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED and p.corner[k] > 0.0:
+            take_side(k, p.high, p)
+            corner_levers(t, y, p, p.levers_above)
+            take_side(k, p.low, p)
+            for i in range(k * width, (k + 1) * width):
+                p.levers[i] = p.levers_above[i] - p.levers[i]
 
 
 def share_corners(p: Parameters) -> None:

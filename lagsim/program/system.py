@@ -34,6 +34,7 @@ from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,
     functions,
+    on_rates,
     section_functions,
     surface_functions,
     varying_inertias,
@@ -390,6 +391,7 @@ class System:
             states=len(self.equations.states),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), corners=len(self.switches.corners),
+            shown_width=self.rows_observed,
             loops=self.has_loops,
             slopes_known=self.has_jacobian,
             knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
@@ -417,6 +419,7 @@ class System:
             levels.reshape(-1, 4).T
         )
         p.corner[list(self.switches.corners)] = 1.0
+        p.on_rates[:] = on_rates(self.equations, self.switches)
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:

@@ -16,6 +16,8 @@ import lagsim
 from tests.scenes.contact.motions import G
 
 STEP = 0.02
+# The table of abs(x)/2.
+V = "tables: {v: {points: [[-1, 0.5], [0, 0], [1, 0.5]], outside: extend}}"
 
 
 def simulated(text, **options):
@@ -36,6 +38,7 @@ def wire(relation="y = k*abs(x)", k=0.5, **changes):
     y = c.get("y", k * abs(c["x"]))
     return f"""
     parameters: {{k: {k!r}, X: {X!r}, g: {G * length / time**2!r}}}
+    {V if "v(" in relation else ""}
     coordinates: {{x: {{}}, y: {{}}}}
     energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}}
     constraints: {{wire: "{relation}"}}
@@ -73,6 +76,8 @@ SPELLINGS = (
     # The kink is where mod jumps, and the argument of abs, min or if with it.
     "y = k*(2 - abs(mod(x, 4) - 2))", "y = k*min(mod(x, 4), 4 - mod(x, 4))",
     "y = k*if(mod(x, 4) < 2, mod(x, 4), 4 - mod(x, 4))",
+    # Several kinks at one place, of which one is located.
+    "y = k*(4*v(x) - 2*v(-abs(x)))", "y = 4*k*v(x) - k*abs(x)", "y = 2*k*v(x)",
 )  # fmt: skip
 
 
@@ -419,3 +424,24 @@ def test_an_instant_has_one_corner_of_a_constraint_and_takes_its_energy_once(
     lost = found["energy"][-1] - found["energy"][0]
     assert lost < -0.01
     assert sum(e.energy or 0.0 for e in corners) == pytest.approx(lost, rel=1e-9)
+
+
+CORNERS = ["y = k*abs(x)", "y = 2*k*v(x)", "y = k*(4*v(x) - 2*v(-abs(x)))"]
+CORNERS += ["y = k*abs(x) + 2*k*v(x) - 2*k*v(-x)", "y = k*abs(x)/2 + k*abs(3*x)/6"]
+
+
+@pytest.mark.parametrize("relation", CORNERS)
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_pushed_bead_stays_in_the_corner_up_to_the_weight_of_one_side(relation, way):
+    # The reaction is between those of both sides, -g k to g k along x: F = t up to g k.
+    text = wire(relation, x=0.0, end=5.5, more=f"forces: {{x: {way}*t}}")
+    found = simulated(text)
+    assert found.complete
+    end = 0.5 * G
+    rest = found.t < end - 1e-9
+    assert np.max(np.abs(found["x"][rest])) < 1e-12
+    assert found["Qc_x"][rest] == pytest.approx(-way * found.t[rest], abs=1e-9)
+    assert found["lambda_wire"][rest] == pytest.approx(G, rel=1e-9)
+    # Then (1 + k^2) x'' = t - g k.
+    x = way * np.maximum(found.t - end, 0) ** 3 / 6 / 1.25
+    assert found["x"] == pytest.approx(x, abs=1e-8)

@@ -350,7 +350,11 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
     former[s.dynamic] = y[s.dynamic]
     project_sliding(t, y, p)
     for first in range(2):
-        s.projected = max(s.projected, projected(s, p, y, former, first * s.n))
+        found = projected(s, p, y, former, first * s.n)
+        if found > s.projected:
+            surface_rows(t, former, p, p.rows)
+            if not is_near(p, first > 0):
+                s.projected = found
 
 
 def jump_along(p: Parameters, i: int) -> float:
@@ -374,6 +378,26 @@ def jump_along(p: Parameters, i: int) -> float:
                 part *= abs(jump) / PUSH
             found += part
     return found
+
+
+def is_near(p: Parameters, rates: bool) -> bool:
+    """Whether a state was on the followed surfaces except for their rounding.
+
+    The rows of the surfaces at that state are in p.rows. The number of a table's cell,
+    for example, is not 0 at a point x = 0, and has a rounding that x does not have.
+    rates : whether surfaces of rates are tested, else surfaces of positions.
+    """
+    for k in range(p.surfaces):
+        if p.slides[k] == FOLLOWED:
+            off = abs(p.residuals[k] - p.least[k])
+            if p.on_rates[k] > 0.0:
+                off = abs(p.rates[k] - p.most[k])
+            own = p.on_rates[k] > 0.0
+            if (own and not rates) or (rates and not own):
+                off = 0.0
+            if not off <= SURFACE_ROUNDOFF * p.surface_scales[k]:
+                return False
+    return True
 
 
 def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) -> float:

@@ -198,14 +198,17 @@ class Surfaces(ModeWords):
 
     elements: int  # number of nonzero elements of their rows J
     corners: int  # number of surfaces that are corners of equalities
+    shown_width: int  # number of columns of an output row
 
     # Share of the upper side in the combination of forces that stays on the surface.
     share: Floats = array("surfaces")
+    on_rates: Floats = array("surfaces")  # 1: its expression contains rates that jump
     # 1 for a corner of an equality; a force along its gradient; the jumps of this
     # force.
     corner: Floats = array("surfaces")
     push: Floats = array("surfaces")
     levers: Floats = array(lambda p: p.surfaces * (1 + p.m) if p.corners else 0)
+    levers_above: Floats = array(lambda p: p.surfaces * (1 + p.m) if p.corners else 0)
     # Levels of tables that are passed without a jump of y' (first to last), and levels
     # that are passed by the rate of the surface, see `surfaces.Side`.
     first_smooth: Floats = array("surfaces")
@@ -223,11 +226,14 @@ class Surfaces(ModeWords):
     residuals: Floats = part("rows", "surfaces")
     rates: Floats = after("residuals", "surfaces")
     asked: Floats = after("rates", "surfaces")
+    surface_scales: Floats = after("asked", "surfaces")
     J: Floats = part("rows", "elements", lambda p: 4 * p.surfaces)
     # The fields on both sides, the equations for the shares, a state.
     side_fields: Floats = array(
         lambda p: (p.surfaces + 1) * (p.size + p.m) if p.surfaces + p.laws else 0
     )
+    # Output rows on the upper side of a surface, and on the lower sides.
+    shown: Floats = array(lambda p: 2 * p.shown_width if p.surfaces else 0)
     B: Floats = array(lambda p: p.surfaces * p.surfaces)
     right: Floats = array(lambda p: 3 * p.surfaces)
     former: Floats = array(lambda p: p.size if p.surfaces else 0)

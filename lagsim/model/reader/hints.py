@@ -395,7 +395,7 @@ def of_text(
         try:
             found = _renaming(text, parser(text).names, known, moving)
             if found is None:
-                return f"write {text}{reason}" if text != given else first
+                return f"write {text.strip()}{reason}" if text != given else first
         except ExpressionError as fault:
             near = matching(text, fault.offset, known)
             unit = (
@@ -414,7 +414,7 @@ def of_text(
         reason = reason or written[2] or written[4] or ""
         last = found[2].startswith("a product")
         text = _put(text, found[0], found[1], written[3] or "", last=last)
-    return first if typed == given else f"write {typed}"
+    return first if typed == given else f"write {typed.strip()}"
 
 
 def _typed(text: str, known: Collection[str]) -> str:

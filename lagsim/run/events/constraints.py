@@ -37,7 +37,13 @@ from lagsim.run.events.impulses import transmit
 from lagsim.run.events.records import Before, SurfacesAt
 from lagsim.run.events.switching import corners_met
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
-from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    RESIDUAL_ROUNDOFF,
+    SAME_TIME,
+    SATISFIED,
+    SURFACE_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -120,11 +126,13 @@ def inelastic_impact(
     """
     now = arc.observed()
     names = arc.system.columns.names
+    bent = corners_met(arc, surfaces.levels)
     for constraint in arc.equations.rows:
         at = names.index(RESIDUAL.of(constraint.name))
         g = now[at] - before.row[0, at]
         scale = now[names.index(f"scale:{constraint.name}")]
-        if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):
+        far = constraint.holonomic and abs(g) > SATISFIED * scale
+        if far and _is_far(arc, bent):
             ending = Ending(Outcome.CONSTRAINT_JUMPS, constraint.name)
             return Decision(ending=ending), surfaces
     step = _newton_step(arc, "velocity") - before.off
@@ -133,7 +141,7 @@ def inelastic_impact(
     before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[arc.velocities] += step
-    bent, rests = corners_met(arc, surfaces.levels), list[Event]()
+    rests = list[Event]()
     if switching is not None and bent:
         rests, stopped = switching.stop(arc, y, surfaces)
         surfaces = surfaces._replace(stopped=stopped)
@@ -198,16 +206,23 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     return bool(np.any(np.abs(step) > most))
 
 
-def _is_far(arc: Arc) -> bool:
+def _is_far(arc: Arc, bent: Collection[int]) -> bool:
     """Whether the position is farther from the constraints than the tolerance.
 
     The distance is relative to the ranges of the coordinates so far, since all terms of
     a residual may vanish at one position. The displacement by a jump of a rate within
-    the rounding of the time is subtracted.
+    the rounding of the time is subtracted. At a corner of `bent`, the numbers of
+    corners, the distance may be the rounding of the surface's expression.
     """
     n = arc.system.n
     step, rates = (np.abs(_newton_step(arc, x)) for x in ("position", "velocity"))
     step = np.maximum(step - SAME_TIME * np.spacing(abs(arc.t)) * rates, 0.0)
+    if bent and np.all(arc.masses > 0.0):
+        (_, _, _, scales), J = arc.surface_rows(arc.t, arc.y)
+        lengths = np.sqrt(J[:, :n] ** 2 @ (1.0 / arc.masses))
+        off = max(float(scales[k] / lengths[k]) for k in bent)
+        if np.sqrt(arc.masses @ step**2) <= SURFACE_ROUNDOFF * off:
+            return False
     return shift(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
+from lagsim.mechanics.algebra import multiple_of
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -463,9 +464,11 @@ class Switching(Source):
             found = self.select(arc, surfaces, laws, k)
             goes_on = not self.sequence.is_stuck()
         else:
-            near = self._near(limit - arc.t)
-            several = [i for i in several if i == k or i in near]
-            often = [i for i in several if i in self.sequence.lately(2)]
+            near, often = self._near(limit - arc.t), self.sequence.lately(2)
+            located = [i for i in several if i == k or i in near]
+            several = located + self._beside(located, near)
+            often = [i for i in located if i in often]
+            often += self._beside(often, near)
             self.sequence.recent.clear()
             if laws is not None:
                 rest_soon(arc, REACH * (limit - arc.t))
@@ -474,7 +477,8 @@ class Switching(Source):
                 # A surface that a fast motion passes once has no part in it.
                 several = often
                 found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
-            zeno = [self._rested(arc, k, limit) for k in several]
+            rested = [i for i in several if i in located]
+            zeno = [self._rested(arc, i, limit) for i in rested]
             events = (*zeno, *found.decision.events)
             found = found._replace(decision=found.decision._replace(events=events))
             goes_on = bool(np.any(self.modes.bound[several]))
@@ -497,6 +501,19 @@ class Switching(Source):
         values = modes.values(arc.t, arc.y).tolist()
         off = [abs(x - modes.level(k, x)) for k, x in enumerate(values)]
         return [k for k, x in enumerate(off) if x <= most[k]]
+
+    def _beside(self, some: Collection[int], near: Collection[int]) -> list[int]:
+        """Return the surfaces of `near` that switch together with surfaces of `some`.
+
+        Their gradients are parallel: several kinks lie at one place. One of them alone
+        was located each time.
+        """
+        J = self.modes.rows().J
+        return [
+            j
+            for j in near
+            if j not in some and any(multiple_of(J[k], J[j]) for k in some)
+        ]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
         """Return the event, at `time`, of an accumulation of switches of surface k.

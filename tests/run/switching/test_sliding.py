@@ -253,3 +253,31 @@ simulation: {{duration: 2, output_step: 0.1}}
     assert found["x"] == pytest.approx(math.copysign(left, force) * t**2 / 2, abs=1e-12)
     assert not np.any(found["y"])
     assert found.trajectory.outcome.complete
+
+
+# Functions f that step up at x = 1. There the force 0.3 - f holds a body at rest, with
+# f = 0.3 in the mean of both sides. In the last four several surfaces step together.
+FUNCTIONS = [
+    "floor(x)^2", "tb(floor(x))", "1.5*tb(floor(x))", "mod(floor(x), 2)",
+    "if(floor(x) > 0.5, 1, 0)*floor(x)^2", "exp(floor(x)) - 1", "max(floor(x), 0)^2",
+    "mod(-x, 1)^2", "2*sign(floor(x) - 0.5) + 2",
+    "heaviside(x - 1)*if(x > 1, 2, 0)", "heaviside(2*x - 2)*floor(x)",
+    "ceil(x - 1)*floor(x)", "if(x > 1, if(2*x >= 2, 1, 3), if(x < 1, 0, 5))",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_force_in_a_definition_is_the_force_that_acts(function):
+    found = run(f"""
+tables: {{tb: {{points: [[-3, 0], [0, 0], [1, 1], [3, 0]], outside: extend}}}}
+coordinates: {{x: {{}}}}
+definitions: {{f: "{function}", g: "2 + 3*({function})", use: tb(t)}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: 0.3 - f}}
+initial: {{x: 1}}
+simulation: {{duration: 1, output_step: 0.25}}
+""")
+    assert np.all(found["x"] == 1.0)
+    assert np.max(np.abs(found["x_ddot"])) < 1e-15
+    assert found["f"] == pytest.approx(0.3, abs=1e-15)
+    assert found["g"] == pytest.approx(2.9, abs=1e-14)
