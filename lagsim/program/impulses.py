@@ -59,6 +59,9 @@ class ImpulseFunction:
     Attributes
     ----------
     nodes : list of int
+    first_condition : int
+        The index of the first node of conditions and impulses, which are read as
+        written; the nodes before it are read on the sides of the arc.
     is_curved : bool
         Whether M or a row depends on velocities, so that the jump of the velocities is
         not proportional to the impulse.
@@ -83,8 +86,9 @@ class ImpulseFunction:
         fast = frozenset(e.velocities)
         self.is_curved = bool(g.dependent([*mass.values(), *slopes], fast))
         self._events = len(kicks)
-        nodes = [
-            *mass.values(), *slopes, *e.momenta, *map(g.variable, e.velocities),
+        nodes = [*mass.values(), *slopes, *e.momenta, *map(g.variable, e.velocities)]
+        self.first_condition = len(nodes)
+        nodes += [
             *(g.one if law.when is None else law.when for law in e.laws),
             *(node for kick in kicks for node in kick),
         ]  # fmt: skip

@@ -230,6 +230,10 @@ class System:
             name: views.get(name, self.switches.freeze)(nodes)
             for name, nodes in nodes_of.items()
         }
+        if self.impulses is not None:  # masses and rows are those of the arc's sides
+            first = self.impulses.first_condition
+            nodes = self.impulses.nodes[:first]
+            nodes_of["impulses"][:first] = self.switches.freeze(nodes)
         self.indicators: list[Indicator] = []
         if self.moreau is None:
             self.indicators = self.watched_for(plan)

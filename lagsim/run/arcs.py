@@ -499,7 +499,9 @@ class Run:
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         ends |= code == at.PAUSED and arc.is_looked_at
         # Unilateral constraints store the state before their own events.
-        ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
+        breaks = self.deciders.breaks
+        meets = breaks is not None and breaks.is_at(arc)
+        ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0 or meets
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         return before_event(arc)
@@ -596,7 +598,7 @@ class Run:
         """
         if self.record.after is not None:
             self.recorder.hand_on(self.record.after)
-            self.record = self.record.but(after=None, kicked=False)
+            self.record = self.record.but(after=None)
             p = self.arc.system.p
             p.impulses[:] = p.row_impulses[:] = 0.0
 

@@ -66,9 +66,6 @@ class InstantRecord:
         Whether velocities have jumped since sides were decided.
     rows : tuple of ndarray, shape (1, k)
         Rows of jumps that are to be written.
-    kicked : bool
-        Whether an event has given an impulse, so that all jumps of the instant have one
-        row before, and the row after has the sum of their impulses.
     looked_at : bool
         Whether the truth of the conditions just before the instant is stored.
     after : ndarray, shape (1, k), or None
@@ -94,7 +91,6 @@ class InstantRecord:
     admissible: LawState | None = None
     jumped: bool = False
     rows: tuple[Floats, ...] = ()
-    kicked: bool = False
     looked_at: bool = False
     after: Floats | None = None
     events: tuple[Event, ...] = ()

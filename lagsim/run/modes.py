@@ -17,10 +17,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.methods.parts import parameters as kept
+
 if TYPE_CHECKING:
     from typing import Self
 
     from lagsim.methods.parts.parameters import Parameters
+    from lagsim.run.arc import Arc
 
 
 class ArcModes(NamedTuple):
@@ -68,3 +71,23 @@ class TrialModes:
     def __exit__(self, *_error: object) -> None:
         self.found = ArcModes.of(self.p)
         write(self.p, self.before)
+
+
+class EqualitiesAlone:
+    """A trial in which of all laws only relations with `when` in force hold."""
+
+    def __init__(self, arc: Arc) -> None:
+        self.arc, self.mode = arc, arc.system.p.law_mode.copy()
+
+    def __enter__(self) -> None:
+        arc, system, p = self.arc, self.arc.system, self.arc.system.p
+        if not system.laws:
+            return
+        off = ~system.law_table.equal
+        if system.has_times:
+            conditions = arc.runner.function("conditions", len(off))(arc.t, arc.y)
+            off |= conditions == 0.0
+        p.law_mode[off & (p.law_place < 0.0)] = kept.OFF  # sliders have no mass
+
+    def __exit__(self, *_error: object) -> None:
+        self.arc.system.p.law_mode[:] = self.mode

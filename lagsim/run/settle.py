@@ -6,7 +6,7 @@ returns the next one (`instant.InstantRecord`):
 
     1 acts        events of the file that are due, in the order of the file
     2 sides       branches of t, then the side of each switching surface
-    3 velocities  impacts: of laws that approach; after 4, of equalities that jump
+    3 velocities  one problem of impulses, of equalities that jump and laws that approach
     4 modes       the modes of laws, by the accelerations
     5 ties        within 2 and 4: by the rates of the tied rows, then by a rule
     6 repeat      events that these phases have made due act at the same instant
@@ -30,6 +30,7 @@ from lagsim.mechanics.equations import may_jump
 from lagsim.run.events.accumulation import STUCK
 from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
 from lagsim.run.events.contacts import comes_to_rest, laws_at
+from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
@@ -209,41 +210,25 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
         The instant, with the state just after it and the modes of the next arc in the
         arc's memory, and the rows and the events that are to be recorded.
     """
-    now = acts(now, by)
+    now = end_of_mode(acts(now, by), by)
     while True:
-        now = modes_and_velocities(now, by)
+        now = modes(sides_and_velocities(now, by), by)
         now = due_after(now, by)
         if not now.due.acts or now.ending is not None:
             return bookkeep(now, by)
         now = acts(now, by)
 
 
-def modes_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Decide sides, velocities and modes; repeat where an equality is struck.
-
-    Whether an equality is struck is known once the laws beside it have their modes.
-    """
-    now = modes(sides_and_velocities(now, by), by)
-    now = equalities(now, by)
-    if now.jumped:
-        now = modes(sides_and_velocities(now, by), by)
-    return now
-
-
 def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Decide sides and velocities by turns, until no velocity jumps.
 
-    Where a law was located, impacts are computed first, with the sides before the
-    instant, and sides are decided after them. If velocities jump `STUCK` times, the run
-    ends.
+    If velocities jump `STUCK` times, the run ends.
     """
-    if now.located.law >= 0:
-        now = end_of_mode(now, by)
     now = branches(now, by)
     for _ in range(STUCK):
         now = velocities(sides(now, by), by)
         if not now.jumped or now.ending is not None:
-            return now
+            return now if now.before is None else now.but(before=None)
     late = now.events[-STUCK:]
     about = quoted(x for e in late if (x := e.constraint or e.switch))
     return now.but(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
@@ -264,7 +249,10 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         before = before_event(arc)
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
-    found, acted = by.transitions.act(arc, now.due, now.acts)
+    corners = corners_at(now, by)
+    found, acted = by.transitions.act(arc, now.due, now.acts, corners)
+    if corners is not None:
+        corners.restore()
     return carried_out(now, found, shown=shown, acts=acted, before=before, stale=True)
 
 
@@ -272,10 +260,15 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Compute the impacts of laws with the sides before the instant.
 
-    This phase comes first where the end of a law's mode was located.
+    These are first where the end of a law's mode was located. Beside an equality that
+    may jump they are first in any case: which of several zeros was located is rounding.
     """
     met = now.located.law
-    return laws_struck(now.but(located=NOWHERE), by, met)
+    if met >= 0:
+        return laws_struck(now.but(located=NOWHERE), by, met=met, decided=False)
+    if now.before is None or not may_strike(now.arc, by):
+        return now
+    return laws_struck(now, by, decided=False)
 
 
 @phase
@@ -316,45 +309,71 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Compute the impacts of all laws that approach, each with its own restitution.
+    """Solve one problem of impulses: of equalities whose rates have jumped, and laws.
 
-    The run ends here if the argument of a table is past its last point.
+    The impulses of equalities alone come first, as if the equalities were eliminated.
+    All laws that approach then, each with its own restitution, are struck in the same
+    jump. The run ends here if the argument of a table is past its last point.
     """
     ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
         return now.but(ending=ending)
-    if by.contacts is None or now.admissible is not None:
-        return now
-    return laws_struck(now, by)
+    projected = GO_ON
+    if now.before is not None:
+        now, projected = equalities_struck(now, by, now.before)
+    if by.contacts is None or now.admissible is not None or now.ending is not None:
+        return now if projected.rows is None else carried_out(now, projected)
+    return laws_struck(now, by, projected)
 
 
-@phase
-def equalities(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Compute the inelastic impact of equalities whose rates have jumped."""
-    if now.before is None:
-        return now
+def equalities_struck(
+    now: InstantRecord, by: Deciders, before: Before
+) -> tuple[InstantRecord, Decision]:
+    """Return the record with the velocities projected onto equalities, and the jump.
+
+    The jump has the row before and the impulses, for the row after, which is written
+    once laws have answered.
+    """
     with TrialModes(now.arc.system.p) as trial:
-        found, surfaces = inelastic_impact(
-            now.arc, now.before, by.switching, now.surfaces
-        )
-    return carried_out(
-        now, found, modes=trial.found, surfaces=surfaces, before=None, admissible=None
-    )
+        found, surfaces = inelastic_impact(now.arc, before, by.switching, now.surfaces)
+    now = now.but(before=before._replace(compared=True))
+    if found is GO_ON:
+        return now, found
+    jump = Decision(rows=found.rows, impulses=found.impulses)
+    found = found._replace(rows=None)
+    others: dict[str, Any] = {"surfaces": surfaces, "admissible": None}
+    return carried_out(now, found, modes=trial.found, **others), jump
 
 
-def laws_struck(now: InstantRecord, by: Deciders, met: int = -1) -> InstantRecord:
+def corners_at(now: InstantRecord, by: Deciders) -> CornerSides | None:
+    """Return the corners of equalities at the instant; None in models without any."""
+    if by.switching is None or not now.arc.system.switches.corners:
+        return None
+    return CornerSides(now.arc, by.switching.modes, now.surfaces)
+
+
+def laws_struck(
+    now: InstantRecord, by: Deciders, projected: Decision = GO_ON, *, met: int = -1,
+    decided: bool = True,
+) -> InstantRecord:  # fmt: skip
     """Return the record after the impacts of laws.
 
-    met : the law whose mode has ended, or -1.
+    projected : the jump of velocities by equalities, which is part of the jump by laws.
+    met : the law whose mode has ended, or -1. decided : whether sides have been decided.
     """
     assert by.contacts is not None
     assert now.laws is not None
     arc = now.arc
-    decided = met < 0 or not (arc.system.surfaces or arc.t >= arc.end)
+    decided |= not (arc.system.surfaces or arc.t >= arc.end)
     with TrialModes(arc.system.p) as trial:
         laws = now.laws if met < 0 else by.contacts.located(arc, now.laws, met)
-        found = by.contacts.velocities(arc, laws, met, decided=decided)
-    decision = found.decision(arc)
+        corners = corners_at(now, by)
+        found = by.contacts.velocities(arc, laws, met, corners, decided=decided)
+        if corners is not None:
+            corners.restore()
+    if corners is not None and corners.stopped is not None:
+        now = now.but(surfaces=now.surfaces._replace(stopped=corners.stopped))
+    decision = found.decision(arc).after(projected)
     if decision.ending is None and met >= 0:
         decision = decision._replace(ending=by.contacts.accumulate())
     return carried_out(
@@ -418,9 +437,8 @@ def carried_out(
 ) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
 
-    Where velocities jump, the row before the jump and the row after it are stored, the
-    latter with the impulses of the jump. All jumps of an instant at which an event
-    gives an impulse have one row before, and their impulses add up.
+    Where velocities jump, the row before the first jump of the instant and the row
+    after its last jump are stored, the latter with the sums of all impulses.
 
     Parameters
     ----------
@@ -460,24 +478,20 @@ def jumped(
     before : ndarray, shape (1, k), the columns before the jump, not used if the record
     has them. given : the impulses of the jump, or None.
     """
-    arc, rows, after = now.arc, now.rows, now.after
-    kicked = now.kicked or (given is not None and given.kicks)
-    if not kicked or after is None:
-        if after is not None:
-            rows = (*rows, after)  # also the row before this jump
-        elif arc.row_time(-1) < arc.t:
-            rows = (*rows, before if now.shown is None else now.shown[None])
+    arc, rows = now.arc, now.rows
+    if now.after is None and arc.row_time(-1) < arc.t:
+        if now.shown is not None:
+            before = now.shown[None]
+        elif now.before is not None:
+            before = now.before.row
+        rows = (*rows, before)
     p = arc.system.p
-    if not kicked:
-        p.impulses[:] = p.row_impulses[:] = 0.0
     if given is not None:
         p.impulses[:] += given.laws
         p.row_impulses[:] += given.rows
     after = arc.runner.tabulate(arc.row())
     arc.pass_shown()
-    return now.but(
-        rows=rows, after=after, shown=None, kicked=kicked, impacts=True, jumped=True
-    )
+    return now.but(rows=rows, after=after, shown=None, impacts=True, jumped=True)
 
 
 # --- The events that are due, just before an instant and at the start
@@ -513,7 +527,7 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = branches(now, by)
     if by.transitions is not None:
         now = first_acts(now, by)
-    now = modes_and_velocities(now, by)
+    now = modes(sides_and_velocities(now, by), by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
         due, truth = by.transitions.look_at_start(arc, struck)
@@ -535,10 +549,10 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     arc, transitions = now.arc, by.transitions
     assert transitions is not None
     if not arc.equations.begun_by.impulses or may_strike(arc, by):
-        return carried_out(now, transitions.start(arc))
+        return carried_out(now, transitions.start(arc, None))
     at_rest = modes(velocities(sides(now, by), by), by)
     with TrialModes(arc.system.p) as trial:
-        found = transitions.start(arc)
+        found = transitions.start(arc, corners_at(at_rest, by))
         if by.switching is not None:
             by.switching.let_go(arc)
     return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)

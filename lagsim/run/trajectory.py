@@ -165,13 +165,10 @@ class JumpImpulses(NamedTuple):
         Impulses of the laws: contacts, friction, limits, freewheels.
     rows : ndarray, shape (E,)
         Impulses of equalities, in a model whose events give impulses; else empty.
-    kicks : bool
-        Whether an event has given an impulse.
     """
 
     laws: Floats
     rows: Floats
-    kicks: bool = False
 
 
 class Decision(NamedTuple):
@@ -220,6 +217,18 @@ class Decision(NamedTuple):
     turn: Turn = Turn.NONE
     located: Located = NOWHERE
     ahead: float = inf
+
+    def after(self, first: Decision) -> Decision:
+        """Return this decision with the jump `first`, which begins its own jump."""
+        if first.rows is None:
+            return self
+        given = self.impulses or first.impulses
+        if self.impulses is not None and first.impulses is not None:
+            laws, rows = self.impulses.laws, self.impulses.rows
+            given = JumpImpulses(
+                laws + first.impulses.laws, rows + first.impulses.rows
+            )
+        return self._replace(rows=first.rows, impulses=given)
 
 
 GO_ON = Decision()

@@ -36,6 +36,7 @@ from lagsim.run.arc import shift
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.records import Before, SurfacesAt
 from lagsim.run.events.switching import corners_met
+from lagsim.run.modes import EqualitiesAlone
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
@@ -105,7 +106,8 @@ def inelastic_impact(
     """Apply the inelastic impact of constraints whose rate jumps.
 
     The velocities are projected onto the constraints by the least change in the metric
-    of M. If the position that a holonomic constraint prescribes jumps, the run ends.
+    of M, as if no law acted: laws that then approach answer in the same jump. If the
+    position that a holonomic constraint prescribes jumps, the run ends.
 
     Parameters
     ----------
@@ -125,26 +127,20 @@ def inelastic_impact(
         The surfaces, with the corners at which velocities are stopped.
     """
     now = arc.observed()
-    names = arc.system.columns.names
-    bent = corners_met(arc, surfaces.levels)
-    for constraint in arc.equations.rows:
-        at = names.index(RESIDUAL.of(constraint.name))
-        g = now[at] - before.row[0, at]
-        scale = now[names.index(f"scale:{constraint.name}")]
-        far = constraint.holonomic and abs(g) > SATISFIED * scale
-        if far and _is_far(arc, bent):
-            ending = Ending(Outcome.CONSTRAINT_JUMPS, constraint.name)
-            return Decision(ending=ending), surfaces
-    step = _newton_step(arc, "velocity") - before.off
-    if not _strikes(arc, step, before.off):
-        return GO_ON, surfaces
-    before.row[0, 0] = arc.t
-    y = arc.y.copy()
-    y[arc.velocities] += step
-    rests = list[Event]()
-    if switching is not None and bent:
-        rests, stopped = switching.stop(arc, y, surfaces)
-        surfaces = surfaces._replace(stopped=stopped)
+    bent, rests = corners_met(arc, surfaces.levels), list[Event]()
+    with EqualitiesAlone(arc):
+        jumps = "" if before.compared else _jumping(arc, before, now, bent)
+        if jumps:
+            return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, jumps)), surfaces
+        step = _newton_step(arc, "velocity") - before.off
+        if not _strikes(arc, step, before.off):
+            return GO_ON, surfaces
+        before.row[0, 0] = arc.t
+        y = arc.y.copy()
+        y[arc.velocities] += step
+        if switching is not None and bent:
+            rests, stopped = switching.stop(arc, y, surfaces)
+            surfaces = surfaces._replace(stopped=stopped)
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
     given = transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
@@ -152,6 +148,23 @@ def inelastic_impact(
         events = [*_corners(arc, switching, bent, energy), *rests]
     found = Decision(events=tuple(events), rows=before.row, y=y, impulses=given)
     return found, surfaces
+
+
+def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
+    """Return the name of a constraint whose prescribed position has jumped, or "".
+
+    now : ndarray, shape (k,), the columns at the state reached. bent : the corners that
+    the state is on.
+    """
+    names = arc.system.columns.names
+    for constraint in arc.equations.rows:
+        at = names.index(RESIDUAL.of(constraint.name))
+        g = now[at] - before.row[0, at]
+        scale = now[names.index(f"scale:{constraint.name}")]
+        far = constraint.holonomic and abs(g) > SATISFIED * scale
+        if far and _is_far(arc, bent):
+            return constraint.name
+    return ""
 
 
 def _corners(

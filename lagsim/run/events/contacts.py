@@ -10,7 +10,7 @@ the rest time of a ball with ever smaller bounces is the limit of a geometric se
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -66,8 +66,10 @@ if TYPE_CHECKING:
     from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.impacts import Impact
+    from lagsim.mechanics.rows import Closed
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
+    from lagsim.run.events.corner_sides import CornerSides
     from lagsim.run.trajectory import JumpImpulses
 
 # A contact with more impacts than this comes to rest by a series, not by one impact.
@@ -240,8 +242,9 @@ class Contacts(Source):
         return quoted(self.laws[k].name for k in some)
 
     def velocities(
-        self, arc: Arc, laws: LawsAt, met: int, *, decided: bool
-    ) -> StateAfter:
+        self, arc: Arc, laws: LawsAt, met: int, corners: CornerSides | None,
+        *, decided: bool,
+    ) -> StateAfter:  # fmt: skip
         """Compute the impacts of all laws that approach at the state reached.
 
         The state after the impacts is returned, with its events.
@@ -252,6 +255,8 @@ class Contacts(Source):
         laws : LawsAt
         met : int
             Number of the law whose mode has ended, or -1.
+        corners : CornerSides or None
+            The corners of equalities that the state may be on; their sides are changed.
         decided : bool
             Whether the sides of all surfaces on which the bounds of laws may depend are
             decided.
@@ -285,7 +290,7 @@ class Contacts(Source):
             # The impact may engage a freewheel.
             free = [k for k in self.freewheels if here.in_force[k]]
             reached = here.reached({*struck, *ends}, {*some, *free})
-            here = self._strike(here, reached, ends, found)
+            here = self._strike(here, reached, ends, found, corners)
         if self.sliders:
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
@@ -436,6 +441,7 @@ class Contacts(Source):
         some: list[int],
         ends: dict[int, float],
         found: StateAfter,
+        corners: CornerSides | None,
     ) -> Kinematics:
         """Compute and apply the impulses of some laws; return the laws afterwards.
 
@@ -449,29 +455,30 @@ class Contacts(Source):
             End times of the series of bounces that end with this impact, by contact.
         found : StateAfter
             The record whose state, rows, events and warnings are updated.
+        corners : CornerSides or None
+            The corners that the state may be on.
         """
-        arc, y, lift = here.arc, found.y, here.shape.lift
-        before = y.copy()
+        arc, before = here.arc, found.y
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
         struck = [k for k in some if here.strikes(k)]
         rests = {k: here.rest(k, float(here.restitutions[k])) for k in struck}
         ends = {k: arc.t + left for k, left in rests.items() if left is not None}
         ends |= stopped
-        e = [0.0 if k in ends else here.restitutions[k] for k in some]
-        problem, response = here.problem(some, np.array(e), here.shape.reply)
-        if stopped:
-            # A contact whose series ends is held as an equality; a slip has the
-            # friction of the impulses that remain in its series.
-            held = [i for i, k in enumerate(some) if k in ends]
-            problem = replace(problem, table=problem.table.held(held))
-        rates = here.rates[some]
-        result = impact(problem, rates, here.still[some])
+        e = np.array([0.0 if k in ends else here.restitutions[k] for k in some])
+        # A contact whose series ends is held as an equality; a slip has the friction of
+        # the impulses that remain in its series.
+        held = [i for i, k in enumerate(some) if k in ends] if stopped else []
+        blow = _blow(here, some, e, held)
+        if corners is not None and corners.corners:
+            blow = _blow_beside(corners, here, some, e, held)
+        here, problem, rates, result, y = blow
         # A flight that begins below the ground by rounding would end deeper by as much.
+        lift = here.shape.lift
         deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
         if deep:
             y[arc.state.positions] -= lift(deep, here.gaps[deep])
-        y[arc.velocities] += response @ result.impulses
+        found.y = y
         there = here.at(y)
         if deep:
             left = rates + problem.D @ result.impulses
@@ -529,6 +536,75 @@ class Contacts(Source):
             np.abs(result.impulses) @ speeds
         ):
             self._report(found, IMPACT_ENERGY, some, t=here.t, gained=result.energy)
+
+
+class Blow(NamedTuple):
+    """The impulses of r laws at a state, and the state after.
+
+    Attributes
+    ----------
+    here : Kinematics
+        The laws just before.
+    problem : Closed
+    rates : ndarray, shape (r,)
+        The rates just before.
+    result : Impact
+    y : ndarray, shape (size,)
+        The state after.
+    """
+
+    here: Kinematics
+    problem: Closed
+    rates: Floats
+    result: Impact
+    y: Floats
+
+
+def _blow(
+    here: Kinematics, some: list[int], e: Floats, held: list[int],
+    stopped: Collection[int] = (),
+) -> Blow:  # fmt: skip
+    """Return the impulses of r laws.
+
+    Parameters
+    ----------
+    here : Kinematics
+    some : list of int, length r
+        The numbers of the laws.
+    e : ndarray, shape (r,)
+        Their coefficients of restitution.
+    held : list of int
+        The indices in `some` of laws that are held as equalities.
+    stopped : collection of int
+        Corners of equalities whose surfaces are held, too.
+    """
+    reply = here.reply_in(stopped) if stopped else here.shape.reply
+    problem, response = here.problem(some, e, reply)
+    if held:
+        problem = replace(problem, table=problem.table.held(held))
+    rates, y = here.rates[some], here.y.copy()
+    result = impact(problem, rates, here.still[some])
+    y[here.arc.velocities] += response @ result.impulses
+    return Blow(here, problem, rates, result, y)
+
+
+def _blow_beside(
+    corners: CornerSides, here: Kinematics, some: list[int], e: Floats, held: list[int]
+) -> Blow:
+    """Return the impulses of laws, on the sides of corners onto which they lead.
+
+    These sides are left in the memory. Arguments as of `_blow`.
+    """
+    found: list[Blow] = []
+
+    def jump(stopped: Collection[int]) -> Floats:
+        y = here.y.copy()
+        corners.project(y, stopped)
+        found.append(_blow(here.at(y), some, e, held, stopped))
+        return found[-1].y
+
+    corners.after(jump)
+    return found[-1]
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:

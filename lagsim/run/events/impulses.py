@@ -75,7 +75,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
     given, p = x[n:], arc.system.p
     count = len(p.row_impulses)
     laws = given[count : count + len(p.impulses)]  # moreau has no laws
-    return state(x[:n]), JumpImpulses(laws, given[:count], kicks=True)
+    return state(x[:n]), JumpImpulses(laws, given[:count])
 
 
 def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> Floats:

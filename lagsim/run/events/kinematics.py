@@ -418,6 +418,15 @@ class Kinematics:
         rows = np.vstack([shape.equalities, self._along()])
         return delassus(shape.M, rows, shape.rows)
 
+    def reply_in(self, corners: Collection[int]) -> Delassus:
+        """Return the accelerations of the laws per multiplier in corners of equalities.
+
+        corners : the numbers of the surfaces at which the equalities hold the motion.
+        """
+        _, J = self.arc.surface_rows(self.t, self.y)
+        rows = np.vstack([self.shape.equalities, J[sorted(corners), : len(self.rows.T)]])
+        return delassus(self.shape.M, rows, self.shape.rows)
+
     def _along(self) -> Floats:
         """Return the rows of the surfaces that the motion follows, n columns each."""
         _, J = self.arc.surface_rows(self.t, self.y)

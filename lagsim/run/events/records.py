@@ -59,10 +59,13 @@ class Before(NamedTuple):
     off : ndarray, shape (n,)
         Newton step of the velocities onto the constraints: an error by drift, or one
         that stabilization reduces slowly, is not part of an impact.
+    compared : bool
+        Whether positions after the instant have been compared with the row.
     """
 
     row: Floats
     off: Floats
+    compared: bool = False
 
 
 class ActsAt(NamedTuple):

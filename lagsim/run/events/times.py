@@ -248,12 +248,16 @@ class TimeBreaks(_Ahead):
         """Return the time of the next break; inf after the last."""
         return (self._next,)
 
+    def is_at(self, arc: Arc) -> bool:
+        """Whether the next break is at the time reached."""
+        return arc.t >= self._next - width(arc.settings, arc.t)
+
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to pass a break at the time reached; None without one.
 
         code : the kernel's return code.
         """
-        if code != at.DONE or arc.t < self._next - width(arc.settings, arc.t):
+        if code != at.DONE or not self.is_at(arc):
             return None
         self._met.add(arc.t, 0)
         self._first = arc.t if self._taken == 1 else self._first

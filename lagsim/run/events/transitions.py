@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
+    from lagsim.run.events.corner_sides import CornerSides
     from lagsim.run.events.records import Round
     from lagsim.run.trajectory import JumpImpulses
 
@@ -70,11 +71,11 @@ class Transitions(Source):
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
 
-    def start(self, arc: Arc) -> Decision:
+    def start(self, arc: Arc, corners: CornerSides | None) -> Decision:
         """Return the decision with the events that acted at the start.
 
         These events acted before the first row; the first arc has their modes. The
-        impulses of these events are applied here.
+        impulses of these events are applied here. corners : see `act`.
         """
         begun = arc.equations.begun_by
         events = arc.equations.model.events
@@ -88,7 +89,7 @@ class Transitions(Source):
         y = rows = given = None
         if begun.impulses:
             rows = arc.runner.tabulate(arc.row())
-            y, given, energy = self._kicked(arc, np.array(begun.impulses))
+            y, given, energy = self._kicked(arc, np.array(begun.impulses), corners)
             kicks = {x.name for x in events if x.impulses}
             acts = tuple(_with_energy(x, energy, kicks) for x in acts)
         ending = Ending(Outcome.UNTIL) if begun.is_over else None
@@ -160,7 +161,9 @@ class Transitions(Source):
             found = truth.settled(struck=struck)
         return Due(conditions=frozenset(found)) if found else NOTHING, truth.decided
 
-    def act(self, arc: Arc, due: Due, acts: ActsAt) -> tuple[Decision, ActsAt]:
+    def act(
+        self, arc: Arc, due: Due, acts: ActsAt, corners: CornerSides | None
+    ) -> tuple[Decision, ActsAt]:
         """Execute the events that are due, and events that become due by their acts.
 
         The decision returned contains the events, the state where its work integrals
@@ -173,6 +176,8 @@ class Transitions(Source):
             The events that are due.
         acts : ActsAt
             The events that have acted at this instant.
+        corners : CornerSides or None
+            The corners of equalities in which the motion rests.
         """
         acts = acts if acts.counts else acts._replace(counts=(0,) * len(self.next))
         events = arc.equations.model.events
@@ -215,7 +220,7 @@ class Transitions(Source):
         kicks = ending is None and bool(impulse.any())
         given: JumpImpulses | None = None
         if kicks:
-            y, given, energy = self._kicked(arc, impulse, y)
+            y, given, energy = self._kicked(arc, impulse, corners, y)
             kicking = {x.name for x in events if x.impulses}
             found = [_with_energy(x, energy, kicking) for x in found]
         changed = kicks or before is not None
@@ -250,8 +255,9 @@ class Transitions(Source):
         return acts._replace(visits=(*earlier, now)), None
 
     def _kicked(
-        self, arc: Arc, impulse: Floats, y: Floats | None = None
-    ) -> tuple[Floats, JumpImpulses, float]:
+        self, arc: Arc, impulse: Floats, corners: CornerSides | None,
+        y: Floats | None = None,
+    ) -> tuple[Floats, JumpImpulses, float]:  # fmt: skip
         """Return the state after an impulse, the impulses of rows, and the energy.
 
         The energy is that which the impulse brings; the state contains it as work.
@@ -261,11 +267,22 @@ class Transitions(Source):
         arc : Arc
         impulse : ndarray, shape (n,)
             The sum of the generalized impulses, for all coordinates of the model.
+        corners : CornerSides or None
+            The corners of equalities in which the motion rests.
         y : ndarray, shape (size,), optional
             The state before; by default that of the arc.
         """
         before = arc.y.copy() if y is None else y
         after, given = kick(arc, before, impulse)
+        if corners is not None and corners.corners:
+
+            def jump(stopped: frozenset[int]) -> Floats:
+                nonlocal given
+                y, given = kick(arc, before, impulse)
+                corners.project(y, stopped)
+                return y
+
+            after = corners.after(jump)
         energy = float(arc.add_work(after, arc.energies(before)).sum())
         return after, given, energy
 
