@@ -6,7 +6,7 @@ returns the next one (`instant.InstantRecord`):
 
     1 acts        events of the file that are due, in the order of the file
     2 sides       branches of t, then the side of each switching surface
-    3 velocities  one problem of impulses, of equalities that jump and laws that approach
+    3 velocities  one problem of impulses: equalities that jump, laws that approach
     4 modes       the modes of laws, by the accelerations
     5 ties        within 2 and 4: by the rates of the tied rows, then by a rule
     6 repeat      events that these phases have made due act at the same instant
@@ -257,21 +257,6 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 
 @phase
-def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Compute the impacts of laws with the sides before the instant.
-
-    These are first where the end of a law's mode was located. Beside an equality that
-    may jump they are first in any case: which of several zeros was located is rounding.
-    """
-    met = now.located.law
-    if met >= 0:
-        return laws_struck(now.but(located=NOWHERE), by, met=met, decided=False)
-    if now.before is None or not may_strike(now.arc, by):
-        return now
-    return laws_struck(now, by, decided=False)
-
-
-@phase
 def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the branches of all switches of t alone, from the instant on."""
     if not now.stale:
@@ -305,6 +290,21 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     return carried_out(
         now, found.decision, modes=trial.found, surfaces=found.surfaces, laws=found.laws
     )
+
+
+@phase
+def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Compute the impacts of laws with the sides before the instant.
+
+    These are first where the end of a law's mode was located. Beside an equality that
+    may jump they are first in any case: which of several zeros was located is rounding.
+    """
+    met = now.located.law
+    if met >= 0:
+        return laws_struck(now.but(located=NOWHERE), by, met=met, decided=False)
+    if now.before is None or not may_strike(now.arc, by):
+        return now
+    return laws_struck(now, by, decided=False)
 
 
 @phase
@@ -359,7 +359,7 @@ def laws_struck(
     """Return the record after the impacts of laws.
 
     projected : the jump of velocities by equalities, which is part of the jump by laws.
-    met : the law whose mode has ended, or -1. decided : whether sides have been decided.
+    met : the law whose mode has ended, or -1. decided : whether sides are decided.
     """
     assert by.contacts is not None
     assert now.laws is not None

@@ -219,15 +219,13 @@ class Decision(NamedTuple):
     ahead: float = inf
 
     def after(self, first: Decision) -> Decision:
-        """Return this decision with the jump `first`, which begins its own jump."""
+        """Return this decision with the jump of `first` as the begin of its own."""
         if first.rows is None:
             return self
         given = self.impulses or first.impulses
         if self.impulses is not None and first.impulses is not None:
             laws, rows = self.impulses.laws, self.impulses.rows
-            given = JumpImpulses(
-                laws + first.impulses.laws, rows + first.impulses.rows
-            )
+            given = JumpImpulses(laws + first.impulses.laws, rows + first.impulses.rows)
         return self._replace(rows=first.rows, impulses=given)
 
 

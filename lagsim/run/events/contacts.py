@@ -597,7 +597,7 @@ def _blow_beside(
     """
     found: list[Blow] = []
 
-    def jump(stopped: Collection[int]) -> Floats:
+    def jump(stopped: frozenset[int]) -> Floats:
         y = here.y.copy()
         corners.project(y, stopped)
         found.append(_blow(here.at(y), some, e, held, stopped))

@@ -424,7 +424,9 @@ class Kinematics:
         corners : the numbers of the surfaces at which the equalities hold the motion.
         """
         _, J = self.arc.surface_rows(self.t, self.y)
-        rows = np.vstack([self.shape.equalities, J[sorted(corners), : len(self.rows.T)]])
+        rows = np.vstack(
+            [self.shape.equalities, J[sorted(corners), : len(self.rows.T)]]
+        )
         return delassus(self.shape.M, rows, self.shape.rows)
 
     def _along(self) -> Floats:
