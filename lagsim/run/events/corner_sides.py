@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.methods.parts import parameters as kept
 from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING
 from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, TINY
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     # (size,) after a jump on the sides in the memory of the arc.
     Jump = Callable[[frozenset[int]], Floats]
 
+# Modes of surfaces at whose levels the motion rests.
+AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL)
 # Largest number of corners whose sides are combined; for more the present sides stay.
 MOST = 6
 
@@ -52,10 +55,10 @@ class CornerSides:
         modes.begin(arc, surfaces.selected)
         on = arc.system.switches.corners
         levels = dict(surfaces.levels)
-        followed = [k for k in on if modes.slides[k] and k not in levels]
-        if followed:
+        resting = [k for k in on if modes.kind[k] in AT_LEVEL and k not in levels]
+        if resting:
             values = modes.values(arc.t, arc.y)
-            levels |= {k: modes.level(k, float(values[k])) for k in followed}
+            levels |= {k: modes.level(k, float(values[k])) for k in resting}
         found = {k: x for k, x in levels.items() if k in on and not on[k].followers}
         self.corners = found if len(found) <= MOST else {}
         self._former = modes.value.copy(), modes.kind.copy()
