@@ -59,7 +59,10 @@ class CornerSides:
         if resting:
             values = modes.values(arc.t, arc.y)
             levels |= {k: modes.level(k, float(values[k])) for k in resting}
-        found = {k: x for k, x in levels.items() if k in on and not on[k].followers}
+        # Surfaces whose arguments jump with another side are decided in phase 2.
+        nested = set[int]().union(*modes.depends)
+        nested |= {k for k, others in enumerate(modes.depends) if others}
+        found = {k: x for k, x in levels.items() if k in on and k not in nested}
         self.corners = found if len(found) <= MOST else {}
         self._former = modes.value.copy(), modes.kind.copy()
 
