@@ -19,14 +19,16 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from lagsim.run.interrupt import heard
 from tests.choosing import COMMIT, chosen, share, slices, tonight
 from tests.patience import PATIENCE
 
 # No test is held to a time of the clock.
-settings.register_profile("lagsim", deadline=None)
+settings.register_profile(
+    "lagsim", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("lagsim")
 
 

@@ -23,6 +23,7 @@ from tests.mutation.mutants import (
     compiles,
     over_budget,
 )  # fmt: skip
+from tests.mutation.table import Kills, summary
 
 needs_node = pytest.mark.skipif(not shutil.which("node"), reason="no node on PATH")
 needs_git = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a clone")
@@ -58,6 +59,36 @@ def test_what_tests_notice(tmp_path):
         assert (copy.tree / path).read_text("utf-8") == text
     clean = copy.clean(tests[0], "all")
     assert clean.seconds.keys() == set.union(*clean.lines[path].values())
+
+
+def test_the_summary_of_a_table():
+    a, b, c = (Mutant("language", "x.py", k, 0, "+", "-") for k in range(3))
+    tested = "t.py::one[0]", "t.py::one[1]", "t.py::two", "t.py::idle"
+    found = summary(
+        [
+            Kills(a, tested, frozenset(tested[:2])),  # two cases of one test
+            Kills(b, tested, frozenset(tested[1:3])),
+            Kills(c, tested, frozenset()),
+        ]
+    )
+    assert (found["mutants"], found["killed"]) == (3, 2)
+    assert found["single"] == {"t.py::one": [str(a)]}
+    assert found["shared"] == {"t.py::two": 1}
+    assert found["none"] == ["t.py::idle"]
+
+
+@pytest.mark.slow
+@needs_git
+def test_all_killers_of_a_mutant(tmp_path):
+    copy = Copy(tmp_path)
+    path = "lagsim/language/units.py"
+    text = (ROOT / path).read_text("utf-8")
+    mutant = Mutant("language", path, 1, len(text) - 1, "\n", "\n0 / 0\n")
+    assert copy.killers(mutant, ["tests/outputs/test_units.py"], 10.0) == {
+        "tests/outputs/test_units.py"
+    }
+    mutant = mutant._replace(new="\n#\n")
+    assert copy.killers(mutant, ["tests/outputs/test_units.py"], 10.0) == set()
 
 
 @pytest.mark.nightly

@@ -66,6 +66,24 @@ def test_a_body_that_is_crushed_has_no_solution():
     assert not impact(body, np.array([-1.0, -1.0]), none(2)).found
 
 
+def test_a_single_contact():
+    body = touching([2.0], [[1.0]], e=0.5)
+    for rate, roundoff, impulse, then in (
+        (-1.0, 0.0, 3.0, 0.5),  # (1 + e) times the momentum
+        (-1e-3, 1e-3, 0.0, 0.0),  # a rate of the size of roundoff is none
+        (0.0, 0.0, 0.0, 0.0),
+        (0.25, 0.0, 0.0, 0.25),  # the contact opens
+    ):
+        found = impact(body, np.array([rate]), np.array([roundoff]))
+        assert found.found
+        assert not found.open
+        assert found.impulses == pytest.approx([impulse], abs=ROUNDING)
+        assert found.after == pytest.approx([then], abs=ROUNDING)
+        # The change of m v^2/2.
+        before = 0.0 if roundoff else rate
+        assert found.energy == pytest.approx(then**2 - before**2, abs=ROUNDING)
+
+
 @pytest.mark.parametrize("small", [1e-13, 1e-30, 1e13])
 def test_what_strikes_slowly_strikes_beside_what_is_fast(small):
     """Uncoupled bodies have no effect on each other's tolerances, by speed or mass."""
