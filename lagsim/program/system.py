@@ -491,6 +491,11 @@ class System:
         """Return the index in p of the parameter or mode `name`."""
         return self._layout_of[name]
 
+    @cached_property
+    def mode_places(self) -> dict[str, int]:
+        """The index in p of each mode of the file, by its name."""
+        return {name: self.place(name) for name in sorted(self.model.modes)}
+
     def length_words(self, k: int) -> list[int]:
         """Return the indices in p at which the length of constraint row k is stored."""
         words = [self.place(f"length.{self.equations.rows[k].name}")]
@@ -530,8 +535,8 @@ class System:
         other : a system of the same model, by another plan.
         """
         self.set_modes(list(other.p.flat[other.modes_at]))
-        for name in self.model.modes:
-            self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
+        for name, place in self.mode_places.items():
+            self.p.flat[place] = other.p.flat[other.place(name)]
         for mine, its in zip(self.p.modes, other.p.modes, strict=True):
             mine[:] = its
         self.p.known, self.p.passed = other.p.known, other.p.passed

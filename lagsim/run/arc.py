@@ -199,8 +199,8 @@ class Arc(NamedTuple):
     @property
     def modes(self) -> dict[str, float]:
         """Values of the file's modes at the current time."""
-        p, names = self.system.p.flat, self.equations.model.modes
-        return {name: float(p[self.system.place(name)]) for name in names}
+        p = self.system.p.flat
+        return {name: p.item(place) for name, place in self.system.mode_places.items()}
 
     @property
     def slides(self) -> bool:

@@ -326,10 +326,10 @@ def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
     from another.
     """
     *earlier, (_, before, _) = rounds
-    seen = [modes for _, modes, _ in earlier]
-    if arc.modes == before or arc.modes not in seen:
+    seen, now = [modes for _, modes, _ in earlier], arc.modes
+    if now == before or now not in seen:
         return None
-    return _chatter(rounds[seen.index(arc.modes) :])
+    return _chatter(rounds[seen.index(now) :])
 
 
 def _chatter(rounds: Sequence[Round]) -> Ending:
