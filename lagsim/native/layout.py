@@ -180,6 +180,8 @@ class Memory:
         The whole memory.
     fields : dict
         The declarations, in the order of their words.
+    number_words : dict
+        The word of each number, by its name.
     numbers : memoryview
         View of `flat` for single numbers, several times faster than numpy.
     address : int
@@ -201,6 +203,7 @@ class Memory:
 
     fields: ClassVar[dict[str, Field]] = {}
     words: ClassVar[int] = 0  # of all fields
+    number_words: ClassVar[dict[str, int]] = {}
 
     if TYPE_CHECKING:
         flat: Floats
@@ -213,10 +216,10 @@ class Memory:
 
     def __setattr__(self, name: str, value: float) -> None:
         """Store a number; names of other kinds cannot be assigned."""
-        field = self.fields.get(name)
-        if field is None or field.kind != NUMBER:
+        word = self.number_words.get(name)
+        if word is None:
             raise AttributeError("only numbers are stored; all else stays")
-        self.numbers[field.word] = value
+        self.numbers[word] = value
 
     def __init_subclass__(cls) -> None:
         """Assign a word to each annotated name."""
@@ -235,6 +238,8 @@ class Memory:
                 cls.words += 2 if field.kind in (ARRAY, BLOCK) else 1
             cls.fields[name], field.name = field, name
             setattr(cls, name, field)
+        numbers = (x for x in cls.fields.values() if x.kind == NUMBER)
+        cls.number_words = {field.name: field.word for field in numbers}
 
     @classmethod
     def made(cls, **sizes: int) -> Self:

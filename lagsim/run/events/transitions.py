@@ -217,7 +217,7 @@ class Transitions(Source):
                     due = Due(conditions=frozenset(truth.changed()))
         if before is not None:
             arc.add_work(y, before)
-        kicks = ending is None and bool(impulse.any())
+        kicks = ending is None and self.kicks and bool(impulse.any())
         given: JumpImpulses | None = None
         if kicks:
             y, given, energy = self._kicked(arc, impulse, corners, y)
