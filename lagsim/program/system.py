@@ -162,8 +162,10 @@ class System:
         Names of the components of y.
     p : Parameters
         Parameters, modes, and working memory.
+    first_unused : int
+        Index in p at which the working memory of an arc begins.
     unused : ndarray
-        Initial content of the working memory of an arc.
+        Initial content of that working memory.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
@@ -452,7 +454,8 @@ class System:
             whole.flat[self._layout_of[f"length.{row.name}"]] = length
         for parameter in self.equations.model.parameters:
             whole.flat[self._layout_of[parameter.name]] = parameter.value
-        self.unused = whole.flat[whole.place("motion") :].copy()
+        self.first_unused = whole.place("motion")
+        self.unused = whole.flat[self.first_unused :].copy()
         return whole
 
     def _layout(self, memory: Parameters) -> Layout:
@@ -757,7 +760,7 @@ class Runner:
         p.reference = p.usual_reference = self.system.plan.smallest_singular_value
         p.factored = p.noted = 0.0
         p.sigma = p.least_sigma = 1.0
-        p.flat[p.place("motion") :] = self.system.unused
+        p.flat[self.system.first_unused :] = self.system.unused
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have none
             p.lengths[:rows] = p.usual_lengths[:rows] = self.system.plan.lengths

@@ -236,8 +236,11 @@ class Run:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
         self.deciders = _deciders(self.arc, self.sources)
-        # Sources with event times known in advance.
-        self.timed = [x for x in self.sources if type(x).times is not Source.times]
+        # Most sources have no such function of their own; these are called at each arc.
+        self.timed = _with_own("times", self.sources)
+        self.asking = _with_own("ask_at", self.sources)
+        self.passing = _with_own("passed", self.sources)
+        self.preparing = _with_own("set_out", self.sources)
         self.recorder = Recorder(observers, listed)
         # Called between two calls of the kernel.
         self.tick: Callable[[Run], None] | None = None
@@ -315,7 +318,7 @@ class Run:
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
         if left <= 0:
             return Ending(Outcome.TOO_MANY_STEPS)
-        asked = min(source.ask_at(arc) for source in self.sources)
+        asked = min(source.ask_at(arc) for source in self.asking)
         asked = min(asked, self._horizon.ask_at) - arc.steps
         budget = min(self.pace.steps, left, asked)
         began = time.perf_counter()
@@ -324,7 +327,7 @@ class Run:
         ending = self._hand_on_block()
         if ending is not None:
             return ending
-        for source in self.sources:
+        for source in self.passing:
             self._take(source.passed(arc))
         if not np.isfinite(arc.y[arc.state.dynamic]).all():
             return self._cut(arc.observed())
@@ -584,7 +587,7 @@ class Run:
         if self.record.t != arc.t:
             self.record = new_record(self.arc)
         self.arcs += 1
-        for source in self.sources:
+        for source in self.preparing:
             self._take(source.set_out(self.arc))
 
     def _row(self) -> Floats:
@@ -673,6 +676,12 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
         yield Pulses()
+
+
+def _with_own(name: str, sources: Sequence[Source]) -> list[Source]:
+    """Return the sources whose function `name` is not the default of `Source`."""
+    default = getattr(Source, name)
+    return [x for x in sources if getattr(type(x), name) is not default]
 
 
 def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
