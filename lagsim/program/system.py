@@ -495,6 +495,12 @@ class System:
         return self._layout_of[name]
 
     @cached_property
+    def energy_columns(self) -> slice:
+        """The output columns of the energies of the groups on which work is done."""
+        first = self.columns.names.index("energy")
+        return slice(first, first + self.works)
+
+    @cached_property
     def mode_places(self) -> dict[str, int]:
         """The index in p of each mode of the file, by its name."""
         return {name: self.place(name) for name in sorted(self.model.modes)}

@@ -289,9 +289,8 @@ class Arc(NamedTuple):
         """
         if self.system.has_energies:
             return self.runner.function("energies", self.system.works)(self.t, y)
-        columns = self.observed(y) if shown is None else shown
-        first = self.system.columns.names.index("energy")
-        return columns[first : first + self.system.works]
+        columns = self.runner.tabulate(self.row(y))[0] if shown is None else shown
+        return columns[self.system.energy_columns]
 
     def add_work(self, y: Floats, before: Floats) -> Floats:
         """Add the change of the energies in a jump to the work integrals in y.
