@@ -393,6 +393,23 @@ def test_strobes_and_events_at_one_time_show_the_state_after_all_acts(start):
     assert len(found[3]["t"]) == 0
 
 
+@pytest.mark.parametrize("name", ["dop853", "taylor", "rk4"])
+def test_an_event_and_a_section_of_one_relation_have_one_time(name):
+    text = OSCILLATOR + "modes: {u: 0}\nevents: {e: {at: x = 0.3, set: {u: u + 1}}}"
+    model = load(text.replace("SECTION", "at: x = 0.3"))
+    options = {"method": name, "step": 0.01} if name == "rk4" else {"method": name}
+    result = simulate(model, error_bar="never", **options)
+    found = result.sections["cut"]
+    turns = 2.0 * math.pi * np.arange(9)
+    first = math.acos(0.3)
+    times = np.sort(np.concatenate([turns + first, turns[1:] - first]))
+    # rk4 has an error of h^4 in each unit of time.
+    near = 2e-8 if name == "rk4" else 1e-9
+    assert found["t"] == pytest.approx(times[times < 50.0], abs=near)
+    assert found["t"].tolist() == [e.time for e in result.events]
+    assert found["u"].tolist() == list(range(1, len(found["t"]) + 1))
+
+
 def test_acts_that_undo_each_other_cross_nothing():
     events = "one: {every: 1, set: {z: z + 1}}, two: {every: 1, set: {z: z - 1}}"
     found = several("duration: 5", events, ["at: z = 0.5", "at: z = -0.5"])
