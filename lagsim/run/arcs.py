@@ -193,6 +193,7 @@ Kind = TypeVar("Kind", bound=Source)
 # instant.
 LOCATED = (at.EVENT_FOUND, at.SWITCH_FOUND)
 INSTANTS = (at.DONE, *LOCATED)
+SETTLE = Decision(turn=Turn.SETTLE)
 # Offset of a state from a surface, as a part of the range of each component and in
 # units in its last place: invisible in a picture, and larger than rounding.
 ASIDE, SPACINGS = 1e-9, 64
@@ -436,10 +437,11 @@ class Run:
         now = met_at(self.arc, self.record, located, before)
         if code in INSTANTS:
             now = due_before(now, self.deciders)
-        if now.due != NOTHING:
-            decision = (decision or GO_ON)._replace(turn=Turn.SETTLE)
-        if decision is None and code == at.DONE and self._strikes_last():
-            decision = Decision(turn=Turn.SETTLE)
+        if decision is None:
+            last = code == at.DONE and now.due == NOTHING and self._strikes_last()
+            decision = SETTLE if last or now.due != NOTHING else None
+        elif now.due != NOTHING:
+            decision = decision._replace(turn=Turn.SETTLE)
         if decision is None:
             return self._end_of(code)
         return self._act(decision, now, corner)

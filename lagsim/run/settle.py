@@ -12,11 +12,12 @@ returns the next one (`instant.InstantRecord`):
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
 
-Each phase selects the modes of surfaces and laws on trial, and leaves the memory of the
-arc as it was (`modes.TrialModes`). Then `carried_out` alone writes these modes and the
-state to this memory, which compiled functions and the kernels of the next arc read.
-Modes of the file, branches of t, and the truth of conditions are written by
-`transitions`, `times` and `conditions`; docs/events.md lists who writes each word.
+Each phase selects the modes of surfaces and laws, and the truth of conditions, on
+trial, and leaves the memory of the arc as it was (`modes.TrialModes`,
+`conditions.Truth`). Then `carried_out` alone writes the modes, the truth and the state
+to this memory, which compiled functions and the kernels of the next arc read. Modes of
+the file and branches of t are written by `transitions` and `times`; docs/events.md
+lists who writes each word.
 """
 
 from __future__ import annotations
