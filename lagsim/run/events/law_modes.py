@@ -383,14 +383,15 @@ def changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     before : shape (L,), the modes before.
     """
     t, now = here.arc.t, here.arc.system.p.law_mode
-    if (now == before).all():
-        return
-    was_on, is_on = (
-        {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
-        for x in (before, now)
-    )
-    told = was_on & is_on  # possibly on another piece of the gap
-    for k, law in enumerate(here.laws):
+    changed, told = np.flatnonzero(now != before).tolist(), set[str]()
+    if any(MARK in here.laws[k].row.name for k in changed):
+        was_on, is_on = (
+            {whole(here.laws[k].row.name) for k in np.flatnonzero(x).tolist()}
+            for x in (before, now)
+        )
+        told = was_on & is_on  # possibly on another piece of the gap
+    for k in changed:
+        law = here.laws[k]
         name = law.name
         if here.table.bounded[k]:
             was, holds = before[k] in HOLDING, now[k] in HOLDING

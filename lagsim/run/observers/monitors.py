@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Settings
 
 
-# Largest number of stored rows.
+# Largest number of stored rows, and number for which there is room at first.
 MOST_ROWS = 4096
 
 
@@ -121,8 +121,8 @@ class Checkpoints:
         return np.array(found).reshape(len(found), -1)[:, : 1 + self._count]
 
 
-# Largest number of stored rows.
-MOST_KEPT = 512
+# Largest number of stored rows, and number for which there is room at first.
+MOST_KEPT, FIRST_KEPT = 512, 32
 # The initial and final energies are medians over this part of the run.
 TENTH = 0.1
 # A change occurs in the second half if the first half has less than this part of it.
@@ -236,8 +236,10 @@ class EnergyMonitor:
         self._parts = energy_parts(columns)
         self._held = [k for k, name in enumerate(columns) if made(name, FORCE)]
         self._extremes = Extremes(len(columns))
-        self._kept = np.empty((0, 2 + self._shown + len(self._works)))
-        self._seen, self._stride = 0, 1
+        # Stored rows are the first `_count` of an array that doubles where it is full.
+        self._kept = np.empty((FIRST_KEPT, 2 + self._shown + len(self._works)))
+        self._count = self._seen = 0
+        self._stride = 1
 
     def add(self, rows: Floats) -> None:
         """Update the extremes by rows (k, columns), and store one row per stride."""
@@ -245,22 +247,31 @@ class EnergyMonitor:
         self._extremes.add(rows if finite.all() else rows[finite])
         seen = self._seen + len(rows)
         while seen > MOST_KEPT * self._stride:
-            self._kept = self._kept[::2]
-            self._stride *= 2
+            left = self._kept[: self._count : 2].copy()
+            self._count, self._stride = len(left), 2 * self._stride
+            self._kept[: self._count] = left
         first = -self._seen % self._stride
-        rows = rows[first :: self._stride]
-        balance = _balance(rows, self._energy, self._work)
-        moving = rows[:, self._parts.get("kinetic", self._energy)]
-        state, works = rows[:, : self._shown], rows[:, self._works]
-        # Energy - work, the kinetic energy, t, q, q', q'', s, works of each row.
-        more = np.column_stack([balance, moving, state, works])
-        self._kept = np.concatenate([self._kept, more])
+        self._store(rows[first :: self._stride])
         self._seen = seen
+
+    def _store(self, rows: Floats) -> None:
+        """Store rows (k, columns)."""
+        before, after = self._count, self._count + len(rows)
+        if after > len(self._kept):
+            size = max(after, 2 * len(self._kept)), self._kept.shape[1]
+            self._kept, old = np.empty(size), self._kept
+            self._kept[:before] = old[:before]
+        # Energy - work, the kinetic energy, t, q, q', q'', s, works of each row.
+        own, shown = self._kept[before:after], 2 + self._shown
+        own[:, 0] = _balance(rows, self._energy, self._work)
+        own[:, 1] = rows[:, self._parts.get("kinetic", self._energy)]
+        own[:, 2:shown], own[:, shown:] = rows[:, : self._shown], rows[:, self._works]
+        self._count = after
 
     @property
     def _rows(self) -> Floats:
         """Stored rows before the first one with a value that is not finite."""
-        rows = self._kept
+        rows = self._kept[: self._count]
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
 
