@@ -550,7 +550,7 @@ class Hybrid:
             self.spent.add(name)
 
     def _periodic(self, t, y):
-        """Act at the times of a period; tell whether there was one."""
+        """Let the periodic events of a time act; return whether one has acted."""
         due = [
             name
             for name, k in self.periodic.items()

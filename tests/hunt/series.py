@@ -104,7 +104,7 @@ def first_root(x, h, grazes=GRAZES):
     Raises
     ------
     UndecidedError
-        It comes so near to 0 without a root that rounding decides.
+        The series comes so near to 0 without a root that rounding decides.
     """
     c = _cut(x * h ** np.arange(len(x)), 1e-18)
     if len(c) < 2 or abs(c[0]) > np.sum(np.abs(c[1:])) * (1 + 1e-9) + grazes:

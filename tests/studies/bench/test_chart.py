@@ -68,7 +68,7 @@ def document(rows, **more):
 
 
 def crowd():
-    """Everything there is, in every formulation, each dearer than the one before."""
+    """Return rows of all methods and formulations, each curve dearer than the last."""
     kinds = ("velocity projection", "elimination", "baumgarte", "drift")
     rows = curve("radau", "elimination", 1.0, chosen=True)
     times = (2.0 + k for k in itertools.count())
