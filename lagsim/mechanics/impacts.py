@@ -127,7 +127,7 @@ def _at_rest(closed: Closed, rates: Floats) -> Flags:
 def _impulses(
     closed: Closed, c: Floats, rests: Flags, given: Floats | None = None
 ) -> Solution:
-    """Solve for the impulses that bring the rates c to 0 as far as the laws permit.
+    """Solve for the impulses that bring rates to their targets as far as laws permit.
 
     Limited rows have no impulse. Slips of contacts that are held as equalities slide on
     in their direction, or are held where friction would reverse it.

@@ -321,8 +321,7 @@ class Linearisation:
         x : Slopes
         errors : mapping of str to float
             Error bounds of variables, by name; other variables have the rounding error
-            of
-            their value.
+            of their value.
         """
         inexact = {
             name: (value, errors.get(name, STATE_ROUNDOFF * abs(value)))

@@ -96,8 +96,7 @@ def motion_series(
     -------
     list of int or Loop
         With `loop`, a loop over the order, possibly unrolled; else nodes: the order,
-        then
-        the coefficients, shape (order + 1, size), row by row.
+        then the coefficients, shape (order + 1, size), row by row.
     """
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)

@@ -252,7 +252,7 @@ ALONG = 1e-3
 
 
 class _Edges(NamedTuple):
-    """Rows with a solution of their problem, and the decision which are at bounds.
+    """Decision which rows of a solved contact problem are held, and which at bounds.
 
     Attributes
     ----------
@@ -417,7 +417,7 @@ class _Edges(NamedTuple):
         apart: list[int],
         turn: Floats | None,
     ) -> list[int]:
-        """Return the rows of `apart` that can slip, independently of rows that hold.
+        """Return the tied rows in `apart` that can slip while the other rows hold.
 
         A single bounded row that depends on `firm` rows cannot. A disc can slip along
         its force only: it cannot where that direction depends on rows at rest and on
@@ -512,10 +512,10 @@ class _Edges(NamedTuple):
 def _expressed(
     rows: ContactRows, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
-    """Return E (r, r) and p0 (r,) of p = E x + p0 for the multipliers p of all rows.
+    """Express the multipliers p of all rows by those of held rows: p = E x + p0.
 
-    x : the multipliers of the held rows. The other multipliers are at their bounds, in
-    the given directions (r,).
+    Return E (r, r) and p0 (r,). x : the multipliers of the held rows. The other
+    multipliers are at their bounds, in the given directions (r,).
     """
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
@@ -617,12 +617,12 @@ TAKEN_OVER = 5
 
 
 def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowModes:
-    """Return modes in which redundant limited rows have multipliers near their bounds.
+    """Return modes with the multipliers of redundant limited rows near their bounds.
 
     The loads of redundant rows are constant in a mode, so that all changes fall on the
     rows that hold. The smaller the first loads of the rows that hold, the later these
-    reach their bounds. Where all loads grow alike, this is when no multipliers suffice
-    any more.
+    reach their bounds. Where all loads grow in proportion, the rows then slip only when
+    no distribution of the loads holds them.
 
     Parameters
     ----------
@@ -654,10 +654,11 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
 
 
 def _rubs_openly(rows: ContactRows, modes: list[Mode], directions: Floats) -> bool:
-    """Whether the motion is not unique because non-unique multipliers bound friction.
+    """Whether sliding friction depends on a multiplier that is not unique.
 
-    This is so where a combination of multipliers of held and redundant rows, with their
-    friction, accelerates none of these rows and is not 0 as a force.
+    Then the motion is not unique. It is so where multipliers of held and redundant
+    rows, with the friction that they cause, can change such that none of these rows
+    accelerates, but the forces change.
 
     modes : the mode of each row. directions : (r,), multipliers at bounds as parts of
     the bounds.

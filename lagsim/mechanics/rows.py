@@ -53,7 +53,7 @@ class Mode(IntEnum):
 
 
 class RowTable:
-    """The constant columns of r rows.
+    """Table of the constant data of r rows: bounds, contacts, pairs, and masks.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class RowTable:
 
     @classmethod
     def of(cls, laws: Sequence[Law]) -> RowTable:
-        """Return the columns of the rows of laws."""
+        """Return the table of the rows of laws."""
         return cls(
             np.array([law.kind.low for law in laws]),
             np.array([law.kind.high for law in laws]),
@@ -122,7 +122,7 @@ class RowTable:
         )
 
     def part(self, some: Sequence[int]) -> RowTable:
-        """Return the columns of the rows with the indices `some`; memoized.
+        """Return the table of the rows with the indices `some`; memoized.
 
         A slip whose contact is not among these rows loses its contact.
         """
@@ -140,7 +140,7 @@ class RowTable:
         return found
 
     def held(self, rows: Sequence[int]) -> RowTable:
-        """Return the columns with the rows `rows` without bounds, as equalities."""
+        """Return the table with the rows `rows` as equalities, without bounds."""
         if not len(rows):
             return self
         low, high, gapped = self.low.copy(), self.high.copy(), self.gapped.copy()
@@ -148,7 +148,11 @@ class RowTable:
         return RowTable(low, high, self.normals, self.pairs, gapped, self.poisson)
 
     def with_shares(self, count: int) -> RowTable:
-        """Return the columns with `count` further bounded rows."""
+        """Return the table with `count` bounded rows appended, for shares of surfaces.
+
+        A share is the part of the upper side in the motion along a switching surface;
+        its row has the bounds -1 and 1.
+        """
         alone, none = np.full(count, -1), np.zeros(count, dtype=bool)
         return RowTable(
             np.append(self.low, -np.ones(count)), np.append(self.high, np.ones(count)),

@@ -56,8 +56,7 @@ class InstantRecord:
         The row before the instant, where equalities may jump.
     shown : ndarray, shape (k,), or None
         Columns of the table before the events acted; an impact at this instant has
-        these
-        columns as its first row.
+        these columns as its first row.
     impacts : bool
         Whether velocities have jumped since conditions were decided.
     admissible : LawState or None

@@ -403,7 +403,8 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
 def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Find the events that have become due by the state after all phases.
 
-    The record returned has them in `due`.
+    The phases are the stages of `settle`. The record returned has these events in
+    `due`.
     """
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)

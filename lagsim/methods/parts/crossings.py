@@ -194,10 +194,11 @@ def leave(s: Crossings, p: Parameters, j: int, half: int) -> float:
 
 
 def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
-    """Set `roots` and `beyond` of section j, if its row falls below 0 in the half.
+    """Store an interval that contains the crossing of section j, if there is one.
 
-    A row that is below 0 at the start of the half has its root there. A row that
-    returns above 0 is a touch, and does not wait. half : see `crossed_within`.
+    `roots` and `beyond` become its ends. A row that is below 0 at the start of the half
+    has its root there. A row that returns above 0 is a touch, and does not wait. half :
+    see `crossed_within`.
     """
     k, low, x = relations(s) + j, s.places[half], s.places[half + 1]
     a, b = sampled(s, k, half), sampled(s, k, half + 1)

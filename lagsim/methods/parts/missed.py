@@ -217,10 +217,11 @@ def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
 
 
 def may_approach(s: SearchTable, k: int) -> bool:
-    """Whether signal k may be closer to activity of its term within than at the ends.
+    """Whether the term of signal k may become more active inside the stretch.
 
-    Within and ends : of the stretch. Also true if values and slopes at the ends do not
-    determine the signal in between.
+    True if the signal may be closer to activity of the term within the stretch than at
+    both ends, or if values and slopes at the ends do not determine the signal in
+    between.
     """
     if not signal_is_known(s, k):
         return True
@@ -295,7 +296,7 @@ def closest(s: SearchTable, k: int) -> float:
 
 
 def nearest(s: SearchTable, k: int, half: int) -> float:
-    """Return a bound of signal k itself, on the side of its active value.
+    """Return a bound of signal k in half the stretch, on the side of its activity.
 
     The signal is nowhere closer to that value in half of the stretch, see `lowest`.
     """

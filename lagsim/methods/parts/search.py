@@ -168,12 +168,12 @@ def found_within(kind: Static, s: Crossings, p: Parameters, known: float) -> flo
 
 
 def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
-    """Return the length of a shorter stretch to examine; 0 if it is not needed.
+    """Return the length of a shorter stretch to examine; 0 if the present one is known.
 
-    A shorter one is not needed if the values and slopes at its ends determine what is
-    searched for, the `kind`, in between. For events, no signal may approach the
-    activity of its term inside either, since an event function made of the term would
-    be flat at every point; the shorter stretch then ends at the closest approach.
+    It is known if the values and slopes at its ends determine the rows of the kind in
+    between. For events, no signal may approach the activity of its term inside either,
+    since an event function made of the term would be flat at every point; the shorter
+    stretch then ends at the closest approach.
     """
     low, x = float(s.places[0]), float(s.places[2])
     width, near = x - low, x

@@ -317,7 +317,7 @@ def away(s: SearchTable, k: int, at_point: Floats) -> float:
 
 
 def reuse_ends(s: SearchTable, first: int, count: int, h: float) -> None:
-    """Set `count` rows at the start of a step h to these rows at the end of the last.
+    """Set `count` rows at the start of a step h to their values at the last end.
 
     first : the first of the rows.
     """

@@ -44,11 +44,11 @@ LEAP = 2.0**-20
 
 
 def look(s: SearchTable, p: Parameters, found: int) -> None:
-    """Evaluate all conditions at the state reached: `worth`, `zero` and `trend`.
+    """Evaluate all conditions at the state reached; store values, bounds and rates.
 
-    The three arrays are the values, the sizes up to which a value counts as 0, and the
-    rates. found : the index of the condition located there, or -1; its value there
-    bounds the error of the state.
+    `worth` has the values, `zero` the sizes up to which a value counts as 0, and
+    `trend` the rates. found : the index of the condition located there, or -1; its
+    value there bounds the error of the state.
     """
     slopes, rates = s.condition_slopes, s.exact_rates
     evaluate(s, p)
@@ -175,7 +175,7 @@ def is_calm(s: SearchTable, k: int, least: float) -> bool:
 
 
 def meet(s: SearchTable, p: Parameters) -> int:
-    """Find the conditions that the motion satisfies at the instant; return the number.
+    """Find the conditions that the motion satisfies at the instant; return the count.
 
     `marked` is 1 for these conditions. A condition that is about to become false at
     that time counts as false, and so does one that has become false by a jump of a
@@ -192,7 +192,7 @@ def meet(s: SearchTable, p: Parameters) -> int:
 
 
 def mark(s: SearchTable) -> int:
-    """Set `marked` to 1 for conditions that the motion satisfies; return the number."""
+    """Set `marked` to 1 for conditions that the motion satisfies; return the count."""
     count = 0
     for k in range(s.conditions):
         side = s.orientation[k]
@@ -251,9 +251,9 @@ def hold(s: SearchTable, _p: Parameters) -> None:
 
 
 def change(s: SearchTable, p: Parameters) -> int:
-    """Find the conditions that become true by modes set, whatever the rates.
+    """Find the conditions that become true by modes that events have set.
 
-    Return the number of conditions; `marked` is 1 for each.
+    Their rates are not considered. Return the count; `marked` is 1 for each.
     """
     s.any_stays = 0.0
     remember(s)
@@ -284,9 +284,10 @@ def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
 
 
 def remember(s: SearchTable) -> None:
-    """Store the values of the conditions in `former`, and whether each is off 0.
+    """Store the values of conditions in `former`; mark values other than 0.
 
-    Off 0 (`was_clear`): by more than the zero tolerance of the condition.
+    `was_clear` marks values that differ from 0 by more than the condition's zero
+    tolerance.
     """
     for k in range(s.conditions):
         s.former[k] = s.worth[k]
@@ -311,7 +312,7 @@ def may_change(s: SearchTable) -> bool:
 
 
 def become(s: SearchTable, rated: int) -> int:
-    """Find the conditions that became true; store the sides of conditions now false.
+    """Find the conditions that became true; store the sides of the false conditions.
 
     Return the number of conditions that became true; `marked` is 1 for each. rated : 1
     if rates are known: then a condition whose value is 0 and rises becomes true, and so
@@ -341,7 +342,7 @@ def become(s: SearchTable, rated: int) -> int:
 
 
 def leave(s: SearchTable) -> None:
-    """Store the sides of conditions that were true and whose values are now false."""
+    """Store the sides of conditions that were true and have become false."""
     for k in range(s.conditions):
         value = float(s.worth[k])
         is_off = abs(value) > max(float(s.zero[k]), float(s.leeway[k]))
@@ -351,7 +352,7 @@ def leave(s: SearchTable) -> None:
 
 
 def turn(s: SearchTable, _p: Parameters) -> None:
-    """Store the side to which the rate leads, for each condition whose value is 0.
+    """Store, for each condition whose value is 0, the side to which its rate leads.
 
     `stays` is 1 for true conditions whose values stay at 0.
     """

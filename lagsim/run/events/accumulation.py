@@ -165,10 +165,7 @@ class Accumulation:
         self.of(row).times.append(time)
 
     def lately(self, least: int = 1) -> list[int]:
-        """Return the sorted numbers of rows with events in the last two windows.
-
-        least : the least number of events of a row in these windows.
-        """
+        """Return rows, sorted, with at least `least` events in the last windows."""
         some = [k for _, k in list(self.recent)[-2 * self.window :]]
         return sorted(k for k in set(some) if some.count(k) >= least)
 
@@ -251,9 +248,9 @@ class Accumulation:
         return took <= NO_TIME * max(self.span, abs(self.last))
 
     def hurries(self, row: int) -> bool:
-        """Whether the last `STUCK` events of a row follow each other almost at once.
+        """Whether the last `STUCK` events of a row are on average almost simultaneous.
 
-        The events are on average at most `HURRIES` of the duration of the run apart.
+        Their average interval is at most `HURRIES` of the duration of the run.
         """
         own = self.of(row).times
         least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))

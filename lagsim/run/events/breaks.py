@@ -221,10 +221,10 @@ class Division:
                 stack.append(_divided(cells[ready:]))
 
     def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
-        """Mark cells too narrow to be divided as ready, so that they are not split.
+        """Mark cells that are too narrow to be divided further as ready.
 
-        rough : (lo, hi), the last interval left undecided; beside a long one the least
-        width is larger.
+        rough : (lo, hi), the last interval in which no decision was possible. Beside a
+        long one, wider cells are marked as well.
         """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
         if not len(cells):
@@ -240,7 +240,11 @@ class Division:
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _look(self, cells: Cells) -> None:
-        """Enclose the values of each surface in the new cells; set the cells' tasks."""
+        """Enclose the values of each surface in new cells; set the cells' tasks.
+
+        cells : intervals of time. The task of a cell is to be divided, to be searched
+        for steps, or none.
+        """
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
@@ -295,7 +299,9 @@ def _next(t: Floats, most: Floats) -> Floats:
 def _seen(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
-    """Return enclosures of the discrete function's values in n cells, and their states.
+    """Return enclosures of the discrete function's values in n cells, and the states.
+
+    A state is the side of the surface throughout a cell, if it is known.
 
     Parameters
     ----------

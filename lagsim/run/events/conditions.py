@@ -140,7 +140,7 @@ class Truth:
         return self._marked(float(found.any()))
 
     def _look_ahead(self) -> Flags:
-        """Store the jumps of the conditions just after the start of the run in `ahead`.
+        """Store the jumps of conditions just after the start of the run in `ahead`.
 
         Return a mask (C,) of the inequalities that such a jump makes, or keeps, true.
         After the first step no jump is stored, and the mask is False.
@@ -174,9 +174,10 @@ class Truth:
         return arc.located(time, arc.y + moved)
 
     def see(self, found: int = -1) -> None:
-        """Store the truth of the conditions at the state just before an instant.
+        """Evaluate the truth of all conditions at the state just before an instant.
 
-        found : index of the condition located at the instant, or -1.
+        found : index of the condition located at the instant, or -1. The truth is
+        stored.
         """
         self.run("see", found)
 
@@ -188,7 +189,11 @@ class Truth:
         return self._marked(self.run("meet"))
 
     def jumped(self, met: Iterable[int]) -> frozenset[int]:
-        """Return the conditions, of the indices `met`, whose values jumped past 0."""
+        """Return the conditions among `met` whose values have jumped past 0.
+
+        Their values are beyond the rounding of 0 although their conditions were just
+        met.
+        """
         state = self.state
         return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
 
@@ -197,10 +202,10 @@ class Truth:
         self.state.marked[list(waiting)] = 0.0
 
     def hold(self, *, for_ever: Iterable[int] = ()) -> None:
-        """Store that the conditions that became true last are true from now on.
+        """Store as true from now on the conditions that were last found to become true.
 
         for_ever : indices of conditions that are true for the rest of the run, so that
-        the events of these conditions never act again.
+        their events never act again.
         """
         self.run("hold")
         for c in for_ever:

@@ -112,7 +112,7 @@ class StateAfter:
     laws : LawsAt
         The laws at the instant.
     moved : bool
-        Whether y may differ from the state reached.
+        Whether y may differ from the state before the impacts.
     events, cautions
         The events, and the warnings.
     rows : ndarray or None
@@ -387,16 +387,17 @@ class Contacts(Source):
         return at_start and arc.modes == self.modes_at_start
 
     def _bears(self, here: Kinematics, k: int) -> bool:
-        """Whether law k shares loads with redundant laws.
+        """Whether law k can share the load of redundant laws.
 
-        All laws do but slips, contacts with slips, equalities, and sliders.
+        Contacts without friction, freewheels and limits can; slips, contacts with
+        slips, equalities and sliders cannot.
         """
         table = here.table
         rubs = any(table.slips[i] for i in (k, *table.beside[k]))
         return not (rubs or table.equal[k] or self.laws[k].slider)
 
     def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
-        """Return the names of laws whose residuals exceed the location tolerance.
+        """Return the names of closed laws with residuals beyond the location tolerance.
 
         closed : whether each law is closed. The function of such a law jumps, or the
         law was closed in flight, and no motion can continue. The energy of other bodies
@@ -666,7 +667,7 @@ def rest_soon(arc: Arc, within: float) -> None:
 
 
 def comes_to_rest(arc: Arc) -> bool:
-    """Whether the rate of a law that may slide is 0 at this instant, to rounding."""
+    """Whether a closed law of friction or a limit has the rate 0, to rounding."""
     here = Kinematics(arc, arc.y)
     slow = here.table.bounded & (np.abs(here.rates) <= here.still)
     return bool((slow & here.closed).any())  # sliders without mass are not closed

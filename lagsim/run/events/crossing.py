@@ -286,7 +286,9 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
-    """Return the largest magnitude of each surface so far (K,); 0 if within rounding.
+    """Return the largest magnitude of each surface's expression so far (K,).
+
+    A magnitude within rounding is 0.
 
     pushed : ndarray, shape (K,), the largest rates of the surfaces by forces.
     """
@@ -334,7 +336,10 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: SurfaceModes, k: int) -> float:
-    """Return half the difference of J_k (q'', s') of surface k on its two sides."""
+    """Return half the jump of J_k (q'', s') across surface k.
+
+    J_k : the row of the surface. q'', s' : the accelerations and rates on each side.
+    """
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
@@ -446,7 +451,7 @@ class Crossing:
         return level if abs(value - level) <= most else None
 
     def _put_clear(self, k: int) -> None:
-        """Store the side of surface k by the value of its expression, off a level."""
+        """Set surface k, off its levels, to the side of its expression's value."""
         before = self.modes.value[k]
         self.modes.put_clear(k, self.values[k])
         if self.modes.value[k] != before:
@@ -460,7 +465,7 @@ class Crossing:
             self.stale.add(k)
 
     def _sort(self, k: int) -> None:
-        """Select the side of surface k by its own rate where this rate is not 0.
+        """Select the side of surface k, at its level, by its own rate if that is not 0.
 
         Otherwise k is appended to `open`, to be decided by forces, or to `loose`, if it
         steps together with open surfaces. Surfaces whose expressions are constant at
@@ -809,7 +814,7 @@ class Crossing:
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
-        """Set the switch values of open surfaces between their sides, by shares w (k,).
+        """Set mode variables of open surfaces between their sides, by shares w (k,).
 
         The value is below + w (above - below), with w the share of the upper side; w =
         LEVEL leaves it unchanged. Sides that depend on the open surfaces are set first,

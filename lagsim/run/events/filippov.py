@@ -69,7 +69,8 @@ class SideSolution(NamedTuple):
         The shares; LEVEL for a surface at its level.
     leads : ndarray, shape (n,)
         For a surface that does not attract, the rate of its expression towards the side
-        selected: where negative, the selection is wrong. Else infinity.
+        selected; a negative rate leads to the other side. Infinity for surfaces that
+        attract.
     modes : RowModes
         The modes of the laws, then of the surfaces that attract.
     by_laws : list of int
@@ -181,7 +182,9 @@ class FilippovCone:
         return None
 
     def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
-        """Return [k], the first surface with a solution on its other side alone, or [].
+        """Return [k] for the first surface with a solution only on its other side.
+
+        [] if there is none.
 
         sides, trial : the sides selected, and their solution. If the motion leaves a
         surface on both sides, `is_fork` is set. A surface to which the motion returns
@@ -373,7 +376,9 @@ class FilippovCone:
         self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
         B: Floats,
     ) -> tuple[RowModes, Floats]:  # fmt: skip
-        """Return the modes of laws and attracting surfaces, and the rates by the laws.
+        """Solve for the modes of laws and attracting surfaces, as one contact problem.
+
+        Return the modes, and the rates of surfaces due to the laws.
 
         A share that the laws leave without effect is 1/2, as at a level.
 
@@ -482,7 +487,7 @@ class Carried(NamedTuple):
 
 
 class Selected(NamedTuple):
-    """The parts of the modes of K surfaces that the kernels do not read.
+    """Data on the selected modes of K surfaces that are not in the kernels' memory.
 
     Attributes
     ----------
@@ -581,7 +586,10 @@ class SurfaceModes:
 
     @property
     def bound(self) -> Floats:
-        """Mask (K,) of the surfaces whose mode does not follow from the expression."""
+        """Mask (K,) of the surfaces whose side is not that of their expression's value.
+
+        They are followed, at rest at their level, or carried.
+        """
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
     @property
@@ -623,7 +631,7 @@ class SurfaceModes:
         self.value[k] = values.get(mode, below)
 
     def way(self, k: int, level: float) -> float:
-        """Return 1 where surface k is above `level`, -1 where it is below."""
+        """Return 1 where surface k is on the upper side of `level`, else -1."""
         above = self.value[k] >= level if self.whole[k] else self.value[k] > 0.0
         return 1.0 if above else -1.0
 
@@ -687,7 +695,7 @@ class SurfaceModes:
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Whether the expression of surface k is constant near the state reached."""
+        """Whether surface k's expression is constant around the state reached."""
         seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
@@ -773,12 +781,12 @@ class SurfaceModes:
         return np.asarray(found)
 
     def _aside(self, t: float) -> Floats:
-        """Return a state (size,) in general position near the state reached.
+        """Return a state (size,) slightly off the state reached, in every component.
 
-        Each component is changed by a part of its range so far, or of its expected
-        range. At the start of a run all ranges are 0. There the change of a component
-        up to time t by its rate is used; the computation is iterated, since components
-        at rest are set in motion by others, or by forces that begin at 0.
+        Each component is changed by a part of its range so far. A component with the
+        range 0, as at the start of a run, is changed by its expected motion up to time
+        t; the computation is iterated, since components at rest are set in motion by
+        others, or by forces that begin at 0.
         """
         arc, state = self.arc, self.arc.state
         parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
@@ -809,11 +817,14 @@ class SurfaceModes:
         return self.arc.runner.function("surfaces", self.count)(t, y)
 
     def rates(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,) at t and y (size,), with the sides written last."""
+        """Return y' (size,) at t and y (size,), on the sides that were last written."""
         return self.arc.field(t, y)
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
-        """Return q'' and s' (n + l,) at y and t (default: now), sides as written."""
+        """Return q'' and s' (n + l,) at y and t, on the sides that were last written.
+
+        t : by default the present time.
+        """
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
 
@@ -842,9 +853,9 @@ class SurfaceModes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Yield states that differ from the state reached by rounding plus `reach`.
+        """Yield states near the state reached, for tests of its neighbourhood.
 
-        reach : a number, or shape (size,).
+        They differ from it by rounding plus `reach`, a number or an array (size,).
         """
         step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
         i = np.arange(len(step))

@@ -54,11 +54,11 @@ class MassAndRows:
 
     @cached_property
     def reply(self) -> Delassus:
-        """Accelerations of the laws per unit multiplier, where the equalities hold."""
+        """Delassus matrix of the laws, with the equalities in force."""
         return delassus(self.M, self.equalities, self.rows)
 
     def lift(self, some: Sequence[int], rates: Floats) -> Floats:
-        """Return the least change (n,) of q or q' for given changes of laws' rates.
+        """Return the least change (n,) of q or q' that changes laws by given amounts.
 
         Parameters
         ----------
@@ -101,9 +101,10 @@ _KEPT = 4
 
 
 def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
-    """Return the `MassAndRows` of `numbers`, M (n, n) and then the rows; memoized.
+    """Return the mass matrix and the rows in the array `numbers`; memoized.
 
-    n, laws : the counts of coordinates and laws.
+    numbers : M (n, n) and then the rows, as a compiled function returns these. n, laws
+    : the counts of coordinates and laws.
     """
     for known in _LAST:
         if known.is_of(n, laws, numbers):
@@ -224,10 +225,10 @@ class Kinematics:
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
-        """Compute the laws' accelerations (L,) without forces of laws, and their terms.
+        """Compute accelerations (L,) of laws without forces of laws, and term sizes.
 
-        Stores `free`, `bounds`, `statics`, `accelerations`, `forces`, `pushes` and
-        `moves`.
+        They are stored in `free`, `bounds`, `statics`, `accelerations`, `forces`,
+        `pushes` and `moves`.
         """
         n = self.arc.system.n
         self.free, b, self.bounds, self.statics = self._free(self.t, self.y)
@@ -265,7 +266,11 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at t and at a state changed by the part PROBE of its sizes."""
+        """Return the results of `_free` at time t, at a state slightly off `y`.
+
+        Components are changed by about the part PROBE of their magnitudes, see
+        `_known`.
+        """
         return self._free(t, self.y + _probes(len(self.y)) * self._known())
 
     @cached_property
@@ -308,10 +313,11 @@ class Kinematics:
         return ""
 
     def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
-        """Whether the static bound of law k at slip 0 is less than its dynamic bound.
+        """Whether the static bound of law k is less than the dynamic bound, at slip 0.
 
-        The bounds of a law that was located (`met`) are equal within rounding: there
-        the result is whether the static bound falls to the dynamic one.
+        met : laws whose event functions were located at this time. The two bounds of
+        such a law may be equal to rounding; then the result is whether its static bound
+        falls below the dynamic one.
         """
         law, own = self.laws[k], [k]
         if law.static == law.bound:
@@ -361,10 +367,12 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Return the magnitudes (size,) of components that determine their rounding.
+        """Return the magnitudes (size,) by which rounding errors of components scale.
 
-        The magnitudes include the sizes of the terms of the rows, within whose rounding
-        a row in force is satisfied. Rows of velocities have no terms of positions.
+        The magnitude of a component is its largest size so far or, if larger, the
+        change of it that corresponds to the size of the terms of a row in force: the
+        row is satisfied to the rounding of its terms only. For positions, rows of
+        velocities do not count.
         """
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
@@ -409,8 +417,8 @@ class Kinematics:
     def answer(self) -> Delassus:
         """Accelerations of the laws per unit multiplier, along the surfaces followed.
 
-        Forces keep the motion on these surfaces, but impulses do not: for impulses see
-        `MassAndRows.reply`.
+        Forces act along with the forces that keep the motion on these surfaces.
+        Impulses do not: for impulses see `MassAndRows.reply`.
         """
         shape = self.shape
         if not self.arc.system.p.sliding:
@@ -435,7 +443,10 @@ class Kinematics:
         return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
 
     def _closed(self) -> list[bool]:
-        """Return which of the L laws are closed; a slip is closed with its contact."""
+        """Return for each of L laws whether it is closed.
+
+        A slip is closed if its contact is.
+        """
         mode, table = self.arc.system.p.law_mode, self.table
         holds = (self.gaps <= self.slack) | (mode == kept.HELD)
         closed = holds | (mode == kept.REDUNDANT) | ~table.one_sided
@@ -462,7 +473,7 @@ class Kinematics:
         return closed
 
     def graze(self, depths: dict[int, float]) -> None:
-        """Store the depths of contacts that graze, which then are not closed."""
+        """Store the depths of contacts that graze; such contacts count as open."""
         self.grazing = depths
         self.closed = self._closed()
 
@@ -492,13 +503,17 @@ class Kinematics:
 
     @cached_property
     def _rates_and_still(self) -> tuple[list[float], list[float]]:
-        """`rates` and `still` as lists, whose elements are read faster."""
+        """Rates of the L laws, and bounds of their rounding errors, as lists.
+
+        They are `rates` and `still`; elements of lists are read faster.
+        """
         return self.rates.tolist(), self.still.tolist()
 
     def is_off(self, parts: Floats) -> Flags:
-        """Return a mask (L,) of residuals beyond a part of their ranges plus rounding.
+        """Return a mask (L,) of laws whose residual is not 0 within given bounds.
 
-        parts : ndarray, shape (L,), the part for each law.
+        The bound is a part of the residual's range so far, plus rounding. parts :
+        ndarray, shape (L,), the part for each law.
         """
         # Rounding of positions: that of the displacement by forces in the last step.
         rounded = SUM_ROUNDOFF * self.forces * self.arc.state.step_h**2
@@ -517,10 +532,10 @@ class Kinematics:
         return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
 
     def rest(self, k: int, restitution: float) -> float | None:
-        """Return the time for which contact k still bounces, or None.
+        """Return the time until contact k has ended its series of bounces, or None.
 
-        None if this time is not negligible: if the height of the next flight is more
-        than `least`. restitution : of the contact.
+        None if the bounces still matter: if the height of the next flight is more than
+        `least`. restitution : of the contact.
         """
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):

@@ -39,7 +39,7 @@ FEW = 8
 
 
 def put_modes(arc: Arc, chosen: Chosen) -> None:
-    """Write the modes `chosen` to the parameters that the kernels read."""
+    """Write the modes of laws in `chosen` to the memory that the kernels read."""
     p = arc.system.p
     own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
     p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
@@ -307,7 +307,7 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
 
 
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
-    """Return the time in which the forces on a slip change by as much as its friction.
+    """Return the time in which the forces on a slip change by the size of its friction.
 
     The change is evaluated at ever later times, since a force may begin to change at a
     rate of 0. At most the time to the end of the run.

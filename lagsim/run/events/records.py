@@ -31,9 +31,9 @@ class Due(NamedTuple):
     conditions : frozenset of int
         The numbers of conditions of located events, and of `until` after the last.
     waits : bool
-        Whether the truth of other conditions is decided after the modes of the
-        instant: the values of these conditions jump where a rate is 0 that a law may
-        hold at 0.
+        Whether the truth of the remaining conditions is decided later, after the modes
+        of laws are selected: where a law may hold a rate at 0 from now on, an
+        expression such as `if(x_dot < 0, 1, 0)` depends on the mode.
     """
 
     periodic: frozenset[int] = frozenset()
@@ -76,11 +76,12 @@ class ActsAt(NamedTuple):
     counts : tuple of int
         The number of acts of each event.
     rounds : tuple of Round
-        The rounds since the state has jumped by anything but impulses of events.
+        The rounds of acts at this instant, since the state has last jumped otherwise
+        than by impulses of events. A round has the events that act together, the modes
+        of the file after these, and the state.
     visits : tuple of Round
-        The rounds at the beginning of each phase `acts`, since the last round that
-        cannot recur; a repeated one shows that acts and impacts form a cycle. Empty
-        in models without impulses.
+        A round for each start of the phase `acts` at this instant. A repeated round
+        shows that acts and impacts form a cycle. Empty in models without impulses.
     is_over : bool
         Whether `until` has come true.
     """
@@ -156,6 +157,7 @@ class LawState(NamedTuple):
     Attributes
     ----------
     here : Kinematics
+        Gaps, rates and accelerations of the laws.
     some : list of int
         The laws that are closed and can strike.
     steady : ndarray of bool, shape (L,), or None

@@ -164,7 +164,7 @@ class Switching(Source):
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
-        """Whether a surface of velocities is at its level, except for rounding."""
+        """Whether a surface that depends on velocities is at its level, to rounding."""
         modes = self.modes
         if not np.any(modes.on_rates):
             return False
@@ -356,7 +356,9 @@ class Switching(Source):
         return y
 
     def _known(self, surfaces: SurfacesAt) -> dict[int, float]:
-        """Return the surfaces known to be at their levels, with largest distances.
+        """Return the surfaces that must be at their levels, each with a distance bound.
+
+        A rounded value of such an expression may be off its level by up to that bound.
 
         The result contains the surface reached last, with its distance then, and the
         surfaces at whose levels constraints hold the motion, with the rounding of the
@@ -493,7 +495,7 @@ class Switching(Source):
     def _near(self, within: float) -> list[int]:
         """Return the surfaces whose levels the motion can reach in the time `within`.
 
-        Where switches accumulate no other surface is at its level.
+        They are the surfaces at which switches accumulate.
         """
         modes, arc = self.modes, self.modes.arc
         most = REGULAR * modes.changes(within)
