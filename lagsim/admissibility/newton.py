@@ -105,7 +105,7 @@ class Relations:
 
     @property
     def angles(self) -> int:
-        """Number of unknowns, from the first on, that can be angles."""
+        """Number of leading unknowns that can be angles: 0 for velocities, else k."""
         return 0 if self.velocities else len(self.names)
 
     @property

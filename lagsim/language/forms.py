@@ -635,12 +635,11 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Whether a product is left unchanged, not grouped with other products.
+        """Whether a product keeps its constant factor, not grouped with other products.
 
-        still : the constant factor of the product. factors : the factors of its moving
-        part, which occurs in no other product. A constant factor among these can be
-        shared with other expressions, and is moved to `still` only where fewer
-        constants remain.
+        still : the constant factor. factors : the factors of the moving part, which
+        occurs in no other product. A constant among `factors`, which other expressions
+        can share, is moved to `still` only if fewer constants remain.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]

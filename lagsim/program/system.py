@@ -684,7 +684,7 @@ class Runner:
 
     @cached_property
     def empty(self) -> State:
-        """A new state of the method, allocated, which runs copy."""
+        """Initial state of the method, with its memory, which each run copies."""
         system = self.system
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
         located = len(system.columns.sections)

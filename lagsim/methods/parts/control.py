@@ -359,11 +359,11 @@ def allow_roundoff(
 ) -> bool:
     """Bound the roundoff in a step h to `new` (size,), and adapt the tolerances to it.
 
-    Return False, without an effect, if both directions have been used in this step,
-    else True. The first call in a step evaluates y' at a state moved in one direction,
-    the second call in another one; where the terms of a component cancel, the first
-    call evaluates both. k : (size,), y' at the start of the step. sigma : see
-    `bound_roundoff`.
+    Each call evaluates y' at a state displaced in one of two directions, the second
+    call in a step in the other direction; where the terms of a component cancel, the
+    first call evaluates y' in both. Return False, without an effect, if both directions
+    have been used in this step, else True. k : (size,), y' at the start of the step.
+    sigma : see `bound_roundoff`.
     """
     if s.rounding_known >= MOST_WAYS:
         return False

@@ -288,7 +288,11 @@ class Batch:
         return dict(zip(names, found.T, strict=True)), starts, swept
 
     def _begins_elsewhere(self, model: Model) -> bool:
-        """Whether a value differs that decides where a constrained motion begins."""
+        """Whether a constrained motion may begin at another state than that of the batch.
+
+        It may where a start value of `model`, or a parameter on which the examination
+        of the start depends, differs from that of the compiled session.
+        """
         own = self.session.case.model
 
         def deciding(of: Model) -> list[float]:
