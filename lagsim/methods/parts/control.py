@@ -726,11 +726,11 @@ def add_exactly(
 
 
 def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
-    """Add to the new state `new` (size,), in place, the terms too small for a step h.
+    """Add the small terms of compensated summation to the new state `new` (size,).
 
     The terms are `remainder`, the old state's `compensation`, and, where rtol < TIGHT,
-    the effect of the compensation on y'. k : (size,), y' at the start of the step. The
-    part that rounding leaves over is stored in `remainder`.
+    the effect of the compensation on y' in the step h. k : (size,), y' at the start of
+    the step. The part that rounding leaves over is stored in `remainder`.
     """
     s.remainder[:] += s.compensation
     if s.rtol < TIGHT:

@@ -290,9 +290,10 @@ class _Tapes:
         return whole.declared, [self.table, *whole.lines]
 
     def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
-        """Return the evaluations of the nodes `cone` of all functions.
+        """Return the table of the evaluations of nodes that the functions need.
 
-        functions : the results of each function; `prepare` is the last.
+        cone : the nodes, in order of evaluation. functions : the results of each
+        function; `prepare` is the last.
         """
         ops, args, plain = self.g.ops, self.g.args, self.plain
         users, inner = self._users(cone, functions)

@@ -288,7 +288,7 @@ class Batch:
         return dict(zip(names, found.T, strict=True)), starts, swept
 
     def _begins_elsewhere(self, model: Model) -> bool:
-        """Whether a constrained motion may begin at another state than that of the batch.
+        """Whether a constrained motion may begin at another state than the batch's.
 
         It may where a start value of `model`, or a parameter on which the examination
         of the start depends, differs from that of the compiled session.
