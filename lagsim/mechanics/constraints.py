@@ -21,7 +21,6 @@ from lagsim.language.derivatives import gradient, pulled, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.pieces import MARK, piece_name, pieces, whole
-from lagsim.methods.parts import parameters as kept
 from lagsim.model.model import APPROACH_SPEED
 
 if TYPE_CHECKING:
@@ -245,8 +244,8 @@ class Kind(Enum):
 
     Attributes
     ----------
-    code : float
-        The number of the role in kernels.
+    code : str
+        A name by which roles with equal bounds differ.
     low, high : float
         The bounds of the multiplier, as multiples of the bound of the law.
     gapped : bool
@@ -257,15 +256,15 @@ class Kind(Enum):
         The multiplier is nonnegative; it is bounded in both directions.
     """
 
-    CONTACT = (kept.CONTACT, 0.0, inf, True, ("closed", "open"))
-    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, False, ("engaged", "free"))
-    SLIP = (kept.SLIP, -1.0, 1.0, False, ("sticks", "slides"))
-    LIMITED = (kept.LIMITED, -1.0, 1.0, False, ("sticks", "slides"))
-    TIMED = (kept.TIMED, -inf, inf, False, ("closed", "open"))
-    SLIDER = (kept.SLIDER, -1.0, 1.0, False, ("sticks", "slides"))
+    CONTACT = ("contact", 0.0, inf, True, ("closed", "open"))
+    FREEWHEEL = ("freewheel", 0.0, inf, False, ("engaged", "free"))
+    SLIP = ("slip", -1.0, 1.0, False, ("sticks", "slides"))
+    LIMITED = ("limited", -1.0, 1.0, False, ("sticks", "slides"))
+    TIMED = ("timed", -inf, inf, False, ("closed", "open"))
+    SLIDER = ("slider", -1.0, 1.0, False, ("sticks", "slides"))
 
     def __init__(
-        self, code: float, low: float, high: float, gapped: bool, words: Words
+        self, code: str, low: float, high: float, gapped: bool, words: Words
     ) -> None:
         self.code, self.low, self.high, self.gapped = code, low, high, gapped
         self.words = words

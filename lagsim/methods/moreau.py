@@ -42,14 +42,7 @@ from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import record_extents
 from lagsim.methods.parts.fixed import Fixed, step
-from lagsim.methods.parts.parameters import (
-    ALWAYS,
-    CONTACT,
-    FREEWHEEL,
-    LIMITED,
-    SLIP,
-    Parameters,
-)
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effort
 from lagsim.native.layout import after, array, part
 from lagsim.tolerances import (
@@ -101,7 +94,11 @@ class Impulses(Parameters):
     inertial: int  # elements of M in its envelope
     sloping: int  # those of the rows that do not vanish
 
-    row_kind: Floats = array("row_count")
+    # Columns of `mechanics.rows.RowTable`; rows whose gap a step returns to 0.
+    row_low: Floats = array("row_count")
+    row_high: Floats = array("row_count")
+    row_gapped: Floats = array("row_count")
+    row_returns: Floats = array("row_count")
     row_normal: Floats = array("row_count")
     row_pair: Floats = array("row_count")
     row_restitution: Floats = array("row_count")
@@ -214,7 +211,7 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
         before = rate(p, k, s.z[s.velocities])
         forced = abs(rate(p, k, s.w) - before)
         felt = max(forced, SLIP_AT_REST * p.reaches[i])
-        if p.row_kind[k] == CONTACT and -before > felt:
+        if p.row_gapped[k] > 0.0 and -before > felt:
             s.struck = 1.0
             s.coarse = h
     s.leap = 0.5 * s.struck
@@ -361,25 +358,25 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
     v, w : (n,), the velocities before the step, and after it without impulses. h : the
     length of the step. room : (n,), working memory.
     """
-    kind, gaps = p.row_kind, p.row_gaps
+    gapped, gaps = p.row_gapped, p.row_gaps
     place, aims = p.among, p.aims
     count = 0
     p.answer_starts[0] = 0.0
     for k in range(p.row_count):
         place[k] = 0.0
         acts = p.row_force[k] != 0.0
-        if kind[k] == CONTACT and gaps[k] > 0.0:
+        if gapped[k] > 0.0 and gaps[k] > 0.0:
             acts = gaps[k] <= NEAR * h * reach(p, k, v, w) and acts
-        if kind[k] == SLIP:
+        if p.row_normal[k] >= 0.0:
             acts = place[int(p.row_normal[k])] > 0.0
         if acts and answer(p, k, count, room) > 0:
             p.acting[count] = k
             place[k] = count + 1
             before = rate(p, k, v)
             aims[count] = 0.0
-            if kind[k] == ALWAYS:
+            if p.row_returns[k] > 0.0:
                 aims[count] = -gaps[k] / h
-            if kind[k] == CONTACT and before < 0.0:
+            if gapped[k] > 0.0 and before < 0.0:
                 aims[count] = -p.row_restitution[k] * before
             p.reaches[count] = reach(p, k, v, w)
             count += 1
@@ -482,7 +479,8 @@ def is_shared(p: Impulses, i: int) -> bool:
     True for limits and equalities.
     """
     k = int(p.acting[i])
-    return float(p.row_kind[k]) >= LIMITED and float(p.row_pair[k]) < 0.0
+    alone = p.row_normal[k] < 0.0 and p.row_pair[k] < 0.0
+    return p.row_low[k] < 0.0 and alone
 
 
 def parallel(p: Impulses, i: int, j: int) -> float:
@@ -516,10 +514,11 @@ def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> flo
     before = float(p.struck[j])
     whole = p.struck[i] + ratio * before
     found = ratio * whole / (1.0 + ratio * ratio)
-    kind, other = p.row_kind[int(p.acting[i])], p.row_kind[int(p.acting[j])]
-    if other == LIMITED and kind != LIMITED:
+    own = is_bounded(p, int(p.acting[i]))
+    other = is_bounded(p, int(p.acting[j]))
+    if other and not own:
         found = 0.0
-    elif kind == LIMITED and other != LIMITED:
+    elif own and not other:
         found = whole / ratio
     most = bound_of(p, i, h, v)
     if whole - ratio * found > most:
@@ -539,7 +538,12 @@ def bound_of(p: Impulses, i: int, h: float, v: Floats) -> float:
     h, v : see `share_out`.
     """
     k = int(p.acting[i])
-    return limit(p, k, h, v, 0.0) if p.row_kind[k] == LIMITED else inf
+    return limit(p, k, h, v, 0.0) if is_bounded(p, k) else inf
+
+
+def is_bounded(p: Impulses, k: int) -> bool:
+    """Whether the impulse of row k has bounds of both signs."""
+    return float(p.row_high[k]) < inf
 
 
 def satisfy(
@@ -552,7 +556,6 @@ def satisfy(
     factor of over-relaxation.
     """
     k = int(p.acting[i])
-    kind = p.row_kind[k]
     pair = int(p.row_pair[k])
     own = p.yields[i]
     before = p.struck[i]
@@ -564,13 +567,12 @@ def satisfy(
             return 0.0
         return satisfy_disc(p, i, other, h, v, w)
     found = before - (rate(p, k, w) - p.aims[i]) / own
-    # Kinds in their order: one-sided, bounded, two-sided.
-    if FREEWHEEL < kind <= LIMITED:
+    if is_bounded(p, k):
         bound = limit(p, k, h, v, abs(found))
         found = min(max(found, -bound), bound)
     else:
         found = before + beyond * (found - before)
-    if kind <= FREEWHEEL:
+    if p.row_low[k] == 0.0:
         found = max(found, 0.0)
     p.struck[i] = found
     push(p, i, found - before, w)

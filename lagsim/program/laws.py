@@ -34,13 +34,9 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.parts.parameters import (
-    FREEWHEEL,
     HELD,
-    LIMITED,
     REDUNDANT,
-    SLIDER,
     SLIDING,
-    SLIP,
     TURNS,
     Parameters,
 )
@@ -281,7 +277,7 @@ def share_out(p: Parameters) -> None:
     for k in range(p.laws):
         if p.law_part[k] != 0.0:
             out[first + k] = p.law_part[k]
-            if p.law_kind[k] == SLIP:
+            if p.law_normal[k] >= 0.0:
                 out[first + k] *= out[first + int(p.law_normal[k])]
 
 
@@ -532,8 +528,8 @@ def shares(p: Parameters, k: int) -> bool:
     redundant = p.law_mode[k] == REDUNDANT and p.law_shared[k] > 0.0
     if not (p.law_mode[k] == HELD or redundant):
         return False
-    if p.law_kind[k] == LIMITED:
-        return True
+    if is_bounded(p, k):
+        return bool(p.law_normal[k] < 0.0 and p.law_place[k] < 0.0)
     slips = 0
     for i in range(p.laws):
         if int(p.law_normal[i]) == k:
@@ -605,7 +601,7 @@ def no_slip_has_force(p: Parameters) -> bool:
     """Whether no multiplier of a contact causes friction."""
     for k in range(p.laws):
         slides = p.law_mode[k] == SLIDING or p.law_mode[k] == REDUNDANT
-        if slides and p.law_kind[k] == SLIP:
+        if slides and p.law_normal[k] >= 0.0:
             return False
     return True
 
@@ -729,7 +725,7 @@ def drive(t: float, p: Parameters) -> None:
                     # Beyond its stop, in a step that an event will end there: as
                     # before.
                     part[k] = -part[k]
-        if p.law_kind[k] == LIMITED and part[k] != 0.0:
+        if part[k] != 0.0 and p.law_normal[k] < 0.0:
             add_row(p, first + k, first + k, part[k], p.f)
 
 
@@ -809,7 +805,7 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
             p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     gaps(t, y, p, out)
     for k in range(p.laws):
-        if p.law_kind[k] == SLIDER:
+        if p.law_place[k] >= 0.0:  # a slider
             continue
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
@@ -825,16 +821,19 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
 
 def is_one_sided(p: Parameters, k: int) -> bool:
     """Whether the multiplier of law k cannot be negative."""
-    # These two are the first kinds.
-    return float(p.law_kind[k]) <= FREEWHEEL
+    return float(p.law_low[k]) == 0.0
+
+
+def is_bounded(p: Parameters, k: int) -> bool:
+    """Whether the multiplier of law k has bounds of both signs."""
+    return float(p.law_high[k]) < OVERFLOW
 
 
 def hold_left(p: Parameters, k: int) -> float:
     """Return the event function of held law k, the margin of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
-    bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
-    return grip(p, k) if bounded else ENDLESS
+    return grip(p, k) if is_bounded(p, k) else ENDLESS
 
 
 def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
@@ -875,7 +874,7 @@ def grip(p: Parameters, k: int) -> float:
     lam = p.multipliers
     other = int(p.law_pair[k])
     held = p.law_statics[k]
-    if p.law_kind[k] == SLIP:
+    if p.law_normal[k] >= 0.0:
         held *= lam[first + int(p.law_normal[k])]
     if other < 0:
         return float(held - abs(lam[first + k]))

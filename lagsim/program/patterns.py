@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from itertools import accumulate, chain
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
-
-from lagsim.methods.parts.parameters import ALWAYS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -184,14 +183,18 @@ def pattern(e: Equations) -> Pattern:
 
 
 def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Store the sparsity pattern, and each row's kind, contact and restitution in p.
+    """Store the sparsity pattern, and the columns of each row in p.
 
     found : the pattern.
     """
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
-    p.row_kind[:] = [ALWAYS] * count + [law.kind.code for law in laws]
+    kinds = [law.kind for law in laws]
+    p.row_low[:] = [-inf] * count + [kind.low for kind in kinds]
+    p.row_high[:] = [inf] * count + [kind.high for kind in kinds]
+    p.row_gapped[:] = [0.0] * count + [float(kind.gapped) for kind in kinds]
+    p.row_returns[:] = [1.0] * count + [0.0] * len(laws)
     # Equalities come first.
     for name in ("normal", "pair"):
         numbers = (getattr(law, name) for law in laws)

@@ -429,7 +429,9 @@ class System:
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
-            p.law_kind[:] = [law.kind.code for law in self.laws]
+            table = self.law_table
+            p.law_low[:], p.law_high[:] = table.low, table.high
+            p.law_gapped[:] = table.gapped
             bounds = [node for x in self.laws for node in (x.bound, x.static)]
             moves = self.equations.graph.dependent(bounds, self.equations.moving)
             p.law_varies[:] = [x.bound in moves for x in self.laws]

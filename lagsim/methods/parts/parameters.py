@@ -27,16 +27,8 @@ REDUNDANT_SIDE = -3.0
 # Arrays of knots and surfaces that are kept from arc to arc, beside the modes.
 KEPT = ("knot_times", "knot_modes", "cells_before", "cells_after", "share")
 
-# Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
-# equality, a force that is given, and one that holds because others do.
-CONTACT = 0.0
-FREEWHEEL = 1.0
-SLIP = 2.0
-LIMITED = 3.0
-TIMED = 4.0
-SLIDER = 6.0
-# An equality that always holds, in methods that treat all rows as laws.
-ALWAYS = 5.0
+# Modes of laws: out of force, an equality, a force that is given, and one that holds
+# because others do.
 OFF = 0.0
 HELD = 1.0
 SLIDING = 2.0
@@ -242,7 +234,10 @@ class Surfaces(ModeWords):
 class Laws(Surfaces):
     """Memory of the rows that hold at times: contacts, friction, limits."""
 
-    law_kind: Floats = array("laws")
+    # Columns of `mechanics.rows.RowTable`, by which kinds of laws differ.
+    law_low: Floats = array("laws")
+    law_high: Floats = array("laws")
+    law_gapped: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
     law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
     # Target of each row that shares a load, and its share; the Newton step of the

@@ -27,7 +27,7 @@ from lagsim.methods.parts import crossings, missed
 from lagsim.methods.parts.constraints import MARGIN
 from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.missed import AT_END, CLOSEST
-from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
+from lagsim.methods.parts.parameters import OFF, Parameters
 from lagsim.methods.parts.search_table import (
     BESIDE,
     BETWEEN,
@@ -402,7 +402,7 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
     if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
         return 0.0
     is_open = value_at(EVENT, s, p, k, 1.0) >= least_allowed(EVENT, s, p, k)
-    if p.law_kind[law] > FREEWHEEL or not value >= -error_of_gap(s, p, law, is_open):
+    if p.law_low[law] != 0.0 or not value >= -error_of_gap(s, p, law, is_open):
         return 0.0
     if is_open:
         return inf
@@ -431,7 +431,7 @@ def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
         roundoff += abs(row[i]) * max(s.parts[i], abs(first[i]))
         moved += abs(row[i]) * s.sizes[s.n + i]
         bend = abs(last[i] - first[i]) if is_open else max(abs(last[i]), abs(first[i]))
-        bend *= h if p.law_kind[k] == FREEWHEEL else 0.5 * h * h
+        bend *= 0.5 * h * h if p.law_gapped[k] > 0.0 else h
         error += abs(row[i]) * (s.tolerances[i] if ADAPTIVE else bend)
     moved = max(moved, h * roundoff)
     if p.law_speeds[k] < -SUM_ROUNDOFF * moved or push < -SUM_ROUNDOFF * roundoff:
