@@ -479,8 +479,9 @@ def is_shared(p: Impulses, i: int) -> bool:
     True for limits and equalities.
     """
     k = int(p.acting[i])
-    alone = p.row_normal[k] < 0.0 and p.row_pair[k] < 0.0
-    return p.row_low[k] < 0.0 and alone
+    if p.row_normal[k] >= 0.0:
+        return False
+    return float(p.row_low[k]) < 0.0 and float(p.row_pair[k]) < 0.0
 
 
 def parallel(p: Impulses, i: int, j: int) -> float:

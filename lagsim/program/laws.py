@@ -529,7 +529,7 @@ def shares(p: Parameters, k: int) -> bool:
     if not (p.law_mode[k] == HELD or redundant):
         return False
     if is_bounded(p, k):
-        return bool(p.law_normal[k] < 0.0 and p.law_place[k] < 0.0)
+        return float(p.law_normal[k]) < 0.0 and float(p.law_place[k]) < 0.0
     slips = 0
     for i in range(p.laws):
         if int(p.law_normal[i]) == k:
