@@ -640,10 +640,10 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def lower(self) -> _Slope | None:
-        """Return the slope at a point of the relations that is nearer to x0; else None.
+        """Return the `_Slope` at a point that is nearer to x0; None without one.
 
-        The point is reached by the largest part (1, 1/2, ...) of `step` that comes
-        nearer.
+        The point satisfies the relations. It is reached by the largest part (1, 1/2,
+        ...) of `step` that comes nearer.
         """
         if not self.kernel.shape[1] or self.change == 0:
             return None  # isolated: there is nothing to choose

@@ -343,12 +343,12 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return n with frozen arguments `args` in its domain, and as written outside.
+        """Return n as a node: frozen in the domain of its function, else as written.
 
-        A stage past the surface could evaluate a root of a negative number, where the
-        expression as written has none. frozen : the first argument with all switches
-        frozen. If it equals the argument frozen by time switches alone, no stage leaves
-        the domain.
+        args : the frozen arguments. A stage past the surface could evaluate the root of
+        a negative number, where the expression as written has no root. frozen : the
+        first argument with all switches frozen. If it equals the argument frozen by
+        time switches alone, no stage leaves the domain.
         """
         g = self.graph
         op = g.ops[n]

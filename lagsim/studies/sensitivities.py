@@ -508,7 +508,7 @@ class _Search:
         return bool(self._left) and found.score > (0, ENOUGH)
 
     def improve(self) -> None:
-        """Try the next step of the name; store its difference if its error is less."""
+        """Try the next step of the difference; keep the result if its error is less."""
         power = self._power + self._left[0]
         other = self._at(power)
         if other.score >= self.found.score:

@@ -230,9 +230,10 @@ def square(width: Static, g: Floats) -> None:
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Write the vector s + g r (n,) to out; r (n,) is followed by s in memory.
+    """Write s + g r (n,) to `out`, a part of the right side s + (g - Jv) r.
 
-    g : a number of `width` doubles, as are the elements of the vectors.
+    g : a number of `width` doubles, as are the elements of the vectors. In memory r
+    (n,) is followed by s (n,).
     """
     for i in range(n):
         own = out[width * i :]
@@ -241,9 +242,9 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 
 
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
-    """Write x to element i of r (n,), and g x - r_i to element i of s, which follows r.
+    """Replace r_i by the solution's x_i, and s_i by w_i = g x_i - r_i.
 
-    g, x : numbers of `width` doubles.
+    x : x_i. g, x : numbers of `width` doubles. In memory r (n,) is followed by s (n,).
     """
     other = r[width * (n + i) :]
     for k in unrolled(width):

@@ -67,7 +67,10 @@ class CornerSides:
         self._former = modes.value.copy(), modes.kind.copy()
 
     def restore(self) -> None:
-        """Write the former modes of the surfaces: phase 2 decides by the new rates."""
+        """Restore the modes that the surfaces had before the trial.
+
+        The phase `sides` then decides their sides by the velocities after the jump.
+        """
         self.modes.restore(*self._former)
         self.modes.write()
 
@@ -87,8 +90,8 @@ class CornerSides:
         """Return the state (size,) after a jump, on the sides onto which it leads.
 
         These sides are left in the memory of the arc, until `restore`. Of several
-        solutions it is that with the highest speed away from the corners, relative to
-        its rounding.
+        solutions the one with the highest speed away from the corners, relative to the
+        rounding of the speed, is returned. jump : the function that computes the jump.
         """
         self.stopped = frozenset()
         best, chosen = 0.0, None
