@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.advice import about_ranks, beyond_state, rough_starts
 from lagsim.admissibility.corners import raised_by_corners
 from lagsim.admissibility.newton import (
     NewtonResult,
@@ -31,14 +32,11 @@ from lagsim.admissibility.point import (
 )
 from lagsim.admissibility.rank import LEVELS, RankReport, analyse
 from lagsim.admissibility.refusal import (
-    about_ranks,
-    beyond_state,
     gimbal_lock,
     needs_constraints,
     out_of_scale,
     refuse_infinite,
     refuse_negative,
-    rough_starts,
 )
 from lagsim.admissibility.verdict import (
     RelationResiduals,
