@@ -275,7 +275,8 @@ def measured(case, method):
                 ready[name] = first_round(scene, *made)
         rounds(scene, ready)
         for name, timed in ready.items():
-            if median(timed.best) > LONG_SECONDS:
+            # A failure at a loose tolerance says nothing of tighter ones (heyoka).
+            if median(timed.best) > LONG_SECONDS and not timed.failed:
                 dropped.add(name)
             if not timed.failed:
                 errors, seconds = median(timed.errors), median(timed.best)
