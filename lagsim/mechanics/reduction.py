@@ -325,9 +325,9 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
 
 
 def with_lengths(e: Equations) -> Equations:
-    """Return equations with inertia along the lengths of quaternions.
+    """Return equations in which the constant lengths of quaternions have inertia.
 
-    These lengths are constant.
+    Without inertia along these lengths M would be singular.
     """
     rows = [row for row in e.rows if row.name.startswith(UNIT_LENGTH)]
     return augmented(e, rows) if rows else e

@@ -433,7 +433,10 @@ class File:
         )  # fmt: skip
 
     def formulas(self) -> dict[str, Parsed]:
-        """Return the expressions of all numbers, see `Stated`."""
+        """Return the expressions of parameters, start values and settings, by name.
+
+        See `Stated`.
+        """
         x = self.x.over(Faults(self.file), {})
         parameters = values.ParameterReader(x, self.instead)
         parameters.read(self.parameters, self.modes)
