@@ -445,3 +445,24 @@ def test_a_pushed_bead_stays_in_the_corner_up_to_the_weight_of_one_side(relation
     # Then (1 + k^2) x'' = t - g k.
     x = way * np.maximum(found.t - end, 0) ** 3 / 6 / 1.25
     assert found["x"] == pytest.approx(x, abs=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["taylor", "radau", "rk4"])
+@pytest.mark.parametrize("where", [*ELSEWHERE, "beyond"])
+def test_a_pushed_bead_stays_in_the_corner_of_a_table_elsewhere(where, method):
+    c = {"length": 1.0, "time": 1.0, "X": 0.0}
+    c |= ELSEWHERE.get(where, {"X": -3.7})
+    length, time, X = c["length"], c["time"], c["X"]
+    u, push = f"(x - X)/{length!r}", f"t*{length / time**3!r}"
+    relation = f"y = k*(4*v({u}) - 2*v(-abs({u})))*{length!r}"
+    text = wire(relation, x=0.0, end=5.5, more=f"forces: {{x: {push}}}", **c)
+    options = {"step": 0.01 * time} if method == "rk4" else {}
+    found = simulated(text, method=method, **options)
+    t, end = found.t / time, 0.5 * G
+    rest = t < end - 1e-6
+    pull = found["Qc_x"][rest] * time**2 / length
+    assert pull == pytest.approx(-t[rest], abs=1e-8)
+    x = np.maximum(t - end, 0) ** 3 / 6 / 1.25
+    # Far from the origin positions have a rounding of 1e-13.
+    assert (found["x"] - X) / length == pytest.approx(x, abs=1e-7)
