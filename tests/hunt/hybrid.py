@@ -550,7 +550,7 @@ class Hybrid:
             self.spent.add(name)
 
     def _periodic(self, t, y):
-        """Let the periodic events of a time act; return whether one has acted."""
+        """Execute the periodic events of a time; return whether one has acted."""
         due = [
             name
             for name, k in self.periodic.items()

@@ -150,7 +150,7 @@ class Explorer:
     # --- The file
 
     def _use(self, model: Model) -> None:
-        """Make `model` the model whose motions are computed."""
+        """Replace the model whose motions are computed by `model`."""
         sliders, content = _sliders(model, self._vary), pickle.dumps(model)
         self.model, self._content = model, content
         # The model is read again for other numbers of members, while the browser opens.

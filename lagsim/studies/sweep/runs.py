@@ -159,7 +159,7 @@ class Runs:
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
-        """Make a run, and write its folder of results."""
+        """Execute a run, and write its folder of results."""
         from lagsim.outputs.results import MANIFEST, open_results
 
         clock, work = Stopwatch(), self.work

@@ -12,7 +12,7 @@ AFTER = "simulation: {duration: 1.25, output_step: 0.25}"
 
 
 def after(text, *names, t=1.0):
-    """Give the columns `names` in the second of the two rows at a jump at t."""
+    """Return the columns `names` in the second of the two rows at a jump at t."""
     found = lagsim.simulate(text + AFTER, error_bar="never")
     assert found.outcome == "done", found.reason
     at = abs(found.t - t) < 1e-9
@@ -92,7 +92,7 @@ def test_a_wall_in_the_corner_of_a_wire_turns_the_bead_back(wall):
 
 
 def wire(k, more, start):
-    """Give a bead at rest in the corner of y = k*abs(x), and a second body z."""
+    """Return a bead at rest in the corner of y = k*abs(x), and a second body z."""
     return f"""
     coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
     energy: {{kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*y}}
