@@ -55,6 +55,11 @@ from lagsim.model.nodes import (
     words_below,
 )
 from lagsim.model.reader import equations, runs, values
+from lagsim.model.reader.constraints import (
+    declared_constraints,
+    laws_at_values,
+    read_constraints,
+)
 from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.fields import (
     BODY,
@@ -243,7 +248,7 @@ class File:
             given = entries(top.value("coordinates"), "`coordinates`", faults)
             values.read_coordinates([e for e in given if e[0].text in broken], x)
         self.states, self.definitions, self.tables = others
-        self.constraints = equations.declared_constraints(top.value("constraints"), x)
+        self.constraints = declared_constraints(top.value("constraints"), x)
         self._check_names()
         names.reactions += runs.asked_reactions(top.value("output"))
         self.initial = top.found.get("initial")
@@ -300,7 +305,7 @@ class File:
         energies = equations.read_energies(self.energy, x, self._gathering)
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
-        constraints = equations.read_constraints(self.constraints, x)
+        constraints = read_constraints(self.constraints, x)
         initial = values.Initial(x, self.starting).read(self.initial, self.root)
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
@@ -422,7 +427,7 @@ class File:
         new.starting = {**self.starting, **initial}
         read = values.ParameterReader(x, new.instead).read
         numbers = read(self.parameters, self.modes)
-        laws = equations.laws_at_values(model.constraints, self.constraints, x)
+        laws = laws_at_values(model.constraints, self.constraints, x)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
         check_sizes(model.scene, x)
         events = equations.read_events(self.top.value("events"), x)
@@ -579,7 +584,7 @@ class File:
         states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x)
         forces = equations.read_forces(self.top.value("forces"), x)
-        constraints = equations.read_constraints(self.constraints, x)
+        constraints = read_constraints(self.constraints, x)
         faults.raise_if_any()
         units = {d.name: d.unit for d in model.definitions}
         assert energies.lagrangian is not None
