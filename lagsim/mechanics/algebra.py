@@ -30,12 +30,6 @@ def largest(x: Floats) -> float:
     return float(np.maximum.reduce(np.abs(x)))
 
 
-def is_finite(x: Floats) -> bool:
-    """Whether all elements of a vector x (k,) are finite."""
-    # `dot` is a single call, and warns of no overflow of the squares.
-    return math.isfinite(x.dot(x)) or bool(np.isfinite(x).all())
-
-
 @lru_cache(maxsize=64)
 def identity(n: int) -> Floats:
     """Return the identity matrix (n, n), which must not be changed; memoized."""

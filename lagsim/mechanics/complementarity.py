@@ -68,7 +68,6 @@ from lagsim.mechanics.algebra import (
     BANDED,
     BandFactor,
     identity,
-    is_finite,
     largest,
     least_squares,
     symmetric_band,
@@ -195,7 +194,7 @@ def solve(problem: ComplementarityProblem) -> Solution:
     FloatingPointError
         Where c or D is not finite.
     """
-    if not (is_finite(problem.c) and is_finite(problem.D.ravel())):
+    if not (np.isfinite(problem.c).all() and np.isfinite(problem.D).all()):
         raise FloatingPointError("forces that are not finite")
     parts = coupled_groups(problem)
     p, w = np.zeros((2, len(problem.c)))

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from lagsim.codes.known import EVENTS_UNLISTED
-from lagsim.mechanics.algebra import is_finite
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
@@ -331,7 +330,7 @@ class Run:
             return ending
         for source in self.passing:
             self._take(source.passed(arc))
-        if not is_finite(arc.y[arc.state.dynamic]):
+        if not np.isfinite(arc.y[arc.state.dynamic]).all():
             return self._cut(arc.observed())
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)
