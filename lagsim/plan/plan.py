@@ -271,9 +271,6 @@ SERIES_STEP, SERIES_OPERATION = 150.0, 0.18
 # Steps of DOP853 for one step of the series at 1e-8 (measured: 1.0 to 1.3), and the
 # factor of this ratio for a tenth of the tolerance (measured at 1e-12: 2.6 to 3.4).
 MORE_STEPS, PER_DECADE = 1.2, 1.23
-# Rows in a step of DOP853 (the median of shipped models with constraints), and the cost
-# of the projection of a row, as a part of a step's. Of a series few rows are projected.
-ROWS, ROW_PROJECTION = 3.0, 0.5
 # Smallest gain in speed that is worth the time that a series takes to compile.
 PAYS = 1.25
 # At looser tolerances a tenth and more of the steps of a series are rejected.
@@ -349,8 +346,7 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
     solves, stages = step_parts(equations, solved)
     operations = solves + series_cost(equations, solved, rtol).operations
     series = SERIES_STEP + SERIES_OPERATION * operations
-    projections = solves * (1.0 + ROWS * ROW_PROJECTION)
-    dop853 = DOP853_STEP + DOP853_OPERATION * (projections + stages)
+    dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
     decades = math.log10(1e-8 / rtol)
     steps = MORE_STEPS * math.pow(PER_DECADE, decades)
     return steps * dop853 / series
