@@ -131,9 +131,11 @@ class Arc(NamedTuple):
     start : Instant
         Start of the run.
     plan : Plan
+        Formulation, solution and method of the arc.
     system : System
         Compiled functions of the plan.
     settings : Settings
+        Settings of the run.
     runner : Runner
         Linked functions of the plan's method, or of the method for sliding.
     state : State
@@ -253,9 +255,10 @@ class Arc(NamedTuple):
         return self.runner.function("field", size + self.system.m)(t, y)[:size]
 
     def located(self, t: float, y: Floats) -> Floats:
-        """Evaluate the functions of conditions at t and y: of events, then of `until`.
+        """Evaluate the functions (C,) of all conditions at t and y (size,).
 
-        A condition is true where its function is >= 0.
+        The conditions are those of located events, then `until`. A condition is true
+        where its function is >= 0.
         """
         count = len(self.state.orientation)
         return self.runner.function("located", count)(t, y) if count else np.zeros(0)
@@ -283,7 +286,7 @@ class Arc(NamedTuple):
         return np.asarray(self.runner.tabulate(self.row(y))[0])
 
     def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
-        """Return the energies (works,) of the groups on which work is done.
+        """Return the energies (works,) of the groups of coordinates on which work is done.
 
         shown : output columns of y, if they are already computed.
         """
@@ -338,7 +341,10 @@ class Arc(NamedTuple):
             state.extras -= 1.0
 
     def put(self, y: Floats) -> None:
-        """Replace the state by y (size,); magnitudes and ranges keep the old state."""
+        """Replace the state by y (size,), as after a jump.
+
+        The largest magnitudes and the ranges still include the former state.
+        """
         self.sizes[:] = self.seen
         np.minimum(self.state.low, self.y, out=self.state.low)
         np.maximum(self.state.high, self.y, out=self.state.high)
@@ -418,10 +424,10 @@ def first_arc(
 
 
 def _set_watch(state: State, plan: Plan) -> None:
-    """Set the thresholds of sigma that signal a loss of rank.
+    """Set the thresholds of sigma below which a loss of rank is searched or reported.
 
-    Sigma is the smallest singular value of the constraint rows; its usual value is the
-    plan's.
+    Sigma is the smallest singular value of the constraint rows; the thresholds are
+    parts of its usual value, which the plan has found.
     """
     state.close_below = CLOSE * plan.smallest_singular_value
     state.lost_below = LOST * plan.smallest_singular_value

@@ -642,9 +642,10 @@ class Run:
 
 
 def statistics_of(arc: Arc, arcs: int) -> Statistics:
-    """Return the counts of steps, evaluations and factorisations up to now.
+    """Return the counts of steps, evaluations and factorisations so far, as a record.
 
-    arcs : number of arcs of the run.
+    arc : the present arc, whose state has the counters. arcs : number of arcs of the
+    run.
     """
     state, evaluations = arc.state, int(arc.state.evaluations)
     all_constant = arc.plan.constant >= (2 if arc.system.m else 1)

@@ -180,6 +180,7 @@ def could_push(
     Parameters
     ----------
     equations : Equations
+        Complete equations of motion.
     rows : ndarray, shape (k, 1 + 2 n)
         Times, coordinates and velocities.
     which
@@ -237,6 +238,7 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
     Parameters
     ----------
     equations : Equations
+        Complete equations of motion.
     rows : ndarray, shape (k, 1 + 2 n + l)
         Times, coordinates, velocities and states.
     reach : ndarray, shape (n,)
@@ -260,7 +262,11 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:
-    """Return the largest finite quotient sizes/inertias in each row; 0 without one."""
+    """Return the largest finite quotient in each row of sizes/inertias, shape (k,).
+
+    sizes, inertias : shapes that broadcast to (k, columns). 0 where no quotient is
+    finite.
+    """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias
     return np.asarray(

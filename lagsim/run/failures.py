@@ -557,10 +557,11 @@ def _fast(speeds: Floats) -> Flags:
 
 
 def _trial(arc: Arc) -> tuple[State, State]:
-    """Return the states before and after `TRIAL` steps of an arc, on copies.
+    """Integrate `TRIAL` steps of an arc on a copy; return the states before and after.
 
-    The first `TRIAL` steps, in which the step size grows, are excluded, unless the arc
-    ends in them.
+    Both are copies of the memory of the method, from which `_cost` follows. The first
+    `TRIAL` steps, in which the step size grows, are excluded, unless the arc ends in
+    them.
     """
     state, p = arc.state.copy(), arc.system.p
     state.row_limit = state.arc_rows = -np.inf
@@ -580,7 +581,8 @@ def _trial(arc: Arc) -> tuple[State, State]:
 def _cost(arc: Arc, before: State, after: State) -> float:
     """Return the number of operations per unit of simulated time between two states.
 
-    before, after : the states; inf if no time has passed.
+    before, after : the memory of the method at both times, as from `_trial`. inf if no
+    time has passed between them.
     """
     n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t

@@ -52,13 +52,16 @@ def write(p: Parameters, modes: ArcModes) -> None:
 
 
 class TrialModes:
-    """A trial of modes: within it, model functions are evaluated with modes on trial.
+    """Context in which the modes in the memory may be changed on trial.
+
+    Within the context the functions of the model are evaluated with the modes on trial;
+    its end restores the modes before.
 
     Attributes
     ----------
     before, found : ArcModes
-        The modes at the start of the trial, which its end restores; the modes at its
-        end.
+        The modes at the start of the context, and those at its end, before they are
+        restored.
     """
 
     def __init__(self, p: Parameters) -> None:
@@ -74,7 +77,11 @@ class TrialModes:
 
 
 class EqualitiesAlone:
-    """A trial in which of all laws only relations with `when` in force hold."""
+    """Context in which all laws are off but equalities in force, and massless sliders.
+
+    These equalities are relations with `when`. The end of the context restores the
+    modes.
+    """
 
     def __init__(self, arc: Arc) -> None:
         self.arc, self.mode = arc, arc.system.p.law_mode.copy()

@@ -62,6 +62,7 @@ class StartError(LagsimError):
     Attributes
     ----------
     equations : Equations
+        Equations of the model whose start is inadmissible.
     examined : StartReport
         Verdicts on the start, with the reasons.
     """

@@ -445,7 +445,9 @@ def carried_out(
     Parameters
     ----------
     now : InstantRecord
+        The record before the phase.
     found : Decision
+        The decision of the phase.
     modes : ArcModes, optional
         The modes of surfaces and laws that the phase has selected.
     truth : bytes, optional

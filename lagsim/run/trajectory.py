@@ -219,7 +219,11 @@ class Decision(NamedTuple):
     ahead: float = inf
 
     def after(self, first: Decision) -> Decision:
-        """Return this decision with the jump of `first` as the begin of its own."""
+        """Return this decision for a jump that directly follows the jump of `first`.
+
+        The row before the jump is that of `first`, and the impulses are the sums of
+        both.
+        """
         if first.rows is None:
             return self
         given = self.impulses or first.impulses

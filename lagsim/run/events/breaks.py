@@ -65,6 +65,7 @@ class Values:
     Parameters
     ----------
     g : Graph
+        Expression graph of the model.
     nodes : sequence of int
         Nodes to evaluate; the nodes depend on t and on parameters only.
     values : mapping of str to float
@@ -134,6 +135,7 @@ class Division:
     Parameters
     ----------
     g : Graph
+        Expression graph of the model.
     discrete : int
         Node of the discrete function.
     values : mapping of str to float
@@ -167,9 +169,11 @@ class Division:
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
 
     def times(self) -> Iterator[tuple[float, bool]]:
-        """Yield the times of possible changes, in order, each with a pause flag.
+        """Yield pairs (time, pause) in order of time: possible changes, and pauses.
 
-        A pause is a time reached after `PATIENCE` cells without a crossing.
+        pause : False at a time at which the function may change; True at a time reached
+        after `PATIENCE` cells without a crossing, which is yielded so that a search
+        that finds no change returns to its caller.
         """
         last = self.start
         for cell in self._cells():
@@ -188,7 +192,10 @@ class Division:
             yield max(last, time), False
 
     def _cells(self) -> Iterator[Cell]:
-        """Yield the cells, in order of time, in which the function may change."""
+        """Yield the cells, in order of time, in which the function may change.
+
+        A cell without states is a pause of the search, see `times`.
+        """
         states = ("states", np.int8, (len(self.surfaces),))
         whole = np.zeros(1, [("lo", float), ("hi", float), ("task", np.int8), states])
         whole["lo"], whole["hi"] = self.start, self.end
@@ -221,10 +228,14 @@ class Division:
                 stack.append(_divided(cells[ready:]))
 
     def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
-        """Mark cells that are too narrow to be divided further as ready.
+        """Change the task of cells that are too narrow from `_SPLIT` to `_READY`.
 
-        rough : (lo, hi), the last interval in which no decision was possible. Beside a
-        long one, wider cells are marked as well.
+        A cell is too narrow to be divided at the spacing of doubles; next to the
+        interval `rough`, also where it is shorter than the length of `rough` over
+        GROWTH, so that a long undecided interval costs few cells.
+
+        cells : of which the tasks are changed in place. rough : (lo, hi), the last
+        interval of time in which the value of the function stayed undecided.
         """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
         if not len(cells):
@@ -299,9 +310,7 @@ def _next(t: Floats, most: Floats) -> Floats:
 def _seen(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
-    """Return enclosures of the discrete function's values in n cells, and the states.
-
-    A state is the side of the surface throughout a cell, if it is known.
+    """Enclose the values of a discrete function in n cells, and find its states.
 
     Parameters
     ----------
@@ -312,6 +321,14 @@ def _seen(
         middle, and beside it.
     lo, hi, middle : ndarray, shape (n,)
         Ends and middles of the cells.
+
+    Returns
+    -------
+    values : Interval, shape (n,)
+        Enclosures of the values of the function.
+    states : ndarray, shape (n,)
+        The side of the surface throughout each cell, if it is known; else one of
+        HIDDEN, OPEN and CROSSED.
     """
     n = len(lo)
     cell, at_lo, at_hi, at_middle, beside = (
@@ -372,6 +389,7 @@ def break_times(
     Parameters
     ----------
     g : Graph
+        Expression graph of the model.
     discrete : sequence of int
         Nodes of conditions or of sign, heaviside, floor, ceil, that depend on t and on
         parameters only.
@@ -395,9 +413,10 @@ def break_times(
 def _times_of(
     g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
 ) -> Iterator[tuple[float, bool]]:
-    """Return the times at which node `discrete` may change, each with a pause flag.
+    """Return pairs (time, pause): times at which node `discrete` may change.
 
-    values, start, end : see `break_times`. The flags: see `Division.times`.
+    values, start, end : see `break_times`. pause : whether the time is a pause of the
+    search, see `Division.times`.
     """
     clock = TimedTable.of(g, discrete)
     if clock is None:
@@ -460,10 +479,11 @@ def _knots_located(
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
-    """Yield the first doubles at which the cell of a table changes, each with False.
+    """Yield pairs (time, False): first doubles at which the cell of a table changes.
 
-    False is the pause flag. discrete : the node of the cell. clock : the table. ends :
-    start and end of the run. Each double lies near a knot of `TimedTable.knots`.
+    False : none is a pause of the search, see `Division.times`. discrete : the node of
+    the number of the cell. clock : the table. ends : start and end of the run. Each
+    double lies near a knot of `TimedTable.knots`.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):
@@ -474,7 +494,7 @@ def _knots_located(
 
 
 class _Cluster(NamedTuple):
-    """First and last time of breaks that count as one break."""
+    """Breaks that count as one: their first and last time; whether one is a pause."""
 
     first: float
     last: float
@@ -486,7 +506,8 @@ def _clusters(
 ) -> Iterator[_Cluster]:
     """Yield clusters of breaks within one instant; first `start`, last `end`.
 
-    times : the times of breaks, in order, each with a pause flag.
+    times : pairs (time, pause) in order of time, see `Division.times`. start, end : of
+    the run, each a cluster of its own.
     """
 
     def near(t: float) -> float:
@@ -515,10 +536,11 @@ class _Locator:
         self.doubtful: tuple[float, float, int] | None = None
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
-        """Return the times of steps that are certain once `cell` has been examined.
+        """Return the times of the steps that are certain once `cell` has been examined.
 
-        state : the surface's state in the cell; None for a pause. The list may be
-        empty.
+        cell : the next interval of time. state : the side of the surface in the cell,
+        or one of HIDDEN, OPEN and CROSSED where a step is possible; None for a pause.
+        The list may be empty.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:

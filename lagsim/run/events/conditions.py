@@ -59,11 +59,12 @@ def rounding_of_start(arc: Arc) -> Floats:
 
 
 class Truth:
-    """A trial of the truth of all conditions, just before or just after an instant.
+    """Context in which the truth of all conditions at an instant is decided on trial.
 
-    Within the trial the kernels decide the truth in the arrays `orientation` and
-    `leeway` of the memory. Its end restores these arrays; `settle` writes what was
-    decided, and the kernels read it in the next arc and at the next instant.
+    The kernels decide the truth just before and just after the instant, and write it to
+    the arrays `orientation` and `leeway` of the memory. At the end of the context both
+    arrays get their former values; `settle` writes `decided` to them, which the kernels
+    read in the next arc and at the next instant.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class Truth:
         Whether conditions contain modes that events set.
     before, decided : bytes
         The orientations, then the leeways, of all conditions, at the start and at the
-        end of the trial. Empty without conditions.
+        end of the context. Empty without conditions.
     """
 
     before = decided = b""
@@ -198,7 +199,10 @@ class Truth:
         return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
 
     def wait(self, waiting: Iterable[int]) -> None:
-        """Count the conditions `waiting` as false until `settled` decides."""
+        """Remove the mark of the conditions `waiting`: they are false until `settled`.
+
+        waiting : indices of conditions.
+        """
         self.state.marked[list(waiting)] = 0.0
 
     def hold(self, *, for_ever: Iterable[int] = ()) -> None:
@@ -256,6 +260,7 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     Parameters
     ----------
     arc : Arc
+        The arc, at the state reached; the leeway in its memory is changed.
     values : ndarray, shape (C,)
         Values of all conditions at the state reached.
     which : ndarray of bool, shape (C,)
@@ -278,17 +283,25 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
 
 
 def truth_of_closed(arc: Arc, y: Floats, closed: Floats) -> bytes:
-    """Return the truth of conditions with the leeway of those an impact makes true.
+    """Return the truth after an impact, with a leeway for conditions met at gaps of 0.
 
-    The conditions are those that are true but for rounding: after an impact rounding
-    leaves a gap of either sign, and the motion opens the gap. With the old leeway,
-    `x <= 0` may never be true at the ground `x >= 0`. Empty without conditions.
+    After an impact rounding leaves a gap of either sign, and the motion opens the gap:
+    with its old leeway, `x <= 0` may never become true at the ground `x >= 0`. A false
+    condition that is true at the state `closed` gets a leeway of the size by which it
+    misses 0 at y.
 
     Parameters
     ----------
     arc : Arc
+        The arc that the impact ends.
     y, closed : ndarray, shape (size,)
         The state after an impact, and this state with the gaps at exactly 0.
+
+    Returns
+    -------
+    bytes
+        The orientations, then the leeways, of all conditions, as in `Truth.decided`;
+        empty without conditions.
     """
     state = arc.state
     if not len(state.orientation):

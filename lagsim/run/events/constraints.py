@@ -55,7 +55,10 @@ if TYPE_CHECKING:
 
 
 def before_event(arc: Arc) -> Before:
-    """Return the row just before the state reached, with the present modes."""
+    """Return the table row just before the state reached, with the present modes.
+
+    The velocity error on the constraints at that state is part of the result.
+    """
     n = arc.system.n
     moment = SAME_TIME * np.spacing(abs(arc.t))
     row = arc.row()
@@ -67,10 +70,11 @@ def before_event(arc: Arc) -> Before:
 
 
 def at_start(arc: Arc) -> Before:
-    """Return the row at the start, with switches of time at their values at t.
+    """Return the table row at the start of the run, and the velocity error there.
 
-    In the first arc these switches have the values that they have just after the start.
-    The modes of the system are left at the values at the start.
+    Switches of t have their values at the start itself in the row, and keep these
+    values in the memory of the system; the first arc has the values just after the
+    start.
     """
     discrete = [mode.discrete for mode in arc.system.switches.modes]
     values = {**arc.parameters, "t": arc.t}
@@ -82,10 +86,10 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """Return the error (n,) of velocities on the constraints, which is no impact.
+    """Return the velocity error (n,) on the constraints, which no impact has to remove.
 
-    The error is 0 where each step is projected, else the Newton step onto the
-    constraints.
+    The error is 0 where each step is projected; else it is the Newton step of the
+    velocities onto the constraints.
     """
     if arc.plan.projected:
         return np.zeros(arc.system.n)
@@ -112,6 +116,7 @@ def inelastic_impact(
     Parameters
     ----------
     arc : Arc
+        The arc that has ended, at the state reached.
     before : Before
         The row and the velocity error just before the instant.
     switching : Switching or None
@@ -151,10 +156,14 @@ def inelastic_impact(
 
 
 def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
-    """Return the name of a constraint whose prescribed position has jumped, or "".
+    """Return the name of a holonomic constraint whose residual has jumped, or "".
 
-    now : ndarray, shape (k,), the columns at the state reached. bent : the corners that
-    the state is on.
+    After such a jump, of a position that the constraint prescribes, no motion can
+    continue.
+
+    before : the table row before the instant. now : ndarray, shape (k,), the columns of
+    the table at the state reached. bent : the numbers of the corners that the state is
+    on.
     """
     names = arc.system.columns.names
     for constraint in arc.equations.rows:
@@ -175,7 +184,9 @@ def _corners(
     Parameters
     ----------
     arc : Arc
+        The arc that has ended, at the state reached.
     switching : Switching
+        The switching surfaces of the run, of which corners are some.
     bent : collection of int
         The numbers of the corners that the state is on; several may belong to one
         constraint, as the kink and a knot of `table(abs(x))`.
@@ -201,6 +212,7 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     Parameters
     ----------
     arc : Arc
+        The arc that has ended, at the state reached.
     step, off : ndarray, shape (n,)
         The jump of the velocities, and their error before it.
     """

@@ -228,6 +228,7 @@ class Contacts(Source):
         Parameters
         ----------
         found : StateAfter
+            The record whose `cautions` receive the warning.
         code : str
             A key of `WARNINGS`.
         some : list of int
@@ -252,7 +253,9 @@ class Contacts(Source):
         Parameters
         ----------
         arc : Arc
+            The arc that has ended, at the state reached.
         laws : LawsAt
+            The laws at the instant.
         met : int
             Number of the law whose mode has ended, or -1.
         corners : CornerSides or None
@@ -305,6 +308,7 @@ class Contacts(Source):
         Parameters
         ----------
         arc : Arc
+            The arc that has ended, at the state reached.
         laws : LawsAt
             The laws at the instant.
         state : LawState
@@ -545,13 +549,15 @@ class Blow(NamedTuple):
     Attributes
     ----------
     here : Kinematics
-        The laws just before.
+        The laws just before the impulses.
     problem : Closed
+        The r laws as rows of a contact problem.
     rates : ndarray, shape (r,)
-        The rates just before.
+        The rates of the laws just before.
     result : Impact
+        The impulses, and the rates after.
     y : ndarray, shape (size,)
-        The state after.
+        The state after the impulses.
     """
 
     here: Kinematics
@@ -565,19 +571,21 @@ def _blow(
     here: Kinematics, some: list[int], e: Floats, held: list[int],
     stopped: Collection[int] = (),
 ) -> Blow:  # fmt: skip
-    """Return the impulses of r laws.
+    """Compute the impulses of r laws at a state, and the state after.
 
     Parameters
     ----------
     here : Kinematics
+        All laws just before the impulses.
     some : list of int, length r
-        The numbers of the laws.
+        The numbers of the r laws.
     e : ndarray, shape (r,)
         Their coefficients of restitution.
     held : list of int
         The indices in `some` of laws that are held as equalities.
     stopped : collection of int
-        Corners of equalities whose surfaces are held, too.
+        The corners of equalities at which the velocity across the surface is stopped,
+        too.
     """
     reply = here.reply_in(stopped) if stopped else here.shape.reply
     problem, response = here.problem(some, e, reply)
@@ -620,6 +628,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     Parameters
     ----------
     here : Kinematics
+        All laws at the state reached.
     closed : list of bool, length L
         Whether each law is closed.
     flown : float
@@ -657,6 +666,7 @@ def rest_soon(arc: Arc, within: float) -> None:
     Parameters
     ----------
     arc : Arc
+        The arc, in whose memory the speed is raised.
     within : float
         The time.
     """

@@ -73,6 +73,7 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
     Parameters
     ----------
     here : Kinematics
+        All laws at the end of the step.
     k : int
         The number of one of the two laws of the slip.
     """
@@ -106,7 +107,9 @@ def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
     Parameters
     ----------
     here : Kinematics
+        All laws at the state y, before the correction.
     y : ndarray, shape (size,)
+        The state, changed in place.
     stopped : collection of int
         Laws that slid until now and hold from now on.
     """

@@ -222,6 +222,7 @@ def _stay(
     Parameters
     ----------
     modes : SurfaceModes
+        The modes of all K surfaces.
     sides : mapping of int to ndarray, shape (K,)
         The sides of all surfaces, below and above the surface of the rest.
     rest, rates : ndarray, shape (size,)
@@ -258,6 +259,7 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     Parameters
     ----------
     modes : SurfaceModes
+        The modes of all K surfaces, as selected for the next arc.
     hit : int or None
         The surface that has been reached, or is no longer followed (`slipping`). In the
         latter case its floor is reduced, so that the force that holds a slow motion is
@@ -321,8 +323,9 @@ def _pushes(modes: SurfaceModes) -> Floats:
 def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
     """Return the velocity at which the root on surface k balances the largest force.
 
-    The velocity is extrapolated by a power law from the roots with `floors` (K,) and
-    with FARTHER times these floors; infinity where the power law does not apply.
+    The root is a force |v|^p, 0 < p < 1, of the velocity v, see `set_floors`. The
+    velocity is extrapolated by a power law from the roots with `floors` (K,) and with
+    FARTHER times these floors; infinity where the power law does not apply.
     """
     small = _jump(modes, k)
     modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
@@ -371,14 +374,19 @@ class Crossing:
 
     Attributes
     ----------
-    known
-        Largest distance from its level of each surface known to be at its level.
-    levels
+    modes : SurfaceModes
+        The modes of all surfaces, changed in place.
+    known : mapping of int to float
+        For each surface known to be at its level, the largest distance of its
+        expression from the level.
+    levels : dict of int to float
         Level of each surface that the state is on.
     sizes : ndarray, shape (K,)
         Magnitudes of the terms of all surfaces.
-    values, rows
-        Values and rows of all surfaces, with the sides selected so far.
+    values : ndarray, shape (K,)
+        The expressions of all surfaces, with the sides selected so far.
+    rows : Rows
+        The rows of all surfaces, with the sides selected so far.
     """
 
     modes: SurfaceModes
@@ -402,9 +410,9 @@ class Crossing:
     rows: Rows = field(init=False)
 
     def find(self) -> None:
-        """Find the levels that the state is on; store the sides of other surfaces.
+        """Store in `levels` the level of each surface that the state is on.
 
-        `levels` is the level of each surface that the state is on.
+        All other surfaces are set to the sides of their expressions' values.
         """
         modes = self.modes
         self._evaluate()
@@ -434,7 +442,7 @@ class Crossing:
             self._evaluate()
 
     def _evaluate(self) -> None:
-        """Evaluate all surfaces with the sides selected so far."""
+        """Compute `values`, `rows`, `sizes` and `levels` with the present sides."""
         modes, arc = self.modes, self.modes.arc
         modes.write()
         self.values = modes.values(arc.t, arc.y)
@@ -631,7 +639,12 @@ class Crossing:
             self._rest(cone.resting, *before)
 
     def _rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
-        """Store modes of rest at levels where columns show other values without them.
+        """Select rest at levels in place of the modes found, if output columns differ.
+
+        At rest a switch has its value at the level; sliding, a combination of both
+        sides. The motion is the same, but columns that contain the switch are not. If
+        all columns agree, the surfaces that are carried and watched stay those of the
+        modes found.
 
         Parameters
         ----------

@@ -182,13 +182,22 @@ class FilippovCone:
         return None
 
     def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
-        """Return [k] for the first surface with a solution only on its other side.
+        """Return [k], the first surface whose side has to be exchanged, or [] for none.
 
-        [] if there is none.
+        The motion on the present side of surface k does not lead away from the surface,
+        and that on its other side does; or k is at its level, and the motion leaves it.
+        `select` exchanges the side of each surface in the list and solves again.
 
-        sides, trial : the sides selected, and their solution. If the motion leaves a
-        surface on both sides, `is_fork` is set. A surface to which the motion returns
-        from both sides is followed, although its rate vanishes.
+        Surfaces from which the motion leads away on both sides set `is_fork`. A surface
+        to which the motion returns from both sides is followed, although its rate
+        vanishes.
+
+        Parameters
+        ----------
+        sides : tuple of int
+            The side of each surface: BELOW, ABOVE or LEVEL.
+        trial : SideSolution
+            The solution with these sides, in which no rate leads to another side.
         """
         self.is_fork = False
         for k in np.flatnonzero(trial.leads < math.inf).tolist():
@@ -215,13 +224,14 @@ class FilippovCone:
         return []
 
     def _at_levels(self, sides: Corner, trial: SideSolution) -> SideSolution | None:
-        """Return the solution with surfaces at rest at their levels, if there is one.
+        """Return the solution with followed surfaces at rest at their levels, or None.
 
         Where all rates are 0 with the values of switches at the level, which the file
         defines, the motion also rests with these values. The shares of a sliding mode
-        mix the values on both sides.
+        mix the values on both sides. None where the motion cannot rest with these
+        values.
 
-        sides, trial : the sides selected, and their solution.
+        sides : the side of each surface. trial : the solution with these sides.
         """
         slides = [k for k, mode in enumerate(trial.mode) if mode == SLIDING]
         if not slides:
@@ -378,9 +388,8 @@ class FilippovCone:
     ) -> tuple[RowModes, Floats]:  # fmt: skip
         """Solve for the modes of laws and attracting surfaces, as one contact problem.
 
-        Return the modes, and the rates of surfaces due to the laws.
-
-        A share that the laws leave without effect is 1/2, as at a level.
+        A share that the laws leave without effect is 1/2, as at a level. With n =
+        `count` surfaces and r laws:
 
         Parameters
         ----------
@@ -394,6 +403,13 @@ class FilippovCone:
             Rates of surfaces and laws with shares of 1/2 of the surfaces `some`.
         B : ndarray, shape (n + r, s)
             Derivatives of these rates with respect to the shares.
+
+        Returns
+        -------
+        found : RowModes
+            The modes of the laws, then of the surfaces that attract.
+        rates : ndarray, shape (n,)
+            The rates of the surfaces due to the laws.
         """
         n, s, (laws, response) = self.count, len(some), self.laws(sides)
         r = len(laws.rates)
@@ -581,7 +597,11 @@ class SurfaceModes:
 
     @property
     def holds(self) -> Flags:
-        """Mask (K,) of the surfaces that hold the motion, followed or redundant."""
+        """Mask (K,) of the surfaces whose modes keep the motion on them.
+
+        They are followed or redundant. Surfaces at whose level constraints keep the
+        motion: see `held`.
+        """
         return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
 
     @property
@@ -607,7 +627,7 @@ class SurfaceModes:
             getattr(self.p, name)[: self.count] = each
 
     def restore(self, value: Floats, kind: Floats) -> None:
-        """Restore the sides and kinds (K,) of all surfaces from copies."""
+        """Restore `value` (K,) and `kind` (K,), the codes of the modes, from copies."""
         self.value[:], self.kind[:] = value, kind
 
     def forget(self) -> None:
@@ -679,7 +699,10 @@ class SurfaceModes:
         p.most[:] = most
 
     def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
-        """Return the bounds, least and most (K,), of expressions on sides (K,)."""
+        """Return the least and the largest value (K,) of each expression on its side.
+
+        sides : ndarray, shape (K,), as in `value`.
+        """
         up, whole = sides > 0.0, self.whole
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         if self.has_whole:
@@ -717,11 +740,12 @@ class SurfaceModes:
         )
 
     def held(self) -> dict[int, float]:
-        """Return the surfaces at whose level constraints hold the motion, with bounds.
+        """Return, by number, the surfaces at whose level constraints keep the motion.
 
-        The rates of these surfaces are rounding on both sides, at other states and at
-        later times. The bound of each is the largest distance from its level that
-        rounding causes in the duration of the run.
+        The value of each is a bound: the largest distance from its level that rounding
+        causes in the duration of the run. The rates of these surfaces are rounding on
+        both sides, at other states and at later times. No mode keeps the motion there,
+        other than in `holds`.
         """
         arc, span = self.arc, self.arc.settings.duration
         if not arc.system.m:
@@ -853,9 +877,10 @@ class SurfaceModes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Yield states near the state reached, for tests of its neighbourhood.
+        """Yield states (size,) near the state reached, for tests of its neighbourhood.
 
-        They differ from it by rounding plus `reach`, a number or an array (size,).
+        Each component differs from that of the state by rounding plus `reach`, a number
+        or an array (size,).
         """
         step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
         i = np.arange(len(step))

@@ -46,6 +46,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
     Parameters
     ----------
     arc : Arc
+        The arc that the impulse ends.
     y : ndarray, shape (size,)
         The state before the impulse, with the modes after all acts of the instant.
     P : ndarray, shape (n,)
@@ -102,6 +103,7 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
     Parameters
     ----------
     arc : Arc
+        The arc that the impact ends.
     before, after : ndarray, shape (size,)
         The states before and after the impact.
     laws : ndarray, shape (L,)

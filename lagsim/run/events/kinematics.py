@@ -48,7 +48,10 @@ class MassAndRows:
         self._links: dict[int, list[int]] = {}
 
     def is_of(self, n: int, laws: int, numbers: Floats) -> bool:
-        """Whether this object was constructed from n, laws and `numbers`."""
+        """Whether this object was constructed from n, laws and `numbers`, see `_shape`.
+
+        Then `_shape` returns it again, with its memoized results.
+        """
         known = self._made_of
         return known[:2] == (n, laws) and np.array_equal(known[2], numbers)
 
@@ -266,10 +269,11 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the results of `_free` at time t, at a state slightly off `y`.
+        """Return (y', b, bounds, statics) of `_free` at a state slightly off `y`.
 
-        Components are changed by about the part PROBE of their magnitudes, see
-        `_known`.
+        Components are changed by about the part PROBE of their magnitudes (`_known`),
+        so that the changes of the results show their sensitivity to rounding. t : the
+        time.
         """
         return self._free(t, self.y + _probes(len(self.y)) * self._known())
 
@@ -334,7 +338,12 @@ class Kinematics:
         return bool(before[3][k] > before[2][k])
 
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return `_free` at the time just before, by the rounding of the time."""
+        """Return (y', b, bounds, statics) of `_free` just before the present time.
+
+        The time before differs from t by the rounding of times, and the state by the
+        motion without laws in that time: bounds just before t show which of two equal
+        ones fell.
+        """
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
@@ -385,7 +394,18 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return y' (size,) without forces of laws; then b, bounds and statics (L,)."""
+        """Evaluate motion and laws at t and y (size,) as if all L laws were off.
+
+        Returns
+        -------
+        field : ndarray, shape (size,)
+            y' without forces of laws.
+        b : ndarray, shape (L,)
+            The right-hand sides of A q'' = b, for the rows of the laws.
+        bounds, statics : ndarray, shape (L,)
+            The friction coefficient or limit of each law while it slides and while it
+            sticks.
+        """
         arc, p = self.arc, self.arc.system.p
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()

@@ -72,6 +72,7 @@ def ahead_of(
     Parameters
     ----------
     here : Kinematics
+        All laws at the present state.
     some : list of int, length r
         Numbers of the laws.
     others : callable
@@ -218,6 +219,7 @@ def kept_on_by(
     Parameters
     ----------
     here : Kinematics
+        All laws at the present state.
     some : list of int
         The laws that could act.
     steady : ndarray of bool, shape (L,), or None
@@ -261,6 +263,7 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     Parameters
     ----------
     here : Kinematics
+        All laws at the present state.
     found : Chosen
         The modes selected.
     slid : collection of int
@@ -315,6 +318,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     Parameters
     ----------
     here : Kinematics
+        All laws at the present state.
     found : Chosen
         The modes selected.
     pair : list of int, length 2

@@ -76,7 +76,10 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the distance of a force from its limit, over the limit, counted as 0."""
+    """Return the largest relative distance from its limit of a force that is at it.
+
+    The distance of the force from its limit is divided by the limit.
+    """
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 

@@ -272,8 +272,9 @@ def _newton_step(
 def _is_smooth(phi: Floats, nodes: Floats, least: Floats) -> bool:
     """Whether the last two terms of the Chebyshev series of the angles are small.
 
-    phi : shape (K, P); nodes : shape (K,); least : shape (P,), the largest sum of the
-    terms of each angle.
+    phi : ndarray, shape (K, P), the angles of P slips. nodes : ndarray, shape (K,), the
+    points in (0, 1] at which they are known. least : ndarray, shape (P,), the largest
+    sum of the terms of each angle.
     """
     terms = np.cos(np.outer(np.arccos(1.0 - 2.0 * nodes), np.arange(len(nodes))))
     series = np.linalg.solve(terms, phi)

@@ -79,6 +79,7 @@ class SidesFound(NamedTuple):
     decision : Decision
         The state on the surfaces followed, with the events and warnings.
     surfaces : SurfacesAt
+        The surfaces at the instant, with the levels and modes found.
     laws : LawsAt or None
         The laws, with the modes that were selected together with sides.
     """
@@ -100,10 +101,13 @@ class Switching(Source):
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
         `SurfaceModes.held`.
-    approaches, reach, tried_at : int, float, float
-        The number of attempts to step towards a surface beyond which values are not
-        finite, since a surface was reached; the part of the distance of the last
-        attempt, and its time.
+    approaches : int
+        Number of attempts, since the last surface was reached, to step close to a
+        surface beyond which y' may not be finite.
+    reach : float
+        Part of the distance to the surface that the last attempt has covered.
+    tried_at : float
+        Time of the last attempt.
     passed_at : float
         The time of the last point of a table that the kernel has passed.
     """
@@ -218,7 +222,9 @@ class Switching(Source):
         Parameters
         ----------
         surfaces : SurfacesAt
+            The surfaces at the instant, before the selection.
         laws : LawsAt or None
+            The laws at the instant; None for a model without laws.
         hit
             The surface whose mode has just ended.
         at_rest
@@ -287,6 +293,7 @@ class Switching(Source):
         y : ndarray, shape (size,)
             The state, which is changed in place.
         surfaces : SurfacesAt
+            The surfaces at the instant, with the sides selected.
         """
         corners = corners_met(arc, surfaces.levels)
         modes, found = self.modes, list[Event]()
@@ -543,10 +550,11 @@ class Switching(Source):
         return self._reached(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return (the next surface, a time just before the motion reaches the surface).
+        """Return a pair (k, time): where to end an arc ahead of a surface that is near.
 
-        The surface is None unless it is reached already. The result is None, instead of
-        a pair, where no surface is near, or the approach has been tried too often.
+        time : just before the motion reaches the surface. k : its number if the state
+        is on it already, else None. The result is None, instead of a pair, where no
+        surface is near, or the approach has been tried too often.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:

@@ -335,7 +335,8 @@ def pulses(arc: Arc, times: Floats) -> list[float]:
     Returns
     -------
     list of float
-        The samples at which a term is closest to the argument of its pulse.
+        The samples at which the argument of a term is closer than at neighbouring
+        samples to the value at which the term acts.
     """
     graph, timed = arc.equations.graph, arc.system.timed
     values: dict[str, Any] = {**arc.parameters, "t": times}

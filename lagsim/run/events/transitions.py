@@ -100,7 +100,7 @@ class Transitions(Source):
         )
 
     def _truth(self, arc: Arc) -> Truth:
-        """Return a trial of the truth of the conditions."""
+        """Return a context in which the truth of the conditions is decided."""
         return Truth(arc, set_by_modes=self.set_by_modes)
 
     def look_at_start(self, arc: Arc, before: Floats | None) -> tuple[Due, bytes]:
@@ -172,6 +172,7 @@ class Transitions(Source):
         Parameters
         ----------
         arc : Arc
+            The arc that has ended; its modes of the file are set in the memory.
         due : Due
             The events that are due.
         acts : ActsAt
@@ -265,6 +266,7 @@ class Transitions(Source):
         Parameters
         ----------
         arc : Arc
+            The arc that the impulse ends.
         impulse : ndarray, shape (n,)
             The sum of the generalized impulses, for all coordinates of the model.
         corners : CornerSides or None

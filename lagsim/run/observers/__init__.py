@@ -140,6 +140,7 @@ class Corners:
         Parameters
         ----------
         before, after : ndarray, shape (variants, columns)
+            The row before and the row after the event, each in all variants.
         within : float
             Largest time between merged events.
         """

@@ -57,9 +57,11 @@ class Widened:
     Parameters
     ----------
     store : Store
+        Receives the longer rows.
     columns : int
         Number of columns of the table, which come first.
     more : Appended
+        The columns to append, and their values at the output times.
     """
 
     def __init__(self, store: Store, columns: int, more: Appended) -> None:

@@ -255,7 +255,7 @@ class EnergyMonitor:
         self._seen = seen
 
     def _store(self, rows: Floats) -> None:
-        """Store rows (k, columns)."""
+        """Store energies, time, state, accelerations and works of rows (k, columns)."""
         before, after = self._count, self._count + len(rows)
         if after > len(self._kept):
             size = max(after, 2 * len(self._kept)), self._kept.shape[1]

@@ -73,7 +73,10 @@ class _Envelope:
         self.size = 1
 
     def add(self, t: Array, values: Array) -> None:
-        """Update the buckets by rows t : (k,) and values : (k, width)."""
+        """Update the buckets by k rows.
+
+        t : ndarray, shape (k,), their times. values : ndarray, shape (k, width).
+        """
         start = 0
         while start < len(t):
             if self._rows == BUCKETS * self.size:
@@ -120,9 +123,10 @@ def _merged(first: Array, second: Array) -> Array:
 
 
 def _extremes(t: Array, values: Array, size: int) -> Array:
-    """Return low, its time, high, its time of whole buckets: (4, n, width).
+    """Return low, its time, high, and its time of n whole buckets: (4, n, width).
 
-    t : (n size,), values : (n size, width), size : the number of rows of a bucket.
+    t : ndarray, shape (n size,). values : ndarray, shape (n size, width). size : the
+    number of rows of a bucket.
     """
     # Contiguous along the rows, where argmin and argmax are vectorised.
     buckets = values.reshape(-1, size, values.shape[1])
@@ -154,7 +158,11 @@ class _Sample:
         self.stride = 1
 
     def add(self, rows: Array, chosen: NDArray[np.intp]) -> None:
-        """Update the sample by columns `chosen` : (width,) of rows : (k, c)."""
+        """Update the sample by k rows, of which only some columns are stored.
+
+        rows : ndarray, shape (k, c). chosen : ndarray of int, shape (width,), the
+        indices of the stored columns.
+        """
         total = self._seen + len(rows)
         while True:
             begun = min(POINTS, -(-total // self.stride))
