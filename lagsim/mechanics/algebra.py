@@ -300,6 +300,7 @@ class Metric:
         Parameters
         ----------
         f : ndarray, shape (n,)
+            The forces.
         """
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
@@ -460,6 +461,7 @@ def lengths_in(M: Any, A: Any) -> Floats:
     M : sparse matrix, shape (n, n)
         Symmetric and positive definite.
     A : sparse matrix, shape (m, n)
+        The rows.
     """
     entries = M.tocoo()
     if np.all(entries.row == entries.col):
@@ -483,6 +485,7 @@ def largest_eigenvalue(
     apply : callable
         Maps a vector (size,) to its product with the operator.
     size : int
+        Length of the vectors.
 
     Returns
     -------

@@ -86,6 +86,7 @@ class Factorisation:
     Parameters
     ----------
     g : Graph
+        Expression graph in which new nodes are created.
     rows : sequence of Vector
         The rows of S; changed in place. After the elimination of `some` unknowns only,
         they hold the remaining Schur complement.
@@ -162,9 +163,9 @@ class Factorisation:
         return 0, len(self.rows[k]), k in self.late, k
 
     def _taken(self, k: int) -> tuple[int, Vector]:
-        """Remove row and column k of S.
+        """Remove row and column k of S; return the diagonal entry, and the others of k.
 
-        Return the diagonal entry and the other entries.
+        The diagonal entry is a node; the other entries are a mapping unknown -> node.
         """
         row = dict(self.rows[k])
         own = row.pop(k, self.g.zero)
@@ -183,9 +184,9 @@ class Factorisation:
         return g.call("mul", a, b)
 
     def _put_in(self, k: int) -> Iterable[int]:
-        """Replace sum k by the velocities and sums in it, in all rows of S.
+        """Substitute sum k, an unknown, by the velocities and sums that it consists of.
 
-        Return the unknowns whose rows have changed.
+        All rows of S are changed. Return the unknowns whose rows have changed.
         """
         form = self.columns[k] = self.sums[k]
         own, row = self._taken(k)
@@ -215,7 +216,10 @@ class Factorisation:
 
     @cached_property
     def _filled(self) -> list[tuple[int, Vector]]:
-        """The columns that are not empty, after the elimination of all unknowns."""
+        """Pairs (k, column k of L) of the columns that are not empty, in their order.
+
+        All unknowns have been eliminated.
+        """
         return [(k, column) for k, column in self.columns.items() if column]
 
     def forward(self, right: Mapping[int, int]) -> Vector:
@@ -535,7 +539,7 @@ def _parts(
     uses: Counter[int],
     ends: Collection[int],
 ) -> dict[int, list[tuple[int, int]]]:
-    """Return the terms of each affine node in use, from `_slopes`, by node.
+    """Return the terms of each affine node in use: node -> its pairs from `_slopes`.
 
     cone : the nodes below L, in order of evaluation. degrees : node -> its degree in
     the velocities. uses : node -> number of its uses, to which the uses of the terms

@@ -818,6 +818,7 @@ def rates_at(
     Parameters
     ----------
     D : ndarray, shape (r, r)
+        Accelerations of the r rows per unit multiplier.
     c, noise : ndarray, shape (r,)
         The rates of accelerations at constant multipliers, and their rounding errors.
     free : list of int

@@ -38,6 +38,7 @@ class Row(NamedTuple):
     Attributes
     ----------
     name : str
+        Name of the constraint in the file.
     holonomic : bool
         The constraint is g(q, t) = 0; otherwise phi(q, q', t) = 0.
     residual : int

@@ -121,6 +121,7 @@ def in_fewer_terms(
     Parameters
     ----------
     M : tuple of SparseVector, shape (n, n)
+        The mass matrix.
     f : list of int, length n
         The right-hand side of M q'' = f.
     convective : sequence of int, length n
@@ -199,6 +200,7 @@ def derive(
     Parameters
     ----------
     model : Model
+        The model, with its energies, constraints, forces and events.
     chained : bool
         Keep M as a ChainedMass where factors along chains take fewer operations than
         its entries.

@@ -108,7 +108,9 @@ class Equations:
     Attributes
     ----------
     model : Model
+        The model with the values of its parameters.
     graph : Graph
+        The expression graph, to which all nodes below belong.
     q, velocities : tuple of str, length n
         The names of the coordinates, and of their velocities.
     M : sequence of SparseVector, shape (n, n)

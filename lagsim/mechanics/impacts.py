@@ -67,6 +67,7 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
     Parameters
     ----------
     closed : Closed
+        The r rows that are struck: bounds, Delassus matrix, restitutions.
     rates : ndarray, shape (r,)
         The rates of the rows before the impact.
     roundoff : ndarray, shape (r,)
@@ -135,6 +136,7 @@ def _impulses(
     Parameters
     ----------
     closed : Closed
+        The r rows that are struck: bounds, Delassus matrix, restitutions.
     c : ndarray, shape (r,)
         The rates, less the rates to be reached.
     rests : ndarray of bool, shape (r,)

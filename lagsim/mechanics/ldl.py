@@ -107,7 +107,7 @@ def dense_operations(n: int, m: int) -> int:
 
 
 def turns(e: Equations) -> bool:
-    """Whether the Lagrangian contains sines or cosines, and there are no rows."""
+    """Whether the Lagrangian contains sines or cosines in a model without rows."""
     return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
@@ -223,7 +223,7 @@ class Elimination:
         return self.collected.still([self.unit, g.call("div", g.one, pivot)])
 
     def _schur(self) -> dict[tuple[int, int], int]:
-        """Return the entries of S = Z^T D^-1 Z times the unit of mass, by (i, j)."""
+        """Return S = Z^T D^-1 Z times the unit of mass, entry by entry: (i, j) -> node."""
         self.budget.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
@@ -251,7 +251,7 @@ class Elimination:
         return self.collected.sum(terms)
 
     def motion(self) -> tuple[list[int], list[int]]:
-        """Return the nodes of q'', shape (n,), and of lambda, shape (m,)."""
+        """Return the nodes of the solution: q'', shape (n,), and lambda, shape (m,)."""
         return self._motion
 
     def response(self, forces: Sequence[int]) -> list[int]:
@@ -260,7 +260,12 @@ class Elimination:
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Return lambda_k^2 (A M^-1 A^T)_kk of each row k, shape (m,), as nodes."""
+        """Return the squared size of the acceleration by each row's multiplier, as nodes.
+
+        The result, shape (m,), is lambda_k^2 (A M^-1 A^T)_kk: the square of the length
+        of M^-1 A_k^T lambda_k in the metric of M. It is the scale of rounding errors of
+        row k.
+        """
         g = self.g
         return [
             g.call("mul", g.call("mul", lam, lam), self.square(k))

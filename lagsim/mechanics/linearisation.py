@@ -250,6 +250,7 @@ class Linearisation:
         Parameters
         ----------
         x : Slopes
+            The equations and their derivatives at the state, from `values`.
         noise : ndarray, shape (n + m + l, 2 n + l), optional
             Bounds of the errors of `x.slopes`: entries of R below these are set to 0.
         """
@@ -287,6 +288,7 @@ class Linearisation:
         R : ndarray
             The matrix of the linearised motion.
         x : Slopes
+            The equations and their derivatives at the state.
         noise : ndarray
             Bounds of the errors of `x.slopes`.
         bases : tuple of ndarray
@@ -319,6 +321,7 @@ class Linearisation:
         Parameters
         ----------
         x : Slopes
+            The equations and their derivatives at the state.
         errors : mapping of str to float
             Error bounds of variables, by name; other variables have the rounding error
             of their value.

@@ -62,6 +62,7 @@ class RowModes:
         component of a unit vector); the multiplier of a redundant row divided by its
         static bound; 0 for other rows.
     multipliers : ndarray, shape (r,)
+        The multipliers with which the modes are a solution.
     paradox : bool
         Painlevé's paradox: no solution, or a sliding contact under pressure whose
         effective mass is not positive. A contact that may separate instead is
@@ -92,6 +93,7 @@ def modes(
     Parameters
     ----------
     closed : Closed
+        The r rows that may be in force: bounds, and their Delassus matrix D.
     accelerations : ndarray, shape (r,)
         The accelerations of the rows at multipliers 0.
     rates : ndarray, shape (r,)
@@ -257,6 +259,7 @@ class _Edges(NamedTuple):
     Attributes
     ----------
     rows : ContactRows
+        The r rows, with the complementarity problem that has been solved.
     ahead, left
         As in `modes`.
     """
@@ -315,6 +318,7 @@ class _Edges(NamedTuple):
         Parameters
         ----------
         solution : Solution
+            Multipliers and accelerations of the r rows.
         rounding : ndarray, shape (r,)
             Roundoff bounds of accelerations.
         limits, small : ndarray, shape (r,)
@@ -579,6 +583,7 @@ def _solved_together(
     Parameters
     ----------
     rows : ContactRows
+        All r rows.
     E : ndarray, shape (r, r)
         As returned by `_expressed`.
     h : ndarray, shape (r,)
@@ -627,6 +632,7 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
     Parameters
     ----------
     rows : ContactRows
+        All r rows.
     decided : RowModes
         The modes with loads in the least parts of the bounds.
     directions : ndarray, shape (r,)

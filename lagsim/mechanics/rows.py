@@ -69,6 +69,7 @@ class RowTable:
         Masks by `low` and `high`: rows without bounds; with one bound, 0; with two
         bounds; with two bounds and a contact.
     has_slips : bool
+        Whether a row is the slip of a contact.
     strikes : ndarray of bool, shape (r,)
         Rows with an impulse in an impact.
     normal_of, is_one_sided : list of int, of bool
@@ -95,7 +96,11 @@ class RowTable:
 
     @cached_property
     def beside(self) -> list[list[int]]:
-        """For each row the rows that its bounds or a disc couple with it."""
+        """For each row, the indices of rows that its bounds or a disc couple with it.
+
+        They are the contact of a slip, the slips of a contact, and the other row of a
+        disc.
+        """
         found = [list[int]() for _ in self.normal_of]
         for others in (self.normals, self.pairs):
             for k, j in enumerate(others.tolist()):
@@ -106,7 +111,7 @@ class RowTable:
 
     @cached_property
     def discs(self) -> list[list[int]]:
-        """The rows of two slips, or of two limited equalities, in ascending order."""
+        """Pairs of indices, ascending: the rows of two slips, or of two limited laws."""
         return [[k, j] for k, j in enumerate(self.pairs.tolist()) if j > k]
 
     @classmethod
@@ -148,10 +153,11 @@ class RowTable:
         return RowTable(low, high, self.normals, self.pairs, gapped, self.poisson)
 
     def with_shares(self, count: int) -> RowTable:
-        """Return the table with `count` bounded rows appended, for shares of surfaces.
+        """Return the table with `count` rows appended, one for each followed surface.
 
-        A share is the part of the upper side in the motion along a switching surface;
-        its row has the bounds -1 and 1.
+        The multiplier of such a row is 1/2 - w, with the share w in [0, 1] of the upper
+        side in the forces along the surface. It is bounded in both directions: `low` =
+        -1 and `high` = 1, as multiples of the bound of the row.
         """
         alone, none = np.full(count, -1), np.zeros(count, dtype=bool)
         return RowTable(
@@ -172,6 +178,7 @@ class Closed:
     Attributes
     ----------
     table : RowTable
+        The constant data of the rows.
     D : ndarray, shape (r, r)
         The Delassus matrix: D_ij is the acceleration of row i due to a multiplier 1
         of row j (or its change of rate due to an impulse 1). A zero diagonal entry
@@ -207,9 +214,10 @@ class Closed:
     def with_shares(self, D: Floats, bounds: Floats) -> Closed:
         """Return the rows with s further ones, for the shares w of switching surfaces.
 
-        The multiplier of such a row is proportional to 1/2 - w, which is bounded in
-        both directions since w is in [0, 1]. The jump of the forces need not be along
-        the row, so that D need not be symmetric.
+        The share w in [0, 1] is the part of the upper side in the forces along a
+        surface. The multiplier of its row is proportional to 1/2 - w, and thus bounded
+        in both directions. The jump of the forces need not be along the row, so that D
+        need not be symmetric.
 
         Parameters
         ----------
@@ -288,6 +296,7 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     A : ndarray, shape (e, n)
         The rows of the equalities; may be linearly dependent.
     rows : ndarray, shape (r, n)
+        The rows whose mutual accelerations are computed.
     """
     diagonal = M.diagonal()
     if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:

@@ -310,6 +310,7 @@ def _spread(
     Parameters
     ----------
     rows : ContactRows
+        All r rows.
     solution : Solution
         The multipliers of all other rows are unchanged.
     rests : ndarray of bool, shape (r,)

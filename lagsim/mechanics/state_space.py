@@ -56,6 +56,7 @@ class StateSpace(NamedTuple):
     Attributes
     ----------
     A, B, C, D : ndarray, shape (s, s), (s, i), (o, s), (o, i)
+        Matrices for s states, i inputs with their rates, and o outputs.
     states, inputs, outputs : tuple of str
         An input `c'` is the rate of the input `c`, and `c''` the rate of `c'`.
     """
@@ -109,9 +110,11 @@ def state_space(
     Parameters
     ----------
     linearisation : Linearisation
+        The equations of motion, with derivatives at any state.
     state : Instant
         A rest, or a state whose velocities change nothing in the equations.
     inputs : sequence of Input
+        The quantities u.
     outputs : mapping of str to int
         Name -> node of the state, q'' and lambda.
 
