@@ -79,14 +79,15 @@ def keep_lengths(p: Parameters) -> None:
 def reflect(p: Parameters) -> int:
     """Factor Y^T = Q R by Householder reflections with pivoting; return the rank.
 
-    Pivots beyond the generic rank count as zero: at the stages of a step, off the
-    constraints, dependent rows are not exactly dependent.
+    The generic rank, p.expected, is that in almost every state. Pivots beyond it count
+    as zero: at the stages of a step, off the constraints, dependent rows are not
+    exactly dependent.
 
     On return p.sigma is the size of the last generically independent column. Row k of Y
     holds R[0:k, k], followed by the vector of the k-th reflection without its first
-    component, which is 1. A row is reflected onto its largest element, which is
-    exchanged into column k and noted in p.places, so that rounding errors stay among
-    the coordinates that rows couple.
+    component, which is 1; R[k, k] is p.diagonal[k]. A row is reflected onto its largest
+    element, which is exchanged into column k and noted in p.places, so that rounding
+    errors stay among the coordinates that rows couple.
     """
     n, Y, diagonal, places = p.n, p.Y, p.diagonal, p.places
     kept = set_aside(p)
@@ -237,7 +238,11 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
-    """Apply the k-th reflection, stored in `row`, with factor `factor_k`, to x (n,)."""
+    """Apply the k-th reflection of `reflect` to x (n,), in place.
+
+    row : row k of Y, whose elements after k are the vector of the reflection. factor_k
+    : its factor, p.factors[k].
+    """
     along = factor_k * (x[k] + mass.product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
     x[k + 1 : n] -= along * row[k + 1 : n]
@@ -262,10 +267,11 @@ def impress(p: Parameters, rank: int) -> None:
 
 
 def multipliers(p: Parameters, rank: int) -> None:
-    """Store the solution lambda (m,) of R lambda = w of least norm, unscaled.
+    """Store in p.multipliers (m,) the solution lambda of R lambda = w of least norm.
 
-    With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
-    rank : of the rows.
+    R = (R1, R2) is the factor of `reflect`, with R1 (rank, rank), and w (rank,) is p.w,
+    which is overwritten; the scaling of rows is undone. With B = R1^-1 R2 and x = R1^-1
+    w: lambda = (x - B z, z), where (I + B^T B) z = B^T x. rank : of the rows.
     """
     x, out = p.x, p.multipliers
     x[:rank] = p.w[:rank]
@@ -309,7 +315,10 @@ def shorten(p: Parameters, rank: int) -> None:
 
 
 def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
-    """Replace x (rank,) by the solution z of R1 D^-1 z = x, D = diag(scales)."""
+    """Replace x (rank,) by the solution z of R1 D^-1 z = x, D = diag(p.scales).
+
+    R1 : (rank, rank), the leading block of the factor R of `reflect`.
+    """
     diagonal = p.diagonal
     for i in range(rank):
         k = rank - 1 - i
@@ -361,7 +370,10 @@ def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the columns of an output row, without Baumgarte's stabilising terms."""
+    """Store the columns of an output row at (t, y) in out (columns,).
+
+    They are those of the equations as they are, without Baumgarte's stabilising terms.
+    """
     gain = p.gain
     p.gain = 0.0
     solve_motion(t, y, p)
@@ -530,9 +542,9 @@ def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q, least in the metric of M, that makes residuals zero.
 
-    The change is a Newton step for the linearised constraints. After it out has the
-    largest residual relative to its scale, 0, and the largest second-order residual
-    after the step, see `residual_left`.
+    The change is a Newton step for the linearised constraints. out : (n + 3,), the
+    change; then the largest residual relative to its scale, 0, and the largest
+    second-order residual after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
@@ -569,9 +581,9 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q', least in the metric of M, that makes rates zero.
 
-    The rates are A q' + g_t. After the change out has the largest rate residual
-    relative to its scale, the smallest diagonal element sigma of R (see `reflect`), and
-    the largest second-order residual after the step.
+    The rates are A q' + g_t. out : (n + 3,), the change; then the largest rate relative
+    to its scale, the smallest diagonal element sigma of R (see `reflect`), and the
+    largest second-order residual after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)

@@ -202,10 +202,17 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
 def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
-    """Return `surfaces` and `surface_rows`, see `sliding`, and the pattern of J.
+    """Return the functions of the surfaces, and the pattern of their rows J.
 
-    The pattern is returned as two lists: index of the first element of each row, and
-    column of each element.
+    Returns
+    -------
+    functions : dict of str to list of int
+        The nodes of `surfaces`, `surface_rows` and `corner_levers`, see `sliding`.
+    starts : list of int
+        Index, among the elements of J, of the first element of each row, and their
+        number.
+    columns : list of int
+        Column of each element.
     """
     g = equations.graph
     flow = equations.flow

@@ -34,6 +34,7 @@ class JumpData(NamedTuple):
     holds : ndarray of bool, shape (R,)
         The rows that transmit impulses of either sign: equalities in force.
     momenta, velocities : ndarray, shape (n,)
+        dL/dq', and q'.
     impulses : ndarray, shape (E, n)
         The generalized impulses of the E events.
     """
@@ -59,6 +60,7 @@ class ImpulseFunction:
     Attributes
     ----------
     nodes : list of int
+        The expressions whose values `data` sorts.
     first_condition : int
         The index of the first node of conditions and impulses, which are read as
         written; the nodes before it are read on the sides of the arc.

@@ -50,12 +50,13 @@ class Indicator(NamedTuple):
     node : int
         An argument of the term.
     kind : float
-        The values of the argument at which the term is active, see `ACTS_WHERE`.
+        Code of the values of the argument at which the term is active, such as LARGEST
+        or NEAR_ZERO, see `ACTS_WHERE`.
     power : float
         Exponent of a power of the argument.
     members : int
-        Number of terms; the node of the arguments of several terms, those of the
-        members of elements, is a vector.
+        Number of terms: for a term of elements, their number of members; `node` is then
+        the vector of the arguments of all members.
     """
 
     node: int

@@ -53,7 +53,11 @@ def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the columns of an output row, without Baumgarte's stabilising terms."""
+    """Store the columns of an output row at (t, y) in out (columns,).
+
+    The forces are those of the motion along the surfaces that it follows, see `show`,
+    without Baumgarte's stabilising terms.
+    """
     n = p.n
     slides = p.slides
     gain = p.gain
@@ -143,9 +147,10 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def look_above(t: float, y: Floats, p: Parameters) -> None:
-    """Store the margins of carried surfaces to the ends of their sides, above.
+    """Store in p.margin_above the margins of carried surfaces, above their leaders.
 
-    The margins, p.margin_above, are evaluated with the surface that carries them on its
+    The margin of a carried surface is the distance of its expression from the nearer
+    end of its side, evaluated with its leader, the surface that carries it, on the
     upper side.
     """
     for k in range(p.surfaces):

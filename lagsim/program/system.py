@@ -123,7 +123,7 @@ def kernels(system: System) -> Iterator[ProgramPart]:
 
 
 def values_part(size: int, order: int) -> ProgramPart:
-    """Return the program part that evaluates series.
+    """Return the program part that evaluates truncated power series and their rates.
 
     size, order : number of components of the series, and their order K.
     """
@@ -169,6 +169,7 @@ class System:
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
+        The rows that hold at times, of `equations`.
     watched : int
         Number of surfaces and laws, whose modes may end.
     newton : NewtonMatrix or None
@@ -310,7 +311,11 @@ class System:
 
     @property
     def sampled(self) -> int:
-        """Number of leading components of y without which no indicator depends on y."""
+        """Least k such that indicators depend on no component of y but the first k.
+
+        A step that is searched for localized terms approximates only these by
+        polynomials.
+        """
         used = self.equations.graph.depends([x.node for x in self.indicators])
         places = (k for k, name in enumerate(self.state, 1) if name in used)
         return max(places, default=0)
@@ -611,6 +616,7 @@ class Pace:
     Attributes
     ----------
     steps : int
+        Number of steps of the next call.
     """
 
     def __init__(self) -> None:
@@ -638,12 +644,14 @@ class Runner:
     Parameters
     ----------
     system : System
+        The compiled functions of the model.
     name : str
         Name of the method.
 
     Attributes
     ----------
     method : module
+        The module of the method, see `methods.method`.
     program : list of ProgramPart
         All linked parts.
     pace : Pace
