@@ -153,11 +153,11 @@ def quintic(s: Composition) -> None:
 
 
 def look_within(s: Composition, p: Parameters) -> None:
-    """Store the residuals of the equations on the dense output at four nodes.
+    """Store the residuals of the equations on the dense output at four points.
 
     The residuals (4, size) are h^2 q'' less the second derivative of the quintics for
     positions, and h times the rate less the derivative of the polynomial for other
-    components.
+    components. The points are the fractions `NODES` of the last step.
     """
     h, slope, first = s.step_h, s.slope, s.velocities.start
     a, old_a = slope[s.velocities], s.before[s.velocities]
@@ -176,8 +176,8 @@ def look_within(s: Composition, p: Parameters) -> None:
 def look_at_power(s: Composition, p: Parameters) -> None:
     """Store h times the rates of the quadratures, less the slopes of their cubics.
 
-    The cubics are Hermite polynomials, see `steepness`. The differences, at four nodes
-    of the step, are stored in `residuals`.
+    The cubics are Hermite polynomials, see `steepness`. The differences at the four
+    points `NODES` of the step are stored in `residuals` (4, size).
     """
     h = s.step_h
     first = s.quadratures.start
@@ -193,7 +193,7 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 def correct(s: Composition, first: int, end: int) -> None:
     """Compute the corrections r of components first ... end - 1 of the dense output.
 
-    The corrections follow from the `residuals` at the four nodes.
+    The corrections follow from the `residuals` at the four points `NODES`.
     """
     for i in range(first, end):
         for m in unrolled(4):

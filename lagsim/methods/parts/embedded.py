@@ -56,6 +56,7 @@ class EmbeddedPair(NamedTuple):
         Of the s stages of a step; of the slope after the step, whose row is the weights
         of the step (s,); of further stages of the dense output.
     C : tuple, shape (stages,)
+        Fractions of the step at which the stages are evaluated.
     estimates : tuple of rows, shape (1 or 2, s or s + 1)
         Weights of the error estimate; of two estimates, the second one of lower order,
         which are combined.

@@ -166,8 +166,11 @@ class Tableau:
     A : tuple of rows, shape (s, up to s - 1)
         Without trailing zeros.
     B : tuple, shape (up to s,)
+        Weights of the slopes of the stages.
     C : tuple, shape (s,)
+        Fractions of the step at which the stages are evaluated.
     order : int
+        Order of the method.
 
     Raises
     ------

@@ -342,10 +342,10 @@ def missed_within(s: SearchTable, p: Parameters) -> float:
 
 
 def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
-    """Compare slopes at the closest approach of signal k, at x, and beside it.
+    """Compare y' at the closest approach of signal k, and at its shoulders.
 
-    Return the fraction at which the slopes of the dense output and of the equations
-    differ, or 0.
+    x : the fraction of the last step at the closest approach. Return the fraction at
+    which the slope of the dense output and y' of the equations differ, or 0 for none.
     """
     if is_missed(s, p, x):
         return x
@@ -357,10 +357,14 @@ def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
 def missed_beside(
     s: SearchTable, p: Parameters, k: int, x: float, least: float, way: float
 ) -> float:
-    """Return min(x, the fraction beside x at which slopes differ), or 0.
+    """Compare y' on one shoulder of the closest approach of signal k.
 
-    Slopes are compared on one shoulder of the closest approach of signal k, at x, with
-    the distance `least`. way : -1 before x, 1 after it.
+    A shoulder is where the distance of the signal exceeds its least value by more than
+    SHOULDER and less than FOOT.
+
+    x, least : the fraction of the closest approach, and the distance of the signal
+    there. way : -1 before x, 1 after it. Return the lesser of x and the fraction at
+    which the slope of the dense output and y' of the equations differ; 0 if they agree.
     """
     beside = way * 2.0**-50
     for _ in range(DOUBLINGS):

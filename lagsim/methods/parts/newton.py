@@ -230,10 +230,12 @@ def square(width: Static, g: Floats) -> None:
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Write s + g r (n,) to `out`, a part of the right side s + (g - Jv) r.
+    """Write s + g r (n,) to `out`, the part without Jv of s + (g - Jv) r.
 
-    g : a number of `width` doubles, as are the elements of the vectors. In memory r
-    (n,) is followed by s (n,).
+    The latter is the right side of the Newton system after the elimination of
+    velocities. g : a number of `width` doubles, as are the elements of the vectors. In
+    memory r (n,), the right side for positions, is followed by s (n,), that for
+    velocities.
     """
     for i in range(n):
         own = out[width * i :]
@@ -242,9 +244,11 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 
 
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
-    """Replace r_i by the solution's x_i, and s_i by w_i = g x_i - r_i.
+    """Replace r_i and s_i by the solutions for a position and its velocity.
 
-    x : x_i. g, x : numbers of `width` doubles. In memory r (n,) is followed by s (n,).
+    They are x_i, and w_i = g x_i - r_i. x : x_i. g, x : numbers of `width` doubles. In
+    memory r (n,), the right side for positions, is followed by s (n,), that for
+    velocities.
     """
     other = r[width * (n + i) :]
     for k in unrolled(width):

@@ -216,10 +216,11 @@ def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
 
 
 def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
-    """Return a point just past the first jump of a condition, or the stretch's end.
+    """Return the end of the part of the stretch in which no condition jumps.
 
-    A condition with a step has equal values at all points, though its value may differ
-    in between.
+    The end is a point just past the first jump of a switch in a condition, or the end
+    of the stretch. A condition with a step has equal values at all points of a stretch,
+    though its value may differ in between.
     """
     low, near = float(s.places[0]), float(s.places[2])
     width = near - low

@@ -252,9 +252,11 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
 
 
 def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
-    """Replace the values (C,) of conditions by their rows, which end below 0.
+    """Replace the values of conditions by their rows, which fall below 0 at an event.
 
-    x : the fraction of the last step. A condition that is not armed has the row 1.
+    own : ndarray, shape (C,), the values of the C conditions at the fraction x of the
+    last step; on return their rows: the value times `orientation`, plus `leeway`. A
+    condition that is not armed has the row 1.
     """
     for k in range(s.conditions):
         if x <= NEXT and own[k] < 0.0:  # closer than the interpolant's rounding

@@ -176,20 +176,29 @@ def observe_rows(rows: Floats, p: Parameters, out: Floats, count: int) -> None:
 
 @external
 def bend(h: float, c: Floats, out: Floats) -> None:
-    """Write the sum over k >= 2 of y_k h^k (size,) of a series c to out."""
+    """Write the sum over k >= 2 of y_k h^k (size,) to out.
+
+    c : the series, its order K, then its coefficients y_0 ... y_K. h : time since its
+    start.
+    """
 
 
 @external
 def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> None:
-    """Write sum_k y_k h^k (size,) of a series c to out, and its roundoff to left.
+    """Write the value at time h, sum_k y_k h^k (size,), of a series to out.
 
-    lost : (size,), the roundoff of y_0, which is added. left : (size,).
+    c : the series, its order K, then its coefficients y_0 ... y_K. lost : (size,), the
+    roundoff of y_0, which is added. left : (size,), on return the roundoff of the
+    value.
     """
 
 
 @external
 def slope(h: float, c: Floats, out: Floats) -> None:
-    """Write sum_k k y_k h^(k - 1) (size,), the derivative of a series c, to out."""
+    """Write the derivative of a series at time h, sum_k k y_k h^(k - 1), to out.
+
+    out : (size,). c : the series, its order K, then its coefficients y_0 ... y_K.
+    """
 
 
 @external
