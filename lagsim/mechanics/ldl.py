@@ -158,6 +158,12 @@ def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
 class Elimination:
     """Symbolic solution for q'' and lambda, and for corrections in the metric of M.
 
+    Parameters
+    ----------
+    equations : Equations
+    limit : float
+        The largest number of multiplications.
+
     Attributes
     ----------
     along_links : bool
@@ -223,7 +229,7 @@ class Elimination:
         return self.collected.still([self.unit, g.call("div", g.one, pivot)])
 
     def _schur(self) -> dict[tuple[int, int], int]:
-        """Return S = Z^T D^-1 Z times the unit of mass, entry by entry: (i, j) -> node."""
+        """Return S = Z^T D^-1 Z times the unit of mass, as a dict (i, j) -> node."""
         self.budget.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
@@ -260,7 +266,7 @@ class Elimination:
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Return the squared size of the acceleration by each row's multiplier, as nodes.
+        """Return the squared size of the acceleration by each multiplier, as nodes.
 
         The result, shape (m,), is lambda_k^2 (A M^-1 A^T)_kk: the square of the length
         of M^-1 A_k^T lambda_k in the metric of M. It is the scale of rounding errors of

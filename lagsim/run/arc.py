@@ -286,9 +286,10 @@ class Arc(NamedTuple):
         return np.asarray(self.runner.tabulate(self.row(y))[0])
 
     def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
-        """Return the energies (works,) of the groups of coordinates on which work is done.
+        """Return the energies (works,) of the groups on which work is done.
 
-        shown : output columns of y, if they are already computed.
+        A group consists of coupled coordinates, see `mechanics.groups`. shown : output
+        columns of y, if they are already computed.
         """
         if self.system.has_energies:
             return self.runner.function("energies", self.system.works)(self.t, y)

@@ -643,8 +643,7 @@ class Crossing:
 
         At rest a switch has its value at the level; sliding, a combination of both
         sides. The motion is the same, but columns that contain the switch are not. If
-        all columns agree, the surfaces that are carried and watched stay those of the
-        modes found.
+        all columns agree, the modes found are restored.
 
         Parameters
         ----------
