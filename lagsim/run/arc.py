@@ -403,7 +403,8 @@ def first_arc(
 ) -> Arc:
     """Return the first arc of a run, at its start and before the first step.
 
-    longest_step : the largest step of the method; 0 for no limit.
+    longest_step : the largest step of the method; 0 for no limit. plan, system :
+    formulation and method of the run, and the compiled functions.
     """
     runner = system.link(plan.method)
     y = system.begin(start)
@@ -428,7 +429,8 @@ def _set_watch(state: State, plan: Plan) -> None:
     """Set the thresholds of sigma below which a loss of rank is searched or reported.
 
     Sigma is the smallest singular value of the constraint rows; the thresholds are
-    parts of its usual value, which the plan has found.
+    parts of its usual value, which the plan has found. state : the memory of the
+    kernels, in which the thresholds are set.
     """
     state.close_below = CLOSE * plan.smallest_singular_value
     state.lost_below = LOST * plan.smallest_singular_value

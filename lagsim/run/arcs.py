@@ -300,7 +300,10 @@ class Run:
         return ending
 
     def _recorded(self, now: InstantRecord) -> Ending | None:
-        """Write the rows and lists of a settled instant; return its ending, or None."""
+        """Write the rows and lists of a settled instant; return its ending, or None.
+
+        now : the record of the instant, see `settle`.
+        """
         for rows in now.rows:
             self.recorder.hand_on(rows)
         self.recorder.keep(Decision(events=now.events, cautions=now.cautions))

@@ -23,18 +23,27 @@ if TYPE_CHECKING:
 
 
 def width(settings: Settings, time: float) -> float:
-    """Return the largest difference between `time` and another time of its instant."""
+    """Return the largest difference between `time` and another time of its instant.
+
+    settings : of the run, which define the size of an instant.
+    """
     return SAME_INSTANT * max(abs(time), abs(settings.start))
 
 
 def is_same(settings: Settings, time: float, other: float) -> bool:
-    """Whether two times belong to one instant."""
+    """Whether two times belong to one instant.
+
+    Both differ by at most `width`. settings : of the run.
+    """
     size = max(abs(time), abs(other), abs(settings.start))
     return abs(other - time) <= SAME_INSTANT * size
 
 
 def row_near(settings: Settings, time: float) -> float:
-    """Return the output time closest to `time`, the end of the run included."""
+    """Return the output time closest to `time`, the end of the run included.
+
+    settings : of the run, which define the output times.
+    """
     start, step, end = settings.start, settings.output_step, settings.end
     row = start + max(math.floor((time - start) / step + 0.5), 0) * step
     row = row if row < end - SAME_STEP * step else end

@@ -483,7 +483,7 @@ def _knots_located(
 
     False : none is a pause of the search, see `Division.times`. discrete : the node of
     the number of the cell. clock : the table. ends : start and end of the run. Each
-    double lies near a knot of `TimedTable.knots`.
+    double lies near a knot of `TimedTable.knots`. values : of the parameters.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):

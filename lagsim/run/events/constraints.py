@@ -317,7 +317,7 @@ class NearDependence(Source):
         """Return the decision to solve by QR where rows become nearly dependent.
 
         The decision is a warning alone where QR would cost too much. None for codes of
-        the kernel other than `DEGENERATE`.
+        the kernel other than `DEGENERATE`. code : the kernel's return code.
         """
         if code != at.DEGENERATE:
             return None
@@ -350,7 +350,8 @@ class RankLosses(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the events and the warning for a loss of rank, with its constraints.
 
-        None for codes of the kernel other than `RANK_LOST`.
+        None for codes of the kernel other than `RANK_LOST`. code : the kernel's return
+        code.
         """
         if code != at.RANK_LOST:
             return None

@@ -185,7 +185,8 @@ class Contacts(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to settle the end of a law's mode.
 
-        None for codes of the kernel other than `SWITCH_FOUND`, and for surfaces.
+        None for codes of the kernel other than `SWITCH_FOUND`, and for surfaces. code :
+        the kernel's return code.
         """
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
@@ -355,6 +356,7 @@ class Contacts(Source):
         """Return the state (size,) in which slips that stop are at rest.
 
         held, slid : numbers of laws that hold from now on, and that slid until now.
+        here : all laws at the state reached.
         """
         y, velocities = here.arc.y.copy(), here.arc.velocities
         stopped = [k in slid and self.laws[k].pair >= 0 for k in held]
@@ -367,7 +369,8 @@ class Contacts(Source):
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
         """Return the kinematics after sliders without mass have changed modes.
 
-        The state, events and ending are stored in `found`.
+        The state, events and ending are stored in `found`. here : all laws at the state
+        reached.
         """
         arc, before = here.arc, found.y
         settled = select_sliding(arc, before)
@@ -394,7 +397,7 @@ class Contacts(Source):
         """Whether law k can share the load of redundant laws.
 
         Contacts without friction, freewheels and limits can; slips, contacts with
-        slips, equalities and sliders cannot.
+        slips, equalities and sliders cannot. here : all laws at the state reached.
         """
         table = here.table
         rubs = any(table.slips[i] for i in (k, *table.beside[k]))
@@ -405,7 +408,7 @@ class Contacts(Source):
 
         closed : whether each law is closed. The function of such a law jumps, or the
         law was closed in flight, and no motion can continue. The energy of other bodies
-        does not enter the tolerance.
+        does not enter the tolerance. here : all laws at the state reached.
         """
         rtol, table = here.arc.plan.rtol, here.table
         part = SATISFIED if rtol is None else CLOSING * max(rtol, LEAST_CLOSING)
@@ -419,7 +422,7 @@ class Contacts(Source):
         The keys are the numbers of the contacts. closed : whether each law is closed.
         Each contact is judged by its own flights. All series that end are ended at this
         impact, as one accumulation; the result is empty if none of their contacts
-        strikes now.
+        strikes now. here : all laws just before the impact.
         """
         t = here.arc.t
         struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
@@ -531,7 +534,8 @@ class Contacts(Source):
         """Add warnings of an impact that is not unique, or gains energy, to `found`.
 
         some : numbers of the laws struck. result : of the impact. ending : whether the
-        impact ends a series of bounces; then a gain is not reported.
+        impact ends a series of bounces; then a gain is not reported. here : all laws
+        just before the impact.
         """
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)

@@ -24,7 +24,7 @@ def corrected_state(here: Kinematics, met: int) -> Floats | None:
     """Return the state (size,) corrected for errors of the step just ended, or None.
 
     None where there is nothing to correct. met : the index of the law whose mode has
-    ended, or -1.
+    ended, or -1. here : all laws at the end of the step.
     """
     if here.arc.system.p.law_opens.any():
         return _raised_state(here)
@@ -36,7 +36,8 @@ def corrected_state(here: Kinematics, met: int) -> Floats | None:
 def _raised_state(here: Kinematics) -> Floats:
     """Return the state (size,) in which contacts just opened have gap and rate >= 0.
 
-    Errors of a step may leave such contacts below ground, or approaching.
+    Errors of a step may leave such contacts below ground, or approaching. here : all
+    laws at the end of the step.
     """
     state, p = here.arc.state, here.arc.system.p
     y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
@@ -52,7 +53,8 @@ def _raised_state(here: Kinematics) -> Floats:
 def _is_stopping(here: Kinematics, k: int) -> bool:
     """Whether the slip of law k stops before a position changes by more than rounding.
 
-    k : the index of a slip on a disc whose mode has ended.
+    k : the index of a slip on a disc whose mode has ended. here : all laws at the end
+    of the step.
     """
     pair, p = [k, here.laws[k].pair], here.arc.system.p
     if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:

@@ -292,7 +292,8 @@ def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
 
     A magnitude within rounding is 0.
 
-    pushed : ndarray, shape (K,), the largest rates of the surfaces by forces.
+    pushed : ndarray, shape (K,), the largest rates of the surfaces by forces. modes :
+    those of all K surfaces.
     """
     arc = modes.arc
     slopes = np.abs(modes.rows().J)
@@ -310,7 +311,8 @@ def _pushes(modes: SurfaceModes) -> Floats:
     """Return J (q'', s') - b of all surfaces at later times, shape (SAMPLES, K).
 
     The results are the derivatives of the surfaces' rates by the forces. The times are
-    distributed geometrically from now to the end of the run.
+    distributed geometrically from now to the end of the run. modes : those of all K
+    surfaces.
     """
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
@@ -325,7 +327,8 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 
     The root is a force |v|^p, 0 < p < 1, of the velocity v, see `set_floors`. The
     velocity is extrapolated by a power law from the roots with `floors` (K,) and with
-    FARTHER times these floors; infinity where the power law does not apply.
+    FARTHER times these floors; infinity where the power law does not apply. modes :
+    those of all K surfaces.
     """
     small = _jump(modes, k)
     modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
@@ -342,6 +345,7 @@ def _jump(modes: SurfaceModes, k: int) -> float:
     """Return half the jump of J_k (q'', s') across surface k.
 
     J_k : the row of the surface. q'', s' : the accelerations and rates on each side.
+    modes : those of all K surfaces.
     """
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
@@ -506,6 +510,7 @@ class Crossing:
         """Return the rate of surface k; 0 where it is below rounding.
 
         Also 0 for a surface that depends on velocities or whose rate is known to be 0.
+        rows : of all surfaces.
         """
         modes, arc = self.modes, self.modes.arc
         if modes.on_rates[k] or k in self.at_rest:
@@ -556,7 +561,7 @@ class Crossing:
         """Return an open surface with gradient parallel to that of surface k, or None.
 
         The result is (j, factor): the number j of that surface, and the gradient of
-        surface k divided by the gradient of surface j.
+        surface k divided by the gradient of surface j. rows : of all surfaces.
         """
         J, b = rows.J, rows.b
         for j in self.open:

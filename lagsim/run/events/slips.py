@@ -107,7 +107,7 @@ def _longest(here: Kinematics, steady: float) -> float:
 
     The interval ends at the next knot of a table of t or at the end of the run, after
     `STRETCH` of the time `steady`, or at half of the time to the next pulse of t,
-    whichever comes first.
+    whichever comes first. here : all laws at the start of the slips.
     """
     p, t = here.arc.system.p, here.t
     times = [here.arc.settings.end, *p.knot_times[int(p.passed) : int(p.known)]]
@@ -282,7 +282,10 @@ def _is_smooth(phi: Floats, nodes: Floats, least: Floats) -> bool:
 
 
 def _lasts(here: Kinematics, pairs: Ints, t: float, y: Floats) -> bool:
-    """Whether all modes, except of slips in `pairs`, last at time t and state y."""
+    """Whether all modes, except of slips in `pairs`, last at time t and state y.
+
+    here : all laws at the start of the slips.
+    """
     events = here.arc.runner.event_functions
     left, slack = events(t, y), 2.0 * np.minimum(events(here.t, here.y), 0.0)
     left[here.arc.system.surfaces + pairs] = 0.0

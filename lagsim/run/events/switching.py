@@ -168,7 +168,10 @@ class Switching(Source):
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
-        """Whether a surface that depends on velocities is at its level, to rounding."""
+        """Whether a surface that depends on velocities is at its level, to rounding.
+
+        surfaces : those at the instant, with the levels that the state is on.
+        """
         modes = self.modes
         if not np.any(modes.on_rates):
             return False

@@ -174,7 +174,10 @@ ENERGIES = ("energy", "kinetic", "potential", "lagrangian", "work")
 
 
 def energy_parts(columns: Sequence[str]) -> dict[str, int]:
-    """Return the index of each column of energy or work, by name."""
+    """Return the index of each column of energy or work, by name.
+
+    columns : names of a row's columns.
+    """
     return {name: columns.index(name) for name in ENERGIES if name in columns}
 
 

@@ -307,7 +307,7 @@ class Thinning:
 
         Up to 4096 rows all values are returned; for more rows, the first row, the least
         and the greatest value of each bucket in time order, and the last row. NaN is a
-        gap: a bucket without a finite value.
+        gap: a bucket without a finite value. name : of the column, or of a difference.
         """
         column = self._series_at[name]
         t, values = self._envelope.points(column)
