@@ -318,6 +318,9 @@ class Chains(NamedTuple):
     ) -> Factorisation:
         """Factor M as L D L^T along the chains, as for articulated bodies.
 
+        budget : the number of multiplications that are permitted. kind : the class of
+        the result.
+
         Raises
         ------
         TooLongError
@@ -711,7 +714,7 @@ def shorter_chains(
 def shorter_than_entries(g: Graph, found: Chains) -> bool:
     """Whether factors of M along chains take fewer operations than M and its factors.
 
-    The entries of M are those of composite rigid bodies.
+    The entries of M are those of composite rigid bodies. found : the chains.
     """
     along = Budget()
     found.factorisation(g, along)
@@ -728,6 +731,7 @@ def inertial_forces(model: Model, lagrangian: int, flow: Flow) -> list[int]:
     """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,), as nodes.
 
     lagrangian : the node of L, in which rates of frames may be written by recursion.
+    flow : the variables of the motion and their rates.
     """
     g, turned = model.graph, flow.turned
     places = rates_of_places(model, lagrangian, flow)
@@ -753,7 +757,7 @@ def rates_of_places(model: Model, lagrangian: int, flow: Flow) -> dict[int, int]
     Positions are expressions without velocities. Rates that are single variables or
     constants are left out.
 
-    lagrangian : the node of L.
+    lagrangian : the node of L. flow : the variables of the motion and their rates.
 
     Returns
     -------

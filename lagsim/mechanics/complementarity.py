@@ -221,7 +221,8 @@ def _solved_alone(
 ) -> tuple[Floats, Floats]:
     """Return p (k,) and w (k,) of the k `rows`, which are coupled with no other row.
 
-    The diagonal elements of D of these rows must not be negative.
+    The diagonal elements of D of these rows must not be negative. problem : of all
+    rows.
     """
     own, c = problem.D.diagonal()[rows], problem.c[rows]
     moves = own > 0.0
@@ -232,7 +233,10 @@ def _solved_alone(
 
 
 def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
-    """Return the groups of rows that are coupled by entries of D, bounds or discs."""
+    """Return the groups of rows that are coupled by entries of D, bounds or discs.
+
+    Each group is a list of indices of rows.
+    """
     r = len(problem.c)
     if problem.D.all():
         return [list(range(r))] if r else []
@@ -478,7 +482,7 @@ def _start(unit: ComplementarityProblem) -> Floats:
     definite, the solution is unique: the start is then the solution with all rows held,
     cut at the bounds. (From 0, Newton's method would reach the rows of a stack one by
     one.) In other cases, as for dependent rows, the start is 0: the former start would
-    end at an arbitrary one of several solutions.
+    end at an arbitrary one of several solutions. unit : the scaled problem.
     """
     D, start = unit.D, np.zeros(len(unit.c))
     plain = unit.is_constant and not unit.discs
@@ -508,11 +512,11 @@ HALVED, FALLS = 40, 1e-4
 def _smoothed(unit: ComplementarityProblem) -> Floats:
     """Minimize a smoothed dual function; return multipliers (r,) near the solution.
 
-    With bounds b symmetric to 0, the multipliers minimize the convex function
-    p D p / 2 + sum of b_g |w_g|, w = D p + c, over single rows and discs g. |w| is
-    replaced by sqrt(|w|^2 + e^2) with ever smaller e: Newton's method follows the
-    minimum also where inertias in the directions of a disc differ by many powers of
-    ten, since nothing is compared across these directions.
+    With bounds b symmetric to 0, the multipliers minimize the convex function p D p / 2
+    + sum of b_g |w_g|, w = D p + c, over single rows and discs g. |w| is replaced by
+    sqrt(|w|^2 + e^2) with ever smaller e: Newton's method follows the minimum also
+    where inertias in the directions of a disc differ by many powers of ten, since
+    nothing is compared across these directions. unit : the scaled problem.
     """
     D, pairs, b = unit.D, unit.pairs, unit.high[0]
     p, unit_rows = np.zeros(len(b)), np.eye(len(b))
@@ -566,7 +570,10 @@ FAR = 1e8
 
 
 def _descend(problem: ComplementarityProblem, p: Floats) -> _MultiplierPoint:
-    """Iterate Newton's method from p (r,) as long as the size of F decreases."""
+    """Iterate Newton's method from p (r,) as long as the size of F decreases.
+
+    problem : the problem, whose residual F is defined in the module docstring.
+    """
     here = _MultiplierPoint(problem, p)
     least = TERM_ROUNDOFF * largest(problem.c)
     for _ in range(STEPS):
@@ -688,7 +695,8 @@ PATIENCE = 50
 def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
     """Compute multipliers (r,) by Lemke's method, or 0 where it ends on a ray.
 
-    corners : the number of corners of the polygon that replaces each disc.
+    corners : the number of corners of the polygon that replaces each disc. problem :
+    the problem, scaled.
     """
     r, pairs = len(problem.c), problem.pairs
     lowest, highest = problem.low[0], problem.high[0]

@@ -134,7 +134,8 @@ class Flow:
 def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     """Derive the row of an equality constraint `node` = 0.
 
-    The constraint is holonomic where `node` does not depend on a velocity.
+    The constraint is holonomic where `node` does not depend on a velocity. name : of
+    the constraint. flow : the variables of the motion and their rates.
     """
     names = g.depends([node])
     holonomic = not names & flow.velocities
@@ -436,7 +437,7 @@ def _slips(
     """Derive the laws of the slips of a contact.
 
     name, law : the contact, and its law in the model. normal : its index among the
-    laws.
+    laws. flow : the variables of the motion and their rates.
     """
     count = len(law.slips)
     if not count or law.friction is None:

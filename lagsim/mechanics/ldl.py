@@ -143,7 +143,10 @@ def collected_along(e: Equations) -> Collected:
 
 
 def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
-    """Factor M = L D L^T: along its chains, or entry by entry."""
+    """Factor M = L D L^T: along its chains, or entry by entry.
+
+    budget : the number of multiplications that are permitted.
+    """
     g = equations.graph
     if equations.chains is not None:
         return equations.chains.factorisation(g, budget)

@@ -616,7 +616,10 @@ class NewtonMatrix(NamedTuple):
         p.newton_columns[:] = self.columns
 
     def nodes(self, equations: Equations, elimination: Elimination) -> list[int]:
-        """Return the nodes of all entries, with q'' and lambda substituted."""
+        """Return the nodes of all entries, with q'' and lambda substituted.
+
+        elimination : the symbolic solution for q'' and lambda.
+        """
         g = equations.graph
         motion = (*equations.accelerations, *equations.multipliers)
         found = (node for part in elimination.motion() for node in part)

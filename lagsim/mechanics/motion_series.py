@@ -37,7 +37,10 @@ MOST_UNROLLED = 3500
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Return the nodes of y' = (q', q'', rates of first-order states and works)."""
+    """Return the nodes of y' = (q', q'', rates of first-order states and works).
+
+    elimination : the symbolic solution for q'' and lambda.
+    """
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
@@ -126,7 +129,7 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
     """Return the operations of one order, and the number of its sums of products.
 
-    The sum of a square counts half.
+    The sum of a square counts half. loop : the loop over the orders of the series.
     """
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)
@@ -148,7 +151,10 @@ def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Rec
 def _shorter(
     g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Return `rates`, or their normal form if its Taylor series is shorter."""
+    """Return `rates`, or their normal form if its Taylor series is shorter.
+
+    state, rates : nodes of the variables y and of y', shape (size,) each.
+    """
     names = [str(g.payload(v)) for v in state]
     moving = g.dependent(rates, [*names, "t"])
     forms = rates, tuple(normal_form(g, rates, moving))

@@ -386,7 +386,8 @@ def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
     """Return knots x and values y (m + 1,) of a linear table, and its slopes (m + 2,).
 
     The first and the last slope hold outside the knots; for a table that ends the run
-    at its ends, these are the slopes of the first and last cell.
+    at its ends, these are the slopes of the first and last cell. axis, data : the
+    arguments and the values of the table.
     """
     x = np.array(axis.values[tables.FIRST :])
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -442,7 +443,8 @@ def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int
     piece continues its line beyond the nearest groove over half a cell; farther inside
     it has a value above the table (below it for the maximum).
 
-    way : LEAST for the minimum, else the maximum.
+    way : LEAST for the minimum, else the maximum. axis, data : the arguments and the
+    values of the table.
     """
     m, period = int(axis.values[0]), axis.values[2]
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T

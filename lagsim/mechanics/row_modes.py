@@ -159,6 +159,7 @@ def _of_one(
     another bound than it had at rest.
 
     c, rate, roundoff, slip_noise, left : the elements of the arguments of `modes`.
+    ahead : see `modes`.
     """
     table, own = closed.table, closed.D.item(0)
     if not (math.isfinite(c) and math.isfinite(own)):
@@ -235,6 +236,7 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
 
     rates : (r,). slip_noise : (r,), rates up to this size count as 0. The direction of
     a row of a pair is a component of a unit vector; it is 0 for rows that do not slide.
+    closed : the r rows.
     """
     bounded, pairs = closed.table.bounded, closed.table.pairs
     if not bounded.any():
@@ -278,6 +280,7 @@ class _Edges(NamedTuple):
 
         A row whose multiplier is strictly between its bounds is held; a row with an
         acceleration is at a bound; any other row is tied. Held rows are independent.
+        solution : multipliers and accelerations of the r rows.
         """
         p, own = solution.p, self.closed.D.diagonal()
         problem = self.rows.problem
@@ -519,7 +522,8 @@ def _expressed(
     """Express the multipliers p of all rows by those of held rows: p = E x + p0.
 
     Return E (r, r) and p0 (r,). x : the multipliers of the held rows. The other
-    multipliers are at their bounds, in the given directions (r,).
+    multipliers are at their bounds, in the given directions (r,). modes : the mode of
+    each row.
     """
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
@@ -689,7 +693,8 @@ def _jams(rows: ContactRows, E: Floats, held: list[int]) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
     A force on such a contact does not separate it. Each contact is tested alone; the
-    rows that are coupled are tested by the sign of their determinant with friction.
+    rows that are coupled are tested by the sign of their determinant with friction. E :
+    the multipliers of all rows per multiplier of held rows, from `_expressed`.
     """
     D = rows.closed.D
     free = np.flatnonzero(rows.closed.table.equal)

@@ -252,7 +252,8 @@ def _spare(rows: ContactRows, solution: Solution) -> list[int]:
 
     The multipliers are changed along a null vector of the dependent contacts, in both
     directions, up to the first multiplier that reaches 0. The list is empty where the
-    contacts with a force are independent.
+    contacts with a force are independent. rows, solution : all r rows, and their
+    multipliers.
     """
     p, span = solution.p, Independent(rows.closed.columns)
     bear = [k for k in rows.one_sided if p[k] > 0.0]

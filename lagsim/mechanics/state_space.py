@@ -172,7 +172,8 @@ def state_space(
 def _order(L: Linearisation, levels: Floats) -> int:
     """Return the order of the highest derivative of an input that enters the rows.
 
-    levels : (m,), the change of each row's right-hand side per unit of the input.
+    levels : (m,), the change of each row's right-hand side per unit of the input. L :
+    the equations, linearised at any state.
     """
     held = np.flatnonzero(levels)
     return max((2 if L.holonomic[i] else 1 for i in held), default=0)
@@ -185,7 +186,7 @@ def _pushed(
 
     They have the shapes (n + m + l,) and (m,); residuals are those of `Slopes`, and the
     right-hand sides those of the constraint rows. values : of all variables. one : the
-    input.
+    input. L : the equations, linearised at any state.
     """
     e, g, n, m = L.e, L.g, L.n, L.m
     change, levels = np.zeros(n + m + L.first), np.zeros(m)
@@ -215,6 +216,8 @@ def _outputs(
     at: Sequence[int],
 ) -> Floats:
     """Return the changes of the outputs per unit of states and inputs, (o, columns).
+
+    L : the equations, linearised at any state.
 
     Parameters
     ----------

@@ -331,7 +331,8 @@ class Switches:
         """Return the product or quotient of frozen arguments.
 
         An argument that is 0 on one side makes the result 0 on that side, also where
-        the other argument is unbounded, as the derivative of a root at 0.
+        the other argument is unbounded, as the derivative of a root at 0. op : "mul" or
+        "div". first, second : nodes.
         """
         g = self.graph
         pairs = [(first, second)] if op == "div" else [(first, second), (second, first)]
@@ -582,7 +583,8 @@ def _passed(
     velocity jumps because the rate of a row, or the expression of another side, does.
 
     orders : cell of a table -> order of its derivatives in y'. rates : residuals and
-    rates of rows, or None. speeds : the names of velocities.
+    rates of rows, or None. speeds : the names of velocities. found : the switches,
+    without these levels.
     """
     others = [*(rates or ()), *(s.node for s in found.sides)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))

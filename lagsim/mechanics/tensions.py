@@ -128,7 +128,8 @@ def _places(
 ) -> dict[int, tuple[int, int]]:
     """Return the sums that are rates of known positions.
 
-    As sum -> (position, sign), nodes.
+    As sum -> (position, sign), nodes. found : the chains, whose sums they are. flow :
+    the variables of the motion and their rates.
     """
     known, minus = rates_of_places(model, model.lagrangian, flow), g.constant(-1.0)
     places = {}
@@ -144,7 +145,11 @@ def _places(
 
 
 def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
-    """Return the rate (node) of each sum at constant velocities and inner sums."""
+    """Return the rate (node) of each sum at constant velocities and inner sums.
+
+    found : the chains, whose sums they are. flow : the variables of the motion and
+    their rates.
+    """
     below = {a for node in found.rates for a in g.args[node]}
     rates = tangent(g, below, flow.forward | dict.fromkeys(found.rates, g.zero))
     known = dict(zip(below, rates, strict=True))
@@ -234,7 +239,8 @@ def _join(
 
     The joint is supported if there are at most 3 sums, and as many sums as velocities
     or one more; else return False. On lines and in planes, fixed unit directions
-    replace the missing velocities of space.
+    replace the missing velocities of space. held : Newton's laws. moving : names of
+    variables that change along a motion.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
@@ -263,7 +269,10 @@ def _join(
 def _across(
     g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
 ) -> list[int]:
-    """Return the cross product a x b, divided by its components' common factor."""
+    """Return the cross product a x b, divided by its components' common factor.
+
+    moving : names of variables that change along a motion.
+    """
     found = [
         g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
         for i, j in ((1, 2), (2, 0), (0, 1))
@@ -596,7 +605,7 @@ def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vecto
 def _back(g: Graph, held: NewtonsLaws, parts: Vector) -> Vector:
     """Return the forces C^T F on the masses due to forces F on sums: mass -> node.
 
-    parts : sum -> node of F.
+    parts : sum -> node of F. held : Newton's laws.
     """
     total = dict(parts)
     for k, part in parts.items():
@@ -616,7 +625,7 @@ def _products(
     """Return weighted inner products of rows and columns that act on a common mass.
 
     rows, columns : t -> mass u -> coefficient. The result maps t of rows to t of
-    columns to the node.
+    columns to the node. weights : mass u -> node.
     """
     holders = _holders(columns)
     found = {}
