@@ -517,7 +517,7 @@ def join_row(p: Parameters, k: int, label: Floats) -> int:
 def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
     """Return the least label of the coordinates j, begin <= j < end, with row_j != 0.
 
-    Infinity where there are none.
+    Infinity where there are none. row : shape (n,), of A or of M.
     """
     least = inf
     for j in range(begin, end):
@@ -529,7 +529,7 @@ def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
 def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
     """Set label[j] above `least` to `least` where row_j != 0, begin <= j < end.
 
-    Return the number of changes.
+    Return the number of changes. row : shape (n,), of A or of M.
     """
     changed = 0
     for j in range(begin, end):

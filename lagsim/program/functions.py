@@ -43,7 +43,10 @@ def _conditions(e: Equations) -> list[int]:
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Return the nodes of the functions that kernels of `dense` call, by name."""
+    """Return the nodes of the functions that kernels of `dense` call, by name.
+
+    columns : the quantities of an output row.
+    """
     g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
@@ -188,7 +191,7 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
 
     Such rates are velocities, and first-order states whose rates are discontinuous. The
     rate of such a surface jumps where the surface is reached. Sides of other surfaces
-    are constants.
+    are constants. switches : those of the equations.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -203,6 +206,8 @@ def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
     """Return the functions of the surfaces, and the pattern of their rows J.
+
+    switches : those of the equations.
 
     Returns
     -------
@@ -251,7 +256,7 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
     """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
 
     The levers of a surface determine the jump of a corner's row across the surface, see
-    `corners`; without corners the list is empty.
+    `corners`; without corners the list is empty. switches : those of the equations.
     """
     if not switches.corners:
         return []
@@ -359,7 +364,7 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 
     The inertias are the pivots of M if these are short expressions, since a pivot
     vanishes where other coordinates can replace the coordinate (Euler angles at theta =
-    0); else the diagonal of M.
+    0); else the diagonal of M. plan : with the symbolic solution, if there is one.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -377,7 +382,8 @@ def _solved(
 ) -> dict[str, list[int]]:
     """Return the functions of equations that were solved symbolically, by name.
 
-    switching : see `functions`.
+    switching : see `functions`. plan : with the symbolic solution. columns : the
+    quantities of an output row.
     """
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
@@ -408,7 +414,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     """Return `position_step` and `velocity_step`: Newton steps onto the constraints.
 
     Velocity constraints have residual 0 on the level of positions. See `dense` for the
-    elements.
+    elements. elimination : the symbolic solution.
     """
     g, rows = e.graph, e.rows
     held = _held(g, rows)
@@ -436,7 +442,10 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Return the functions for `dense.jacobian`, or for a sparse Newton matrix."""
+    """Return the functions for `dense.jacobian`, or for a sparse Newton matrix.
+
+    plan : determines which of both the method uses.
+    """
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}
@@ -452,7 +461,8 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 def _powers(e: Equations, plan: Plan) -> list[int]:
     """Return the nodes of the rates of works, with q'' replaced by its solution.
 
-    q'' occurs in the power of an eliminated moving constraint.
+    q'' occurs in the power of an eliminated moving constraint. plan : with the symbolic
+    solution, if there is one.
     """
     g = e.graph
     if plan.elimination is None or g.depends(e.powers).isdisjoint(e.accelerations):

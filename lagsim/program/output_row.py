@@ -201,7 +201,7 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
     `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
     a contact or freewheel while its condition holds, its violation. Laws that are not
-    one-sided have neither.
+    one-sided have neither. rows : the row of each constraint by its name.
     """
     g = equations.graph
     free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}

@@ -61,7 +61,8 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
 
     The bounds are nodes. Where M is close to singular (angles near gimbal lock) these
-    errors dominate. Signs are as in `force_rounding_bounds`.
+    errors dominate. Signs are as in `force_rounding_bounds`. elimination : the symbolic
+    solution.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     if e.chains is not None:
@@ -104,7 +105,10 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 
 
 def rounding_bounds(e: Equations, elimination: Elimination) -> list[int]:
-    """Return nodes of bounds of the rounding errors of rates, see `dense.rounding`."""
+    """Return nodes of bounds of the rounding errors of rates, see `dense.rounding`.
+
+    elimination : the symbolic solution of the equations.
+    """
     g, n = e.graph, len(e.q)
     force_rounding = force_rounding_bounds(e)
     pairs = zip(force_rounding, _inertial(e, elimination), strict=False)

@@ -99,7 +99,10 @@ _TABULATE = (
 
 
 def kernels(system: System) -> Iterator[ProgramPart]:
-    """Yield the kernels that a method calls besides the model's functions."""
+    """Yield the kernels that a method calls besides the model's functions.
+
+    system : determines which kernels are linked.
+    """
     statics = {"LAWS": bool(system.laws)}
     if system.has_loops:
         statics["WHOLE"] = system.sparsity().whole
@@ -274,7 +277,8 @@ class System:
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Return the generated code of all functions.
 
-        Called only if the cache does not have the code.
+        Called only if the cache does not have the code. functions : name -> nodes
+        written to out, or a loop. layout : the places of names in memory.
         """
         g = self.equations.graph
         if self.plan.tape:
@@ -540,7 +544,8 @@ class System:
     ) -> None:
         """Set the branch of each time-dependent switch for the next arc.
 
-        which : indices of the switches; all by default.
+        which : indices of the switches; all by default. values : the values of the
+        switches' discrete functions on their new branches.
         """
         modes = self.modes_at
         self.p.flat[modes if which is None else [modes[k] for k in which]] = values

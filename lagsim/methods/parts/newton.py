@@ -75,7 +75,10 @@ def magnitude(width: Static, z: Floats) -> float:
 
 
 def add_product(width: Static, sign: float, y: Floats, z: Floats, out: Floats) -> None:
-    """Add sign * y z to the number `out`, which is stored apart from y and z."""
+    """Add sign * y z to the number `out`, which is stored apart from y and z.
+
+    width : number of doubles of a number, 1 (real) or 2 (complex).
+    """
     if width == 1:
         out[0] += sign * (y[0] * z[0])
     else:
@@ -162,7 +165,7 @@ def eliminate(width: Static, n: int, k: int, band: int, A: Floats) -> None:
     """Subtract multiples of row k of A (n, n) from the rows below.
 
     The multipliers are stored in column k. Interchanges double the `band` above the
-    diagonal.
+    diagonal. width : number of doubles of an entry, 1 or 2.
     """
     row = A[k * width * n :]
     for i in range(k + 1, min(n, k + band + 1)):
@@ -180,7 +183,7 @@ def largest_in_column(
     """Return the row i, k <= i < end, with the relatively largest entry in column k.
 
     A : (n, n). sizes : (n,), the largest entry of each row, to which entries are
-    relative.
+    relative. width : number of doubles of an entry, 1 or 2.
     """
     best = k
     largest = 0.0
@@ -197,7 +200,7 @@ def solve(
 ) -> None:
     """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`.
 
-    band : as for `decompose`.
+    band : as for `decompose`. width : number of doubles of an entry, 1 or 2.
     """
     for k in range(n):
         best = int(pivots[k])
@@ -263,7 +266,8 @@ def decompose_newton(
     """Factor the Newton matrix g^2 - g Jv - Jq into K; return 0 if singular, else 1.
 
     K : (n + states, n + states). g : the number and its square. J : derivatives of the
-    accelerations and rates. pivots : see `decompose`.
+    accelerations and rates. pivots : see `decompose`. width : number of doubles of a
+    number, 1 (real) or 2 (complex).
     """
     n = s.n
     unknowns = n + s.states
@@ -292,7 +296,8 @@ def solve_newton(
 ) -> None:  # fmt: skip
     """Solve the Newton system for the right side r (size,), in place.
 
-    g, J, K, pivots : as in `decompose_newton`. x : (n + states,), working memory.
+    g, J, K, pivots : as in `decompose_newton`. x : (n + states,), working memory. width
+    : number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = s.n
     combine(width, n, g, r, x)
@@ -351,7 +356,7 @@ def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) ->
     """Write C0 + g C1 + g^2 C2 to the slots of the factors K.
 
     g : the number and its square. J : the entries of C0, C1 and C2, one after the
-    other.
+    other. width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
@@ -369,7 +374,7 @@ def decompose_sparse(
     """Factor C0 + g C1 + g^2 C2 into K; return 0 if a pivot vanishes, else 1.
 
     g, J : see `assemble`. x : (N,), working memory. K contains the inverses of the
-    pivots.
+    pivots. width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     assemble(width, p, g, J, K)
     starts, columns = p.newton_starts, p.newton_columns
@@ -414,7 +419,7 @@ def solve_sparse(
     """Solve the sparse Newton system for the right side r (size,), in place.
 
     g, J : see `assemble`. K : the factors of `decompose_sparse`. x : (N + n,), working
-    memory.
+    memory. width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = p.n
     combined = x[width * p.unknowns :]

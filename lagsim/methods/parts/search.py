@@ -102,7 +102,8 @@ def search(
     of one surface. CROSSING: record the crossings. SIGNAL: search features that the
     dense output misses; a step that needs more than MOST_SIGNALS points counts as one
     with a feature. RANK: search a loss of rank. Return the fraction of the zero (of a
-    crossing, a fraction just past it), or 0 if there is none.
+    crossing, a fraction just past it), or 0 if there is none. low, until : the
+    fractions.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = s.widest if kind == CROSSING else 2.0 / POINTS

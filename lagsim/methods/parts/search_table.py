@@ -453,7 +453,8 @@ def dip(
     """Return where row k has a minimum below `least` in half of the stretch.
 
     Return the end of the half if row k, by the hull of its cubic, is nowhere below
-    `least` and both ends. half : 0 before the middle point, 1 after it.
+    `least` and both ends. half : 0 before the middle point, 1 after it. kind : the kind
+    of the row, as in the module docstring.
     """
     most = min(sampled(s, k, half), sampled(s, k, half + 1), least)
     if lowest(1.0, s, k, half) < most:
@@ -472,7 +473,7 @@ def least_of(
 ) -> float:
     """Return the fraction in [low, high] at which row k is least, by golden section.
 
-    rounds : the number of divisions of the interval.
+    rounds : the number of divisions of the interval. kind : the kind of the row.
     """
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -511,7 +512,7 @@ def end_of(
 
     Source: I. F. D. Oliveira and R. H. C. Takahashi, An enhancement of the bisection
     method average performance preserving minmax optimality, ACM Trans. Math. Softw. 47
-    (2020).
+    (2020). kind : the kind of the row.
     """
     at_low = value_at(kind, s, p, k, low) - least
     at_high = value_at(kind, s, p, k, high) - least
@@ -549,7 +550,7 @@ def jumps(
     """Whether row k is discontinuous at its zero, at the fraction `root` of the step.
 
     root : the first number at which the row is below 0. rounding : the largest change
-    of a continuous row between two neighbouring fractions.
+    of a continuous row between two neighbouring fractions. kind : the kind of the row.
     """
     last = value_at(kind, s, p, k, from_bits(bits(root) - 1))
     first = value_at(kind, s, p, k, root)
