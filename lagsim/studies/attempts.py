@@ -97,7 +97,7 @@ NOISE = 4.0
 def _scales(
     found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the scales of errors, and the ranges of coordinates that count as at rest.
+    """Return the scale of errors, and the largest range at rest, of each coordinate.
 
     Parameters
     ----------
@@ -128,13 +128,15 @@ def compared(
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
-    """Return the error bar of a run, from the differences of its rows to a repeat's.
+    """Return the error bar of a run, from its rows and the rows of a repeat.
 
-    Output rows with equal numbers are compared, and the last rows if both runs end
+    Output rows with equal row numbers are compared, and the last rows if both runs end
     alike.
 
     Parameters
     ----------
+    case : Case
+        The case of the run.
     runs : tuple of Trajectory
         The run and its repeat.
     plan : Plan
@@ -286,7 +288,15 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
 
 
 class Repeat(NamedTuple):
-    """Alternative integration of a run: its session, and the evaluations per step."""
+    """Alternative integration of a run, which serves to estimate the error of the run.
+
+    Attributes
+    ----------
+    session : Session
+        The session of the alternative integration.
+    per_step : float
+        Number of evaluations of y' in a step.
+    """
 
     session: Session
     per_step: float = PER_STEP
@@ -302,9 +312,9 @@ class Repeat(NamedTuple):
         return self.per_step * self.evaluation
 
     def limited(self, most: int) -> Session:
-        """Return the session with a limit on steps.
+        """Return the session with a limit on the number of steps.
 
-        most : the limit, to which an arc counts as several steps.
+        most : the largest number of steps, where each arc counts as several steps.
         """
         arc = ARC / self.step if most < MOST_STEPS else 0.0
         return self.session._replace(most_steps=most, arc_steps=arc)
@@ -320,14 +330,16 @@ class Allowance:
     def steps(self, other: Repeat, operations: float = math.inf) -> int:
         """Return the number of steps of the repeat `other` that the allowance permits.
 
-        operations : a further limit of the cost, in operations.
+        operations : a second limit, on the cost of all these steps, in operations.
         """
         return int(min(operations, self.left) / other.step)
 
     def steps_beside(
         self, session: Session, trajectory: Trajectory, other: Repeat
     ) -> int:
-        """Return the number of steps that the repeat `other` of a run may take.
+        """Return the largest number of steps of the repeat `other` of a run.
+
+        The cost is limited by the allowance, and relative to the cost of the run.
 
         session, trajectory : the run that is repeated.
         """
@@ -346,13 +358,19 @@ class Allowance:
 def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
     """Yield alternative integrations of a run, the best first.
 
-    They have another method, formulation or tolerance, and other steps.
+    Each has another method, formulation or tolerance than the run, and other steps.
+
+    session, trajectory : the run.
     """
     plan, system, settings = session.plan, session.system, session.case.settings
     span = trajectory.end - trajectory.start
 
     def way(plan: Plan, longest: float, session: Session = session) -> Session:
-        """Return a session whose longest step keeps the cost within the budget."""
+        """Return `session` with a plan, and with a largest step size for a repeat.
+
+        plan : of the repeat. longest : the largest step size requested, which is
+        increased if the repeat would exceed BUDGET operations.
+        """
         own = own_cost(session.system, trajectory)
         most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
         price = PER_STEP * evaluation_cost(session.system, plan.method)
@@ -586,10 +604,11 @@ class Attempts:
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
-        """Return an attempt with the outcome that follows from the last finding.
+        """Return an attempt with the outcome that follows from its finding.
 
-        If a constraint is violated, the run is repeated up to the last row before the
-        time of the finding.
+        Without a finding, or if the finding is uncertain, the attempt is returned
+        unchanged; else its outcome is `no-answer`. If a constraint is violated, the run
+        is repeated up to the last row before the time of the finding.
 
         finding : None if there is none.
         """
@@ -611,7 +630,7 @@ class Attempts:
         return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
-        """Empty the store and its followers; run a session as an attempt.
+        """Empty the store and its followers; run a session, and return the attempt.
 
         Parameters
         ----------
@@ -657,7 +676,11 @@ class Attempts:
         return made
 
     def _error_bar(self, made: Attempt) -> ErrorBar | str:
-        """Return the error bar of the run, or the reason why there is none."""
+        """Return the error bar of an attempt, or the reason why there is none.
+
+        It is computed by `repeated`, with progress shown, unless the options of the run
+        or an interrupt exclude a repeat.
+        """
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not requested"
@@ -671,7 +694,9 @@ class Attempts:
         return bar
 
     def repeated(self, run: Attempt, progress: Advance = None) -> ErrorBar | str:
-        """Return the error bar of a run, or the reason why there is none.
+        """Repeat a run by other means; return the error bar from the difference.
+
+        If no repeat is possible or valid, the reason is returned as a text.
 
         Parameters
         ----------
@@ -713,12 +738,12 @@ class Attempts:
         return found
 
     def _by_ownsteps_of(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
-        """Return the error bar by shorter steps of the run's method, if far smaller.
+        """Return the error bar from shorter steps of the run's method, if far smaller.
 
-        Else `bar` is returned, whose repeat has error control and can be less accurate
-        than the run. If both agree within the tolerance of the repeat, no feature has
-        been passed over, and the difference to shorter steps of the run's method is the
-        better estimate.
+        Else the error bar `bar` is returned: its repeat is by a method with error
+        control, which can be less accurate than the run. If both agree within the
+        tolerance of that repeat, no feature has been passed over, and the difference to
+        shorter steps of the run's method is the better estimate.
 
         always : whether the repeat may exceed the allowance.
         """
@@ -773,7 +798,7 @@ class Attempts:
         *,
         always: bool = False,
     ) -> tuple[Evidence, Checkpoints]:
-        """Repeat a run by the means `other`; subtract the cost from the allowance.
+        """Repeat a run as `other` states; subtract the cost from the allowance.
 
         always : whether the repeat may exceed the allowance.
 

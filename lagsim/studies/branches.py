@@ -76,7 +76,9 @@ class BranchPoint(NamedTuple):
     sign : float
         Sign of the determinant of F' with the tangent.
     steady : Steady
+        The rest, with the motion linearised about it.
     stable : bool or None
+        Whether the rest is stable; None if that is undecided.
     """
 
     y: Floats
@@ -104,7 +106,11 @@ class Special(NamedTuple):
 
 
 class RestCurve:
-    """Curve of rests with given active rows, through one rest.
+    """Curve of rests over a parameter, with given active rows, through one rest.
+
+    Points of the curve are vectors y of k scaled unknowns (positions, first-order
+    states and multipliers) and, last, the scaled parameter. The parameter can be a
+    start value.
 
     Parameters
     ----------
@@ -116,9 +122,10 @@ class RestCurve:
     search : Search
         The search at the value of the parameter where the rest is.
     steady : Steady
-        The rest.
+        The rest through which the curve goes.
     value : float
-        The value of the parameter at the rest.
+        The value of the parameter at this rest. (The method `value` returns the
+        value at any point.)
     """
 
     def __init__(
@@ -167,17 +174,17 @@ class RestCurve:
         return [row.name for row in self._held]
 
     def visible(self, y: Floats) -> Floats:
-        """Return the scaled positions, states and parameter in a vector of unknowns.
+        """Return the positions, states and parameter of a point, without multipliers.
 
-        y : (k + 1,). The multipliers are left out.
+        y : (k + 1,). The values stay scaled; distances of points are measured by these.
         """
         count = len(y) - 1 - len(self._rest.rows)
         return np.append(y[:count], y[-1])
 
     def scaled(self, other: RestCurve, y: Floats) -> Floats:
-        """Return the unknowns y of another curve in the scales of this curve.
+        """Return a point y of another curve in the scales of this curve.
 
-        Both curves have equal rows.
+        Both curves have equal active rows.
         """
         return np.asarray(y * other._sizes / self._sizes)
 
@@ -186,7 +193,10 @@ class RestCurve:
         return float(y[-1] * self._sizes[-1])
 
     def _model_at(self, value: float) -> Any:
-        """Return equations, and residuals of a rest, at a value of the parameter."""
+        """Return the equations, and residuals of a rest, at a value of the parameter.
+
+        Both are objects (`Equations`, `Rest`) bound to that value.
+        """
         if value not in self._bound:
             if len(self._bound) > 8:
                 self._bound.clear()
@@ -215,10 +225,17 @@ class RestCurve:
         return r[self._rows] * self._weights, J[self._rows] * self._weights[:, None]
 
     def returned(self, y: Floats, normal: Floats) -> tuple[Floats, int] | None:
-        """Return the point of the curve in the plane through y with a normal.
+        """Return the point of the curve in the plane through y, by Newton's method.
 
-        Newton's method yields the point and the number of iterations; None without
-        convergence. y, normal : (k + 1,).
+        Parameters
+        ----------
+        y, normal : ndarray, shape (k + 1,)
+            A point near the curve, and the normal of the plane.
+
+        Returns
+        -------
+        tuple of (ndarray, int), or None
+            The point (k + 1,), and the number of iterations; None without convergence.
         """
         begun = y
         for k in range(ITERATIONS):
@@ -236,7 +253,7 @@ class RestCurve:
         return None
 
     def place(self, y: Floats, along: Floats) -> BranchPoint:
-        """Return the point of the curve at y (k + 1,), with its tangent.
+        """Return y, a point of the curve, as `BranchPoint` with its tangent.
 
         along : (k + 1,), a direction, whose product with the tangent is positive.
         """
@@ -526,7 +543,7 @@ class Branches:
     def _both_ways(
         self, curve: RestCurve, y: Floats, interrupt: Interrupt | None
     ) -> None:
-        """Follow a curve from a point in both directions, and its branches."""
+        """Follow a curve from the point y to both ends, and curves that branch off."""
         along = np.eye(len(y))[-1]
         first = curve.place(y, along)
         back = first._replace(tangent=-first.tangent)
@@ -672,12 +689,13 @@ def _entry(curve: RestCurve, place: BranchPoint) -> dict[str, Any]:
 
 
 def varied(model: Model, name: str, ends: tuple[float, float]) -> Branches:
-    """Return the branches over a parameter or a start value, to be followed.
+    """Return the branches over a parameter or a start value, not yet followed.
 
     Raises
     ------
     InputError
-        If there is no such name, or it counts or names members of families.
+        If there is no such name, or if the ranges or subscripts of families depend on
+        it.
     """
     known = [*(p.name for p in model.parameters), *(x.name for x in model.initial)]
     if name not in known:
@@ -692,7 +710,10 @@ def varied(model: Model, name: str, ends: tuple[float, float]) -> Branches:
 
 
 def tables(record: dict[str, Any]) -> dict[str, bytes]:
-    """Return equilibrium.csv with a row for each point of each branch."""
+    """Return {"equilibrium.csv": content}, with a row for each point of each branch.
+
+    record : the result of `Branches.record`.
+    """
     rows, names = [], list[str]()
     for number, places in enumerate(record["branches"], 1):
         for x in places:

@@ -46,10 +46,11 @@ IMPACT = "impact"
 def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     """Return the times of events that both runs contain, shape (k, 2).
 
-    Two events match if kind, constraint, switch and name are equal and their times are
-    mutually nearest. An event that only one run contains is left out.
+    Column 0 has the times in the first run, column 1 in the second. Two events match if
+    kind, constraint, switch and name are equal and their times are mutually nearest. An
+    event that only one run contains is left out.
 
-    events, others : of the two runs.
+    events, others : of the first and of the second run.
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [
@@ -93,7 +94,7 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
 def partners(mine: Floats, theirs: Floats) -> Floats:
     """Return the pairs of mutually nearest times of two runs, shape (k, 2).
 
-    mine, theirs : the times of each run, ascending.
+    mine, theirs : the times of each run, ascending; the columns 0 and 1 of the result.
 
     Examples
     --------
@@ -142,7 +143,11 @@ def kind(column: str, columns: Collection[str]) -> str:
 def range_or_size(
     ranges: Floats, sizes: Floats | float, least: float = COMPUTED_ZERO
 ) -> Floats:
-    """Return ranges; where these are below `least` times the size, the sizes."""
+    """Return the range of each column or, if negligible, the size of its values.
+
+    A range is negligible below `least` times the size. All arrays have one entry for
+    each column.
+    """
     return np.where(ranges > least * sizes, ranges, sizes)
 
 

@@ -76,6 +76,10 @@ def picture(
 
     Parameters
     ----------
+    title, subject : str
+        Written as `title: subject`.
+    verdict : Verdict
+        The comparison, whose deviations are drawn.
     letters : Letters
         The form of names in the picture.
     units : mapping

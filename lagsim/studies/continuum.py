@@ -98,8 +98,9 @@ class Continuum:
     def _scales(self, at: Point, lam: Floats) -> Floats:
         """Return the scale of each multiplier (m,): the larger of |value| and limit.
 
-        Where both are 0, the largest of all scales is used. at : the state. lam : (m,),
-        the multipliers of all rows.
+        Where both are 0, the largest of all scales is used.
+
+        at : a state of rest. lam : (m,), the multipliers of all rows there.
         """
         known = dict(
             zip([row.name for row in self.held], lam[self._first :], strict=True)
@@ -113,10 +114,12 @@ class Continuum:
     def _pushes(
         self, point: Point, known: Mapping[str, float]
     ) -> Iterator[tuple[float, float]]:
-        """Generate pairs: the limit and the absolute value of each multiplier of a law.
+        """Generate, for each law in force, its limit and the size of its multiplier.
 
-        The value for a law of a pair is the norm of both multipliers. The limit is 0
-        for a multiplier without a limit. known : multipliers by name.
+        The size is |multiplier|; for a law of a pair it is the norm of both
+        multipliers. The limit is 0 for a multiplier without a limit.
+
+        known : multipliers by the names of the rows.
         """
         bounds = point.array([law.static or law.bound for law in self._laws])
         for law, bound in zip(self._laws, bounds.tolist(), strict=True):
@@ -132,7 +135,9 @@ class Continuum:
             yield limit, push
 
     def _limits(self, z: Floats) -> Floats:
-        """Return the margin of each multiplier up to its limit; not negative inside.
+        """Return the inequality constraints of the region, which are >= 0 inside.
+
+        These are the distances of the multipliers of laws from their limits and from 0.
 
         z : scaled unknowns (k,).
         """

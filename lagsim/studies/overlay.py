@@ -239,7 +239,10 @@ def _bands(
 
 
 def motions(runs: Sequence[OverlaidRun]) -> tuple[list[Document], list[str]]:
-    """Return the records for a page of all runs, and notes on runs without one."""
+    """Return the motions of all runs as data for a page, and notes on runs without one.
+
+    Each motion is a document as of `animation.record`, with the label of the run.
+    """
     found: list[Document] = []
     told: list[str] = []
     for run in runs:
@@ -257,7 +260,10 @@ def motions(runs: Sequence[OverlaidRun]) -> tuple[list[Document], list[str]]:
 
 
 def _recorded(run: OverlaidRun) -> list[Document]:
-    """Return the records that the page of a run plays; [] if the run has no page."""
+    """Return the motions in the animation.html of a run; [] if there is none.
+
+    Each is a document as of `animation.record`.
+    """
     if animation.NAME not in run.record.get("files", ()):
         return []
     try:

@@ -168,8 +168,11 @@ class Steady(NamedTuple):
         without laws.
     state : Instant
     linearisation : Linearisation
+        Derivatives of `equations`, for linearisation at any state.
     linear : Linear
+        The linearised motion about the state.
     spectrum : BoundedEigenvalues
+        Eigenvalues of `linear`, with bounds of their rounding errors.
     values : dict of str to float
         The values of all variables, with accelerations and multipliers.
     free : tuple of str
@@ -197,13 +200,13 @@ class Steady(NamedTuple):
 
     @property
     def energy(self) -> float:
-        """The energy function at the state."""
+        """The value of the energy function at the state."""
         e = self.equations
         return float(evaluate(e.graph, [e.energy], self.values)[0])
 
     @property
     def record(self) -> dict[str, float]:
-        """The state, flat: t, coordinates, rates and first-order states."""
+        """The state by name: t, coordinates, rates and first-order states."""
         e, at = self.equations, self.state
         numbers = [at.t, *at.q.tolist(), *at.v.tolist(), *at.s.tolist()]
         return dict(zip(("t", *e.state), (x + 0.0 for x in numbers), strict=True))
@@ -330,7 +333,10 @@ def _judged_states(point: Point) -> list[RelationResiduals]:
 
 
 def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
-    """Yield the matrices of the linearised equations at two states, in pairs."""
+    """Yield pairs of matrices of the linearised motions x and y at two states.
+
+    Steady motion requires that the two matrices of a pair are equal.
+    """
     yield x.M, y.M
     yield x.A, y.A
     yield x.slopes, y.slopes
@@ -350,13 +356,14 @@ class Equilibrium(NamedTuple):
     Attributes
     ----------
     steady : Steady
+        The rest, with the motion linearised about it.
     distance : float
         The largest change of a coordinate from the start, relative to max(1, |start|);
         of an angle in radians.
     from_start : bool
         Whether the search from the start of the file leads there.
     stable : bool or None
-        None where the stability is not decided.
+        Whether the rest is stable; None where that is not decided.
     reason : str
         What determines `stable`, or why it is None.
     """
@@ -511,7 +518,7 @@ class Search:
 
     @cached_property
     def extent(self) -> float:
-        """Return the extent of the scene, else of the start; 1 where both are 0."""
+        """Return the extent of the scene, else of the start; 1 if both are 0."""
         point, model = self._point, self.setting.model
         nodes = [x for parts in model.scene.points.values() for x in parts]
         g = point.g
@@ -765,7 +772,7 @@ def stability_of(x: Steady) -> tuple[bool | None, str]:
 
 
 def _is_rough(e: Equations) -> bool:
-    """Whether some force of the file is not linear in the velocities: dry friction."""
+    """Whether a force of the file is not linear in the velocities, as dry friction."""
     velocities = e.flow.velocities
     degrees = [e.graph.degree(x.node, velocities) for x in e.model.forces]
     return any(x is None or x.most > 1 for x in degrees)

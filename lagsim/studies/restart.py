@@ -111,7 +111,15 @@ class TablePart(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """Checkpoint of a run: its tables so far, and the encoded state."""
+    """Checkpoint of a run.
+
+    Attributes
+    ----------
+    tables : tuple of TablePart
+        The tables as far as they were written.
+    kept : bytes
+        The encoded state of the run, see `encoded`.
+    """
 
     tables: tuple[TablePart, ...]
     kept: bytes

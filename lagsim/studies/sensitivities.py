@@ -420,9 +420,9 @@ class Sensitivities:
         self, name: str, scale: float | None = None, first: float = FIRST,
         order: int = 8,
     ) -> _Search:  # fmt: skip
-        """Return the search for the step of differences by a name.
+        """Return a search for the step size of differences by a name, after first runs.
 
-        Arguments as of `by`.
+        Arguments : see `by`.
         """
         value = self.value_of(name)
         size = scale if scale is not None else difference_scale(self.model, name, value)

@@ -119,7 +119,8 @@ class Trial(NamedTuple):
     columns : tuple of str
         Names of the columns of a row: those of the table, then others for plots.
     rows : ndarray, shape (k, columns)
-        Rows of the run, or at the times of the variant; nan at a time past the end.
+        Rows of the run, or rows at the times of the variant; nan at a time past the
+        end.
     events : sequence of Event
     statistics : Statistics
         Numbers of steps and evaluations.

@@ -80,7 +80,10 @@ MOST = 12
 
 
 def about_gaps(found: Mapping[str, Gap]) -> Caution:
-    """Return the warning on columns with values that are not finite."""
+    """Return the warning on columns with values that are not finite.
+
+    found : the first such value of each of these columns, by the name of the column.
+    """
     told = [
         f"`{name}` is {gap.value} at t = {gap.time:.9g}"
         + (f", the first of {gap.rows} rows" if gap.rows > 1 else "")

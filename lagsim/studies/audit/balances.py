@@ -165,7 +165,7 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Return the extremes of velocities that lie between rows, not in rows.
+    """Return the extremes of velocities that are reached between rows alone.
 
     The result has two entries, the least and the greatest values by name; [] if rows
     show the extremes of all velocities.
@@ -218,10 +218,10 @@ MOST_ON_A_WAY = 8
 
 
 def energy_jumps(equations: Equations, balance: Balance) -> Floats:
-    """Return the jumps of the energy between rows, shape (k,).
+    """Return the jumps of an energy at its switches between rows of a balance, (k,).
 
-    The first entry is the jump between the worst row and the first row, and each other
-    entry that between two consecutive rows.
+    Entry 0 is the jump from the worst row of the balance to `balance.rows[0]`; entry
+    j > 0 is the jump from row j - 1 to row j of `balance.rows`.
     """
     energy, rows = Energy(equations, balance.energy), balance.rows
     if not energy.switches:
@@ -237,7 +237,7 @@ def energy_jumps(equations: Equations, balance: Balance) -> Floats:
 
 
 def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
-    """Return energy - work of the rows without the jumps of the energy, shape (k,).
+    """Return `balance.kept`, energy - work of rows, less the jumps of the energy, (k,).
 
     None if the energy does not jump.
     """
@@ -289,7 +289,7 @@ class Energy:
         return np.where(cut, np.copysign(1.0, found), found)
 
     def jump(self, a: Floats, b: Floats, least: float) -> float:
-        """Return the sum of the jumps of the energy on the straight line from a to b.
+        """Return the sum of the jumps of the energy on the line from state a to b.
 
         Jumps of at most `least`, or of the size of rounding, are left out.
 

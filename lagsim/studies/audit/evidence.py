@@ -248,9 +248,9 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> float:
     """Return the rounding error of an energy at the worst row of a balance.
 
-    It is the larger of two values: `times` the rounding error by the state, by the work
-    of constraint forces, and by positions that constraints determine; and the energy of
-    the motion that rounding causes at rest.
+    It is the larger of two values: the rounding error by the state, by the work of
+    constraint forces, and by positions that constraints determine, multiplied by
+    `times`; and the energy of the motion that rounding causes at rest.
     """
     row, monitor, j = balance.worst_row, run.monitor, list(balance.coordinates)
     if row is None:

@@ -104,9 +104,12 @@ def _unsatisfied(run: Evidence) -> Finding | None:
 
 
 def _off(run: Evidence, balance: Balance) -> Finding | None:
-    """Compare an energy drift with the energy error that errors of the state explain.
+    """Return the finding that energy - work drifts too far, or None.
 
-    Return the finding if the drift is larger, else None. balance : with the drift.
+    The drift is too far if it exceeds the error of the energy that the error bar of the
+    state implies.
+
+    balance : the energy balance whose drift is judged.
     """
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
     if not ENERGY_DRIFT * in_play < drift < math.inf or row is None:

@@ -158,11 +158,18 @@ def least(solve: Callable[[], Trial]) -> Trial:
 def solved(
     rows: Floats | None, seconds: float, evaluations: int, reason: str = ""
 ) -> Trial:
-    """Return the result of a solver of another package; `rows` is None if it failed.
+    """Return the result of a solve by another package, as a `Trial`.
 
     Parameters
     ----------
     rows : ndarray, shape (k, columns), or None
+        The rows; None if the solve failed.
+    seconds : float
+        Time of the solve.
+    evaluations : int
+        Number of evaluations of the right-hand side.
+    reason : str
+        Reason of a failure.
     """
     outcome, rows = ("failed", NO_ROWS) if rows is None else ("done", rows)
     counts = Statistics(evaluations=evaluations)
@@ -187,9 +194,11 @@ def index_one(case: Case) -> Own:
 
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Return the largest absolute value of each component of y in rows, shape (y,).
+    """Return the largest absolute value of each component of y in rows, shape (l,).
 
-    A component that is always 0 has the largest value of all components, or 1.
+    A component that is always 0 has the largest value of all l components, or 1.
+
+    own : the solver, which names the columns. rows : (k, columns).
     """
     columns = [own.names.index(name) for name in own.system.state]
     sizes = np.max(np.abs(rows[:, columns]), axis=0)
@@ -235,9 +244,9 @@ class Scipy:
     def _derivative(
         self, look: Callable[[], None]
     ) -> Callable[[float, Floats], Floats]:
-        """Return the compiled function y'(t, y), which calls `look` now and then.
+        """Return the compiled function y'(t, y), which checks the time limit.
 
-        look : raises an exception once the time limit has passed.
+        look : called at some evaluations; raises an exception past the time limit.
         """
         system, size = self.own.system, self.own.system.size
         runner = system.link(self.own.method)
@@ -317,7 +326,7 @@ def machine() -> dict[str, Any]:
 
 
 def today() -> str:
-    """Return the date."""
+    """Return the date in UTC as text, in the form 2026-01-31."""
     return datetime.now(UTC).date().isoformat()
 
 

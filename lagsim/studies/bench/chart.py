@@ -75,7 +75,12 @@ AN_ANSWER = 0.1
 class ChartedCurves(NamedTuple):
     """Curves to draw, and the relative costs of curves left out.
 
-    Both by method and formulation; see `_times` for relative costs.
+    Attributes
+    ----------
+    curves : dict
+        (method, formulation) -> rows of work_precision.json.
+    left_out : dict
+        (method, formulation) -> cost relative to the Pareto front, see `_times`.
     """
 
     curves: dict[Key, list[Row]]
@@ -161,7 +166,16 @@ class Look(NamedTuple):
 
 
 class CostCurve(NamedTuple):
-    """Data of a curve: its errors, their costs, and flags of points with a ring."""
+    """Curve of the cost of a method against its error, with its style.
+
+    Attributes
+    ----------
+    name : str
+    look : Look
+    errors, costs : ndarray, shape (k,)
+    ringed : sequence of bool
+        Points with a ring: settings that `auto` selects.
+    """
 
     name: str
     look: Look
@@ -224,7 +238,7 @@ def cost_panel(
     """Draw curves of cost against error; errors below `floor` are not resolved.
 
     across : the scale of errors. costs : the curves. of : name of the cost. front :
-    errors and costs of the front, if it is drawn.
+    errors and costs on the Pareto front, if that is drawn.
     """
     known = [c.costs for c in costs if len(c.costs)]
     across.put(axes, "x")
@@ -483,7 +497,10 @@ def _strips(part: SubFigure, document: Document) -> None:
 
 
 def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) -> None:
-    """Fill the cells between the borders x and y with the colours of verdicts."""
+    """Fill the cells of a map with the colours of a method's verdicts.
+
+    x, y : borders of the cells along both axes.
+    """
     cells = [cell for cell in document["cells"] if cell["method"] == method]
     # Cells are ordered by the value of the parameter; after an interrupt the last
     # values are missing.
@@ -639,10 +656,12 @@ def _step_shown(document: Document, name: str) -> tuple[float, str]:
 
 
 def cell_borders(places: Sequence[float]) -> tuple[Scale, Floats]:
-    """Return the scale of cells around `places`, and the borders of the cells.
+    """Return the scale of an axis of cells, and the borders of the cells (k + 1,).
 
-    The scale is logarithmic if all places are positive, and extends half a cell past
+    The scale is logarithmic if all values are positive, and extends half a cell past
     both ends.
+
+    places : the values (k,) at the middles of the cells.
     """
     log = min(places) > 0.0
     edges = borders(np.array(places, float), log=log)

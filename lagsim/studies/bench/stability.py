@@ -520,12 +520,20 @@ class _Map:
         return spaced(between, count) if self.fixed else []
 
     def _at(self, value: float) -> Subject:
-        """Return the model at a value of the parameter, with the functions compiled."""
+        """Return the subject of the map at a value of the parameter.
+
+        The functions compiled before serve the subject too.
+        """
         case = self.subject.case.bind({str(self.wish.name): value})
         return Subject(case, self.interrupt, self.subject.compiled)
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
-        """Return least and greatest number of steps of a run, for `count` runs."""
+        """Return the least and the greatest number of steps of a run by a method.
+
+        Both are limited such that `count` runs stay within the budget of operations.
+
+        name : the method.
+        """
         subject, steps = self.subject, self.steps
         pilot = subject.run(name, steps[len(steps) // 2], PILOT)
         evaluations = (pilot.evaluations or PILOT) / PILOT
@@ -538,7 +546,7 @@ class _Map:
         return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
 
     def length(self, name: str, step: float) -> int:
-        """Return the number of steps of a run with a method and a step."""
+        """Return the number of steps of a run with a method and a step size."""
         least, most = self.lengths[name]
         return min(most, max(least, math.ceil(self.subject.span / step)))
 
@@ -600,7 +608,7 @@ class _Map:
         strip : mapping
             Step -> verdict.
         trial : callable
-            Step -> verdict of a further run.
+            Maps a step to the verdict of a further run.
         """
         start = along = found = None
         if isinstance(subject, str):
@@ -733,7 +741,11 @@ def _pairs(values: Any) -> list[list[float]]:
 
 
 def _equilibrium(subject: Subject) -> Document:
-    """Return the rest and its modes, those of `modes`, as entries of stability.json."""
+    """Return the nearest rest and the modes about it, as entries of stability.json.
+
+    If no rest is found, the entries have the reason; a linear model has modes even
+    then.
+    """
     kind, reason = structure(subject.equations), subject.unknown
     rest: Steady | None = None
     about: tuple[EigenMode, ...] = ()

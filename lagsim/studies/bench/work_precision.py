@@ -111,10 +111,12 @@ class ReferenceSolution(NamedTuple):
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
 ) -> Iterator[ReferenceSolution]:
-    """Yield the solution at the tightest possible tolerance, or one for each step.
+    """Yield solutions by a solver, for use as a reference solution.
 
-    Where a tighter tolerance has failed, a step of a looser one may have gone over the
-    singularity: the solution must keep its energy.
+    A solver with error control yields one solution, at the first of the tolerances
+    `values` with which it succeeds; a solver with fixed steps yields one for each step
+    in `values`. Where a tighter tolerance has failed, a step of a looser one may have
+    gone over the singularity: the solution must keep its energy.
     """
     fixed, left, failed = solver.setting == "step", iter(values), False
     for value in left:
@@ -161,7 +163,11 @@ def _by_own(
 def _others(
     case: Case, first: ReferenceSolution, patience: Patience
 ) -> Iterator[ReferenceSolution]:
-    """Yield solutions by other methods; without any, by the method of `first`."""
+    """Yield solutions independent of the solution `first`, for comparison.
+
+    They are by other methods; if none succeeds, by the method of `first` at looser
+    tolerances.
+    """
     found = _by_own(case, (x for x in SECOND if x != first.method), patience)
     own = index_one(case)
     if not scipy_refusal(own):
@@ -245,11 +251,13 @@ class Reference:
         return whole, int(self.known / level), -self.floor
 
     def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
-        """Return errors of the first rows relative to ranges, (count, columns).
+        """Return the differences of a run from the reference, relative to ranges.
 
-        Velocities jump at impacts, and multipliers at all events. Between the two times
-        at which this and the other run have such an event, the error of these columns
-        is set to 0.
+        The shape is (count, columns). Velocities jump at impacts, and multipliers at
+        all events: in rows between the times of one event in both runs, the difference
+        of these columns is set to 0.
+
+        rows : of the run, of which the first `count` are compared. events : of the run.
         """
         apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]
@@ -263,7 +271,7 @@ class Reference:
         return apart
 
     def against(self, second: ReferenceSolution) -> Reference:
-        """Return the reference with its agreement to a second solution set."""
+        """Return the reference with the field `agreement` set by a second solution."""
         count = min(len(self.rows), len(second.rows))
         apart = self.apart(second.rows, count, second.events)
         known = _known(np.max(apart[:, self.state], axis=1))
@@ -628,7 +636,7 @@ class PrecisionCurve:
     given_up: int = 0
 
     def rows(self, patience: Patience) -> Iterator[tuple[float, Row]]:
-        """Yield a row for each setting, with the part of the settings done."""
+        """Yield a row for each setting, with the fraction of the settings done."""
         for done, value in enumerate(self.values, start=1):
             if value in self.chosen or not self._is_over(patience):
                 yield done / len(self.values), self._row(value, patience)

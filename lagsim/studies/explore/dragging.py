@@ -56,7 +56,7 @@ HOLDS, ROUNDING = 1e-9, 1e-15
 
 
 class _Place(NamedTuple):
-    """Components of a point of the scene with their derivatives by coordinates.
+    """Place that is moved: a point of the scene, or one coordinate, as nodes.
 
     Attributes
     ----------
@@ -75,11 +75,12 @@ class _Place(NamedTuple):
 
 
 class ConstrainedStart:
-    """Start of a run that moves on its constraints.
+    """Start of a run, of which points or values can be moved along the constraints.
 
     Parameters
     ----------
     case : Case
+        The case, at whose start the constraints hold.
     """
 
     def __init__(self, case: Case) -> None:
@@ -106,7 +107,7 @@ class ConstrainedStart:
     def dragged(
         self, state: Mapping[str, float], point: str, target: Floats
     ) -> dict[str, float]:
-        """Return coordinates and velocities with a point of the scene at a target.
+        """Return a start whose point of the scene is at, or nearest to, a target.
 
         Parameters
         ----------
@@ -134,13 +135,20 @@ class ConstrainedStart:
         return self._named(x, self._with_rates(x))
 
     def put(self, name: str, value: float) -> dict[str, float]:
-        """Return coordinates and velocities with one of these at a value, or near it.
+        """Return a start with a coordinate or a velocity at a value, or near it.
+
+        The value is missed where the constraints exclude it.
 
         Parameters
         ----------
         name : str
             A coordinate or a velocity.
         value : float
+
+        Returns
+        -------
+        dict of str to float
+            Coordinates and velocities by name, which satisfy the constraints.
         """
         g, x = self.e.graph, self._x
         if name in self.e.q:
@@ -174,7 +182,10 @@ class ConstrainedStart:
         return v
 
     def _towards(self, place: _Place, x: Point, target: Floats) -> Point:
-        """Return the state after steps that bring a place near a target, (d,)."""
+        """Return the admissible state nearest to x with a place at a target (d,).
+
+        If the place cannot reach the target, its distance from the target is a minimum.
+        """
         x = self._on(x, self._closed(x))
         far = self._far(place, x, target)
         if not np.isfinite(far):
@@ -209,7 +220,7 @@ class ConstrainedStart:
         target: Floats,
         share: float,
     ) -> tuple[Point, float, float]:
-        """Return the state nearest to a target along a step, distance and fraction.
+        """Return the state along a step whose place is nearest to a target.
 
         Where the target is out of reach, a whole step is too long: fractions of the
         step are tried, from one near the length of the last step on. If none is nearer,
@@ -222,8 +233,13 @@ class ConstrainedStart:
         met : frozenset of int
             Gaps that stay closed.
         share : float
-            The first fraction to be tried. The third result is the one for the next
-            step.
+            The first fraction to be tried.
+
+        Returns
+        -------
+        tuple of (Point, float, float)
+            The state, its distance from the target, and the fraction to be tried first
+            in the next step.
         """
         best, nearest, part = x, self._far(place, x, target), share
         far, at = nearest, place.at(x)[0]
@@ -355,7 +371,7 @@ def _beyond(expected: Floats, moved: Floats) -> bool:
 
 
 def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats:
-    """Return the change of coordinates (n,), least in the metric of M, for a place.
+    """Return the change of coordinates (n,), least in the metric of M, to move a place.
 
     Parameters
     ----------

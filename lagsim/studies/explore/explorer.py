@@ -314,12 +314,14 @@ class Explorer:
         t : float
             The time; outside of the run the nearest time of the run is used.
         page : str
-            Text that identifies the page. A later state or motion for that page ends
-            this call, which itself ends no motion.
+            Text that identifies the page. A later call of `state` or `motion` for that
+            page ends this call; this call ends earlier calls of `state`, but none of
+            `motion`.
 
         Raises
         ------
         SupersededError
+            If a later call has ended this call.
         LagsimError
             If a value cannot be used, or the run fails before t.
         """
@@ -349,12 +351,12 @@ class Explorer:
         target: Sequence[float],
         page: str,
     ) -> dict[str, float]:
-        """Return start values with a point of the scene at a target, or near it.
+        """Return start values that put a point of the scene at a target, or near it.
 
         Parameters
         ----------
         values
-            The values of the motion that the page shows.
+            The values of the motion that the page shows, see `motion`.
         t : float
             Time of the configuration from which the point is dragged.
         point : str
@@ -377,23 +379,24 @@ class Explorer:
             return start.dragged(state, point, np.array(target, float))
 
     def start(self, values: Values, name: str, value: float) -> dict[str, float]:
-        """Return start values with one of them at a value, or near it.
+        """Return start values in which the start value `name` is `value`, or near it.
 
-        Other start values change least such that constraints hold; unchanged values are
-        left out.
+        The other start values change least such that the constraints hold; unchanged
+        ones are left out. The value is missed where the constraints exclude it.
 
         Parameters
         ----------
         values
-            The values of the motion that the page shows.
+            The values of the motion that the page shows, see `motion`.
         name : str
-            A coordinate or a velocity; other start values are on no constraint.
+            A start value. Only coordinates and velocities are subject to constraints;
+            any other start value is returned alone.
         value : float
 
         Raises
         ------
         LagsimError
-            If a value cannot be used.
+            If one of `values` cannot be used.
         """
         with self._lock:
             session = self._session(values)
@@ -405,7 +408,13 @@ class Explorer:
             return {x: y for x, y in found.items() if y != before[x] or x == name}
 
     def _texts(self, values: Values) -> dict[str, str]:
-        """Return the expressions of values; refuse values of other types."""
+        """Return values as texts of expressions, by name.
+
+        Raises
+        ------
+        LagsimError
+            If a value is empty, too long, or not finite.
+        """
         found = {}
         for name, value in values.items():
             text = value if isinstance(value, str) else _digits(value)
@@ -439,7 +448,7 @@ class Explorer:
     def _followed(
         self, values: Values, *, follow: bool
     ) -> tuple[Session, dict[str, float]]:
-        """Return the session of some values, and the start values that were moved.
+        """Return the session of some values, and the start values that were changed.
 
         If the start is inadmissible and `follow` is set, the nearest admissible start
         is used.
@@ -459,9 +468,12 @@ class Explorer:
         return ["t", *session.equations.state]
 
     def ends(self, session: Session, columns: Mapping[str, Floats]) -> Document:
-        """Return the ends of the sliders by name.
+        """Return the ends of the sliders: by name, a list of two numbers.
 
-        The ends of a start value follow from the motion with the values of the file.
+        The ends of a start value follow from the motion with the values of the file, at
+        the first call.
+
+        session : the session of that motion. columns : its columns (rows,) by name.
         """
         if not self._around:
             angles = _angles(session)
@@ -555,10 +567,11 @@ def _limited(model: Model, x: Slider) -> Slider:
 
 
 class _Alone:
-    """Context manager of one computation of a page; its value requests an early end.
+    """Context manager in which one computation of a page runs, without others.
 
-    A motion ends the earlier motion and the earlier state of its page, a state the
-    earlier state alone.
+    On entry it requests the end of earlier computations of the page: a motion ends the
+    earlier motion and the earlier state, a state the earlier state alone. It yields the
+    Interrupt by which a later computation ends this one.
 
     Parameters
     ----------
@@ -567,6 +580,7 @@ class _Alone:
     asked : dict of (str, bool) to Interrupt
         The latest computation of each page, by the page and by whether it is a motion.
     page : str
+        Text that identifies the page.
     moves : bool
         Whether the computation is a motion, and not a state.
 

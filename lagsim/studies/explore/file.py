@@ -307,7 +307,11 @@ def _slopes(entries: Mapping[int, int]) -> list[Any]:
 
 
 def _defined(e: Equations, point: Point) -> Iterator[Document]:
-    """Yield the stated start values of definitions as conditions, in documents."""
+    """Yield each stated start value of a definition as a condition on the start.
+
+    A condition is a document with the node of the definition, its derivatives at
+    `point` by coordinates or velocities, and its value.
+    """
     n, velocities = len(e.q), frozenset(e.velocities)
     for x in e.model.initial:
         if x.node is None:
@@ -632,7 +636,11 @@ def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _leaves(session: Session, nodes: Sequence[int]) -> Iterator[Any]:
-    """Yield the group of variables and that of constants among `nodes`."""
+    """Yield the variables or constants `nodes` as one group of the data of the page.
+
+    All nodes are of one operation; the first items are the sign of the group, `$` or
+    `=`, and 1.
+    """
     g = session.equations.graph
     op = g.ops[nodes[0]]
     if op == VARIABLE:

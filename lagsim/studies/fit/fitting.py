@@ -315,10 +315,13 @@ class Fit:
     def _following(
         self, free: Sensitivities, names: Sequence[Varied], others: Collection[str]
     ) -> tuple[str, ...]:
-        """Return the start values that must follow, by the constraints, a varied name.
+        """Return the start values that constraints change with a varied name.
 
-        These are `others`, all start values that are not varied, if a small change of a
-        name makes the start inadmissible; else ().
+        These are all of `others` if a small change of a varied name makes the start
+        inadmissible; else ().
+
+        free : runs of the model, by which changes are tried. names : the varied names.
+        others : all start values that are not varied.
         """
         for one in names:
             if self.is_clock(one):
@@ -349,7 +352,7 @@ class Fit:
         return self._known[1]
 
     def _values(self, number: int, x: Floats) -> dict[str, float]:
-        """Return the values of varied names that apply to one record, by name.
+        """Return the values of the names that apply to one record, by name.
 
         number : the number of the record, from 0. x : (p,), the values of all varied
         names.
@@ -401,7 +404,10 @@ class Fit:
         return self._jacobians[key]
 
     def _arranged(self, tasks: Sequence[Task], found: Sequence[Derivative]) -> Jacobian:
-        """Return the Jacobian whose blocks are the derivatives found by tasks."""
+        """Return the Jacobian of all residuals, composed of the derivatives of tasks.
+
+        found : the derivatives of each of `tasks`: of one record by one name.
+        """
         lost: dict[str, int] = {}
         sizes = [int(np.count_nonzero(seen)) for seen in self.seen]
         ends = np.cumsum(sizes).tolist()

@@ -90,7 +90,7 @@ def own_values(
 
 
 def _clock(text: str) -> float:
-    """Return the number of a text; nan if the text is no number."""
+    """Return the difference of clocks that a text states; nan if it is no number."""
     try:
         return float(text)
     except ValueError:

@@ -97,7 +97,10 @@ def observer_of(session: Session) -> Extremes:
 
 
 def refusal(session: Session) -> str:
-    """Return the reason why a run needs more than calls of the kernel; else ""."""
+    """Return the reason why runs cannot be made in batches; "" if they can.
+
+    A run of a batch consists of calls of the kernel alone.
+    """
     plan, system = session.plan, session.system
     if system.watched:
         return "contacts and switches are located in each run separately"
@@ -117,7 +120,10 @@ def refusal(session: Session) -> str:
 
 
 def holds_plainly(session: Session) -> bool:
-    """Whether steps are projected onto rows that stay independent and never jump."""
+    """Whether a session enforces constraints so that runs can be made in batches.
+
+    Steps are then projected onto rows that stay independent and never jump.
+    """
     plan, e = session.plan, session.equations
     solved = plan.elimination is not None and not plan.augmented
     jumps = may_jump(e, [node for x in e.rows for node in (x.residual, x.rate)])
@@ -139,7 +145,11 @@ def names_at_start(equations: Equations) -> frozenset[str]:
 
 
 def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
-    """Return the reason why rows of a run must be computed separately; else ""."""
+    """Return the reason why rows of runs cannot be computed in batches; else "".
+
+    The rows are needed for extremes of columns and for error bars; last values alone
+    need none. bars : when runs have an error bar.
+    """
     plan, settings = session.plan, session.case.settings
     if settings.duration > (MOST_ROWS - 2) * settings.output_step:
         return "rows are computed in blocks"
@@ -318,7 +328,7 @@ class Batch:
         return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Return marks (runs,) of the runs with equal energy less work at both ends."""
+        """Return marks (runs,) of runs with equal energy less work at both ends."""
         names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
@@ -455,9 +465,14 @@ class Ensemble:
 
 
 class Judged(NamedTuple):
-    """Result of a run: the values of each column, and the estimated error or None.
+    """Result of a run of a batch.
 
-    `cells` has the values that a row of the sweep contains.
+    Attributes
+    ----------
+    cells : ndarray
+        Values of each column, as `SweepRow.numbers`.
+    error : float or None
+        The estimated error.
     """
 
     cells: Floats
@@ -518,10 +533,10 @@ class Judge:
         return Judged(observer.stacked, error)
 
     def _sound(self, ensemble: Ensemble, table: Floats | None) -> Floats | None:
-        """Return the columns (chosen, rows) on which judgements depend.
+        """Return the columns (chosen, rows) of a run by which it is judged.
 
-        None if they are not all finite, if energy less work is not conserved, or if a
-        constraint is not satisfied. table : rows of the run, or None.
+        None if the values are not all finite, if energy less work is not conserved, or
+        if a constraint is not satisfied. table : rows of the run, or None.
         """
         if table is None or not satisfied(ensemble.session, table).all():
             return None

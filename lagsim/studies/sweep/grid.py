@@ -262,7 +262,11 @@ class SweepInput(NamedTuple):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The values of each column: its end and extremes, with `from` its measures."""
+        """The kinds of values that a row of the sweep has for each column.
+
+        These are `end`, `min` and `max`; `end` alone with `ends`; with the option
+        `from` also `mean`, `rms` and `peak_to_peak`.
+        """
         if self.ends:
             return EXTREMES[:1]
         return MEASURES if FROM in dict(self.options) else EXTREMES
@@ -281,8 +285,8 @@ class SweepRow(NamedTuple):
         The estimated error, relative to the range of a coordinate.
     reason : str
         The reason of an incomplete run.
-    numbers : ndarray, shape (3, columns)
-        Values of each column: a row for each of `SweepInput.parts`. There are no
+    numbers : ndarray, shape (parts, columns)
+        Values of each column, one row for each of `SweepInput.parts`. There are no
         columns if the run could not begin.
     form : int
         A number shared by runs with equal compiled functions; 0 if there was no run.
