@@ -35,8 +35,8 @@ class TableFormat(StrEnum):
 def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
     """Return the result of `draw()`; if it raises, a warning that names the file.
 
-    name : the file that could not be drawn. Such a failure stops neither the run nor
-    the other files.
+    name : the file that `draw` creates. A failure thus stops neither the run nor the
+    other files.
     """
     import traceback
 

@@ -24,9 +24,10 @@ _OURS = ("MATPLOTLIBRC", "MPLBACKEND")
 
 @contextlib.contextmanager
 def _elsewhere() -> Iterator[None]:
-    """Context manager: work in matplotlib's data folder, without its own variables.
+    """Context manager: work in matplotlib's data folder, without the user's settings.
 
-    `_OURS` names these variables of the environment, which are restored at the end.
+    The variables of the environment in `_OURS`, which are settings too, are removed and
+    restored at the end.
     """
     found = find_spec("matplotlib")
     assert found is not None
@@ -63,7 +64,7 @@ if "matplotlib" not in sys.modules:
 
 
 def without_docstrings() -> None:
-    """Import the rest of matplotlib faster, without generated docstrings.
+    """Import the rest of matplotlib without generated docstrings, which is faster.
 
     The signatures and docstrings of `set`, a quarter of the time, are of no use in a
     process that runs a command.

@@ -171,9 +171,11 @@ def encoded_figure(figure: Figure, form: str = "png") -> bytes:
 def legend(
     of: Figure | SubFigure | Axes, entries: Sequence[Entry], width: float, **more: Any
 ) -> Legend:
-    """Add a legend, by default in as many columns as fit into `width` inches.
+    """Add a legend of `entries`, names with pens, and return it.
 
-    of : where it is added. entries : names with pens.
+    By default it has as many columns as fit into `width` inches.
+
+    of : the figure, or the part of it, to which the legend is added.
     """
     names, columns = in_columns(entries, width)
     # Where there is no pen there is no line; a broad one keeps to its place.
@@ -184,9 +186,10 @@ def legend(
 
 
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
-    """Return the names of entries and the number of legend columns for a width.
+    """Return the names of a legend, cut to fit, and its number of columns.
 
-    Names are cut to a line of `width` inches.
+    entries : names with pens. width : of the legend in inches, to which each name is
+    cut.
     """
     most = int(OF_SMALL_PRINT * width)
     names = [cut_text(name, most - BESIDE) for name, _ in entries]
@@ -274,8 +277,8 @@ def header(
 ) -> int:
     """Add a title and a legend above all panels; return the legend's number of lines.
 
-    of : the figure, or a part of it. width : in inches. entries : of the legend, names
-    with pens.
+    of : the figure, or the part of it, to which both are added. entries : names with
+    pens. width : in inches.
     """
     if title or entries:
         legend(
@@ -386,7 +389,7 @@ def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
 
 
 def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
-    """Draw y against x; an isolated value between two gaps (nan) becomes a dot."""
+    """Draw y against x as a line with gaps at nan; a value between gaps is a dot."""
     # Moved to whole pixels, a level curve between two would show its rounding.
     line(axes, x, y, pen, snap=False)
     seen = np.isfinite(x) & np.isfinite(y)
@@ -433,10 +436,12 @@ def draw_band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
 
 
 def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
-    """Return the band (low, high) of a fast oscillation, widened to its envelope.
+    """Return the lower and upper curve (k,) of the band of a fast oscillation.
 
-    low, high : (k,), the extremes in each pixel. values : the oscillation. Without the
-    widening, pixels with and without turning points would alternate visibly.
+    Both are the envelope of the extremes in each pixel: pixels with and without turning
+    points would alternate visibly.
+
+    low, high : (k,), the extremes in each pixel. values : (n,), the oscillation.
     """
     turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
     swing = 2.0 * len(low) / max(turns, 1)
@@ -450,7 +455,10 @@ def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
 
 
 def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
-    """Draw y against x as dots or as a line; pale after the first `trusted` values."""
+    """Draw y against x, as dots if the pen has a marker, else as a line.
+
+    trusted : number of values before the horizon; the others are pale.
+    """
     if trusted < len(x):
         path(
             axes, x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen), len(x)
@@ -473,7 +481,7 @@ def point(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen) -> None:
 
 
 def shade(axes: Axes, horizon: float) -> None:
-    """Shade the panel past the time `horizon`."""
+    """Shade the part of a panel against time that lies past the time `horizon`."""
     low, high = axes.get_xlim()
     if horizon < high:
         look: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
@@ -496,9 +504,9 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
 
 
 def _spaced(places: Array, apart: float) -> list[int]:
-    """Return the indices of places that are at least `apart` from the last returned.
+    """Return the indices of marks to keep, which are at least `apart` from each other.
 
-    places : (n,), ascending.
+    places : (n,), ascending positions of the marks, of which the first is kept.
     """
     kept = []
     k = 0
@@ -532,9 +540,11 @@ def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def ink(x: Array, y: Array) -> float:
-    """Return the area that a line covers, over the area of its bounding box.
+    """Return the area of a drawn line as a fraction of its bounding box.
 
-    Overlap is not subtracted. x, y : ndarray, shape (n,), in inches.
+    Parts that overlap count repeatedly, so that it can exceed 1.
+
+    x, y : ndarray, shape (n,), in inches.
     """
     length = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     # A line along an axis spans no area, but has a width.
@@ -565,7 +575,16 @@ SHOWN = 1e-5
 
 
 class PlottedColumn(NamedTuple):
-    """Column of a picture: typeset name, unit, values (rows,), logarithmic or not."""
+    """Column of a picture.
+
+    Attributes
+    ----------
+    name, unit : str
+        Both typeset.
+    values : ndarray, shape (rows,)
+    log : bool
+        Whether the axis is logarithmic.
+    """
 
     name: str
     unit: str
@@ -573,7 +592,7 @@ class PlottedColumn(NamedTuple):
     log: bool = False
 
     def stand_at(self, axis: Axis) -> None:
-        """Label an axis with the column's name and unit."""
+        """Label an axis with the name and the unit of the column."""
         name_axis(axis, self.name, self.unit)
 
 
@@ -586,7 +605,7 @@ def stack_height(count: int, height: float) -> float:
 def figure(
     title: str, against: PlottedColumn, columns: Sequence[PlottedColumn]
 ) -> Picture:
-    """Draw columns against another column, one panel for each unit.
+    """Return a picture of columns against another column, one panel for each unit.
 
     If all columns have the unit of `against`, both axes have equal scales.
     """

@@ -43,7 +43,7 @@ _HEADS = frozenset(x.prefix.partition(".")[0] for x in KINDS if not x.letter)
 
 
 class PictureNames(UnicodeNames):
-    """Typesetting with all parts of a name after `_` as a subscript: `x_left`."""
+    """Names in pictures: all parts after `_` are a subscript, as in `x_left`."""
 
     def split(self, name: str) -> tuple[str, str]:
         """Return the letter or word of a name, and its subscript or ""."""
@@ -107,7 +107,7 @@ class Letters:
         return _NAME.sub(self._written, text).replace("-", "−")
 
     def _written(self, found: re.Match[str]) -> str:
-        """Return the typeset form of a name found in an expression."""
+        """Return the typeset form of one name, found in an expression by a pattern."""
         head, at, component = found["head"], found["at"], found["component"] or ""
         if head is None:
             return self.name(found[0])
@@ -153,7 +153,7 @@ def plain_letters(text: str) -> str:
 
 
 def cut_text(text: str, most: int) -> str:
-    """Return a text cut to `most` letters, by omission of its middle.
+    """Return a text of at most `most` letters; a longer one loses its middle.
 
     Examples
     --------

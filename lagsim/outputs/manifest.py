@@ -31,7 +31,7 @@ PACKAGES = ("numpy", "llvmlite", "matplotlib")
 
 
 def head(model: Model) -> dict[str, Any]:
-    """Return the head of every record: versions, model and parameters."""
+    """Return the entries that begin every record: versions, model and parameters."""
     return {
         "lagsim": __version__,
         "versions": versions(),
@@ -61,7 +61,7 @@ def manifest(
     constraint_residual : float
         The largest relative residual of the constraints.
     error_bar : ErrorBar or str
-        A text: the reason why there is no error bar.
+        The error bar, or the reason why there is none.
     cautions : sequence of Caution
     timings : mapping of str to float
         Seconds of each stage of the command, by its name.
@@ -226,7 +226,10 @@ def encode(document: Any) -> bytes:
 
 
 def _printable(document: Any) -> Any:
-    """Return the document with `?` for bytes of file names that are not Unicode."""
+    """Return a document without bytes that are not Unicode, in whose place is `?`.
+
+    Such bytes occur in file names.
+    """
     if isinstance(document, str):
         return document.encode(errors="replace").decode()
     if isinstance(document, dict):

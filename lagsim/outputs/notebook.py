@@ -84,7 +84,7 @@ def picture(png: bytes, about: str) -> str:
 
 
 def framed(html: str, name: str, height: int) -> str:
-    """Return a frame of a page in HTML.
+    """Return an HTML frame that contains a page.
 
     Parameters
     ----------

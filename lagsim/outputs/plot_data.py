@@ -78,15 +78,17 @@ class PlotData:
         return any(DEVIATION.of(name) in known for name in columns)
 
     def band(self, column: str, t: Array, values: Array) -> Band | None:
-        """Return times, and values less and plus one standard deviation.
+        """Return the band of one standard deviation of a column; None if it has none.
 
-        None for a column without a standard deviation. Rows without a known deviation
-        are nan: off the output times, and where the motion is not differentiable.
+        The band consists of the times, and of the values less and plus one standard
+        deviation, each of shape (k,). These are nan where the deviation is not known:
+        off the output times, and where the motion is not differentiable.
 
         Parameters
         ----------
+        column : str
         t, values : ndarray, shape (k,)
-            Times of rows, and the column there.
+            Times of rows, and the values of the column there.
         """
         if self.appended is None or not self.has_band([column]):
             return None
@@ -95,7 +97,7 @@ class PlotData:
         return t, values - deviation, values + deviation
 
     def trusted(self) -> int:
-        """Return the number of points of a path that lie before the horizon."""
+        """Return the number of points of a drawn path that lie before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
 

@@ -144,7 +144,7 @@ def mark_events(data: PlotData, axes: Axes) -> None:
 
 
 def time_axis(data: PlotData) -> Scale:
-    """Return the scale of time, from the first row to the last."""
+    """Return the scale of a time axis, from the first row to the last."""
     return time_scale(np.array([data.rows.first("t"), data.rows.last("t")]))
 
 
@@ -206,7 +206,7 @@ def in_pairs(
     found : list of tuple of str
         An empty tuple is a free place.
     columns : int
-        Number of panels side by side; an even number if there are pairs.
+        Number of panels side by side, made even if there are pairs.
     """
     firsts = {one for one, other in pairwise(groups) if _is_pair(one[0], other[0])}
     if firsts and columns > 1 and columns % 2:
@@ -306,7 +306,7 @@ def bands_of(
 
 
 def sides_of(bands: Iterable[Band | None]) -> list[tuple[Array, Array]]:
-    """Return the two sides of bands as curves (times, values)."""
+    """Return the lower and the upper curve (times, values) of each band."""
     found = [(t, side) for t, *sides in filter(None, bands) for side in sides]
     return [(t, side) for t, side in found if np.isfinite(side).any()]
 
@@ -362,9 +362,9 @@ def label_greatest(
 
 
 def largest(data: PlotData, sizes: Mapping[str, float]) -> dict[str, float]:
-    """Return, by unit, the greatest of the sizes of the columns of that unit.
+    """Return, for each unit, the greatest size of a column of that unit.
 
-    sizes : column -> its size.
+    sizes : the size of each column, by name.
     """
     found: dict[str, float] = {}
     for name, size in sizes.items():
@@ -391,9 +391,10 @@ SIDES = ("y", "y2")
 
 @in_house_style
 def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
-    """Draw entry `number`, counted from 0, of the model's `output.plots`.
+    """Return the picture of one entry of the model's `output.plots`.
 
-    wanted : the entry. scene : the scene, whose points have coordinates of one scale.
+    number : of the entry, from 0. wanted : the entry. scene : the scene, by which paths
+    of points are recognised.
     """
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves
@@ -451,7 +452,10 @@ def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
 
 
 def side_of(name: str) -> str:
-    """Return the axis of a curve from its column's name: `y`, or `y2` (right)."""
+    """Return the vertical axis of a curve: `y` (left) or `y2` (right).
+
+    name : the column of the curve.
+    """
     return name.split(".")[1]
 
 
@@ -476,7 +480,7 @@ def _xs(drawn: Curves) -> list[Array]:
 
 
 def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scale:
-    """Return the scale of the vertical axis for the curves of one side.
+    """Return the scale of the vertical axis for the curves of one side of a plot.
 
     drawn : pairs (abscissae, values). log : whether the scale is logarithmic. timed :
     whether the horizontal axis is time.
@@ -490,7 +494,7 @@ def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scal
 def _are_directions(
     data: PlotData, curves: Mapping[str, DrawnExpression], scene: Scene, drawn: Curves
 ) -> bool:
-    """Whether abscissa and ordinates are lengths that a common scale can show.
+    """Whether a plot shows a path in space, whose axes have one scale.
 
     This is so if their units are equal, or if all are coordinates of points or called
     x, y or z, and if their ranges are not too different.
@@ -508,9 +512,9 @@ def _are_directions(
 
 
 def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float]:
-    """Return width of a picture and height of its panel for a path in equal scales.
+    """Return the width of a picture and the height of its panel, for equal scales.
 
-    x, y : the ranges of abscissa and ordinate.
+    Both are in inches. x, y : the ranges of abscissa and ordinate of a path.
     """
     ratio = (y[1] - y[0]) / (x[1] - x[0])
     height = min(max(LOWEST, PANEL * ratio), TALLEST)
@@ -575,10 +579,10 @@ def energy(data: PlotData) -> Picture:
 
 
 def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
-    """Return, by column of energy, the constant that is subtracted: its start, or 0.
+    """Return, for each column of energy, the constant that its curve is drawn less.
 
-    A constant is subtracted where an energy is far from 0 in comparison with its
-    changes. Constants of T and V are also subtracted from T + V.
+    It is the value at the start where the energy is far from 0 in comparison with its
+    changes, else 0. Constants of T and V are also subtracted from T + V.
     """
     series = {name: data.rows.series(name)[1] for name in names}
     ends = {name: finite_range(values) for name, values in series.items()}
@@ -754,8 +758,9 @@ def overlay(
         Units of the columns; the first one is that of the time, `t`.
     notes : sequence of str
         Written below the panels.
-    order : tuple
-        A name, and a number for each run, by which many runs are coloured.
+    order : tuple of (str, sequence of float)
+        Name and values of the quantity by which many runs are coloured, one for each
+        run.
     bands : mapping of str to mapping, optional
         Bands of one standard deviation, by run and column.
     """

@@ -74,7 +74,7 @@ _GLANCE_SECONDS = 0.02
 
 
 class Results:
-    """A folder that is being filled; create it by `open_results`.
+    """Folder of results during a run, with temporary files; created by `open_results`.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Results:
         self._begun(self.manifest, bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
-        """Return the temporary path of file `name`, which `commit` renames."""
+        """Return the temporary path of the file `name`, until `commit` renames it."""
         if name in self.names:
             return self._part(name)
         self.names.append(name)
@@ -147,7 +147,11 @@ class Results:
         return {name: self._digests[name] for name in self.names}
 
     def stand(self, manifest: bytes) -> None:
-        """Place the files written so far with a manifest; `commit` adds later files.
+        """Place a manifest and the files written so far, before others are complete.
+
+        `commit` places the later files.
+
+        manifest : the content of run.json.
 
         Raises
         ------
@@ -201,7 +205,7 @@ class Results:
                 path.unlink()
 
     def unusable(self, error: OSError) -> InputError:
-        """Return the error, for users, that the folder cannot be written."""
+        """Return the InputError that the folder cannot be written, from an OSError."""
         return _unusable(self.folder, f"cannot be written: {error.strerror}")
 
     def _begun(self, name: str, content: bytes = b"") -> Path:
@@ -217,7 +221,7 @@ class Results:
         return self.folder / PART.format(name)
 
     def before(self) -> dict[str, Any]:
-        """Return the manifest of an earlier run; {} without one."""
+        """Return the manifest of an earlier run in the folder; {} without one."""
         try:
             found = orjson.loads(files.content(self.folder / self.manifest))
         except (OSError, ValueError):
@@ -235,7 +239,7 @@ class Results:
         return own - {self.manifest}
 
     def _unchanged(self, name: str) -> bool:
-        """Whether a model file is as an earlier command has written it."""
+        """Whether the model file `name` is as an earlier command has written it."""
         digests = self.before().get("digests")
         if not (isinstance(digests, dict) and _FITTED.fullmatch(name)):
             return False
@@ -245,12 +249,14 @@ class Results:
             return False
 
     def keep(self, name: str) -> None:
-        """Refuse to replace a model file that has been changed since it was written.
+        """Refuse to replace a model file that the user has changed.
+
+        name : of the file, which an earlier command has written.
 
         Raises
         ------
         InputError
-            If the file has been changed.
+            If the file has been changed since it was written.
         """
         if (self.folder / name).is_file() and not self._unchanged(name):
             text = f"{self.folder / name} is not as `lagsim fit` has written it"
@@ -315,7 +321,9 @@ def open_results(
 
 @contextlib.contextmanager
 def _held(results: Results, until: float) -> Iterator[None]:
-    """Context manager: lock a folder, waiting for another process until time `until`.
+    """Context manager: lock a folder against other processes.
+
+    until : time, by the monotonic clock, to which another process is waited for.
 
     Raises
     ------
@@ -351,7 +359,7 @@ def _held(results: Results, until: float) -> Iterator[None]:
 
 
 def _locked(path: Path, results: Results) -> int | None:
-    """Create and lock a file; return its handle, or None if it is locked."""
+    """Create and lock a file; return its handle, None if another process holds it."""
     handle = _opened(path)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -67,7 +67,7 @@ class Scale(NamedTuple):
     linear : float
         If not 0, the scale is linear up to this absolute value, logarithmic beyond it.
     share : float
-        Length of the linear part, in decades.
+        Length of the linear part on the axis, in decades of the logarithmic part.
     """
 
     low: float
@@ -98,7 +98,9 @@ class Scale(NamedTuple):
         (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
 
     def _beyond(self, most: int) -> Locator:
-        """Return ticks at 0, at powers of ten, and at the ends of a long linear part.
+        """Return the ticks of a scale that is logarithmic beyond `linear`.
+
+        These are at 0, at powers of ten, and at the ends of a long linear part.
 
         most : the largest number of ticks of one sign.
         """
@@ -120,18 +122,19 @@ def size_of(axes: Axes) -> tuple[float, float]:
 
 
 def per_inch(axes: Axes, ends: Ends) -> float:
-    """Return data units per inch of an equal scale with which both axes fit.
+    """Return the data units per inch with which both ranges fit into a panel.
 
-    ends : the ranges of both axes, which fit into the panel.
+    Both axes then have one scale. ends : the ranges of the horizontal and vertical
+    axis.
     """
     sides = zip(ends, size_of(axes), strict=True)
     return max((high - low) / side for (low, high), side in sides)
 
 
 def put_around(axes: Axes, ends: Ends, each: float) -> None:
-    """Set both axes to `each` data units per inch, centred on given ranges.
+    """Set both axes of a panel to one scale, centred on given ranges.
 
-    ends : the ranges.
+    ends : the ranges of the horizontal and vertical axis. each : data units per inch.
     """
     across, up = (
         Scale(middle - half, middle + half)
@@ -158,7 +161,7 @@ def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -
 
 
 class Label:
-    """Label of an axis, of at most `most` letters, to which the name is cut."""
+    """Label of an axis, whose name is cut such that it has at most `most` letters."""
 
     def __init__(self, text: Text, name: str, unit: str, most: int) -> None:
         self._text, self._named, self._most = text, (name, unit), most
@@ -289,7 +292,7 @@ def time_scale(t: Array) -> Scale:
 
 
 def noise_scale(values: Array, size: float) -> Scale:
-    """Return a scale for residuals of a quantity, on which rounding errors are small.
+    """Return a scale for residuals of a quantity, on which rounding errors look small.
 
     size : the size of the quantity.
     """
@@ -316,7 +319,7 @@ def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale
 
 
 def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
-    """Return a scale for curves (times, values) against time, see `value_scale`.
+    """Return a scale for curves against time, on which a spike hides no other values.
 
     A spike, or unbounded growth, would hide all other values on a linear scale: the
     scale is then logarithmic beyond some size, or, for growth of one sign, everywhere.
@@ -341,9 +344,9 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Whether the largest |value| of a curve is near the curve's end, as in growth.
+    """Whether a curve is largest near its end, as in growth, and not at a spike.
 
-    drawn : curves (times, values).
+    drawn : curves (times, values), of which one suffices.
     """
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)

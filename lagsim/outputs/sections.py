@@ -80,7 +80,7 @@ def pictures(
 
 
 def least_variations(ranges: Floats) -> Floats:
-    """Return the least variation of each column that exceeds rounding, (columns,).
+    """Return, for each column, the variation below which it is rounding, (columns,).
 
     Parameters
     ----------

@@ -83,18 +83,18 @@ class Body(NamedTuple):
 
 
 def moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
-    """Return the names of the columns on which some nodes depend."""
+    """Return the columns of the table on which the values of some nodes depend."""
     fixed = {p.name for p in model.parameters} - model.modes | {CURVE}
     return model.graph.depends(nodes) - fixed
 
 
 def needed(model: Model) -> frozenset[str]:
-    """Return the names of columns on which the shapes depend."""
+    """Return the columns of the table on which the shapes of a model depend."""
     return moving(model, [n for shape in model.scene.shapes for n in shape.nodes])
 
 
 def values_per_row(model: Model) -> int:
-    """Return the number of values per row that are stored for the shapes."""
+    """Return how many numbers per row an observer stores for the shapes."""
     d, found = model.scene.dimension, 0
     for shape in model.scene.shapes:
         found += d * (bool(shape.at) + d * bool(shape.axes))
@@ -115,15 +115,16 @@ def string_lengths(model: Model) -> list[float | None]:
 def mesh_parts(shape: Shape, d: int) -> list[Floats]:
     """Return the corners of a body as linear functions of its sizes.
 
-    The result has, for each size, the corners (n, d) in the axes of the body with this
-    size 1 and all others 0.
+    The result has one array (n, d) for each size: the corners, in the axes of the body,
+    if this size is 1 and all others are 0. Corners are sums of sizes times these
+    arrays.
 
     Parameters
     ----------
     shape : Shape
         A shape without corners of its own.
     d : int
-        Number of components.
+        Number of components, 2 or 3.
     """
     turns = bool(shape.axes)
     return [
@@ -193,9 +194,10 @@ def _along(
     rows: int,
     ends: list[float],
 ) -> Floats:
-    """Return points of a curve (rows, n, components) as corners.
+    """Return points (rows, n, components) of a shape that is a curve, as its corners.
 
-    values : variables by name. ends : ends of the curve's parameter.
+    values : variables by name, numbers or arrays (rows,), changed by this function.
+    ends : ends of the curve's parameter.
     """
     s = np.linspace(ends[0], ends[1], ALONG if rows == 1 else CHANGING)
     for name, x in values.items():
@@ -389,7 +391,7 @@ def _area(corners: Floats) -> Floats:
 
 
 def reached(places: Sequence[Floats], bodies: Sequence[Body]) -> Floats:
-    """Return finite places (n, d) of points and bodies, which determine the extent.
+    """Return finite positions (n, d) of points and corners, for the extent of a view.
 
     Parameters
     ----------

@@ -55,9 +55,15 @@ FREE = 1.15
 
 
 class Still(NamedTuple):
-    """Panel of a picture: a title, a film whose frames are states, and pens.
+    """Panel of a picture that shows a scene in some states.
 
-    Each state has a pen.
+    Attributes
+    ----------
+    title : str
+    film : Film or None
+        The scene, with one frame for each state.
+    pens : sequence of Pen
+        The pen of each state.
     """
 
     title: str
@@ -72,7 +78,9 @@ def film_at(
     t: Floats | None = None,
     name: str = "",
 ) -> Film | None:
-    """Return the scene of a model in some states; None without a scene.
+    """Return the scene of a model in some states, as the frames of a film, or None.
+
+    None if the model has no scene.
 
     Parameters
     ----------
@@ -118,7 +126,7 @@ def displaced(
     shape: Mapping[str, complex],
     phases: Floats,
 ) -> dict[str, float | Floats]:
-    """Return the values of all variables in a mode at some phases.
+    """Return the values of all variables in a mode of oscillation, at some phases.
 
     The amplitude is chosen such that the largest displacement of a point is a fixed
     part of the extent of the scene.
@@ -131,6 +139,7 @@ def displaced(
     shape : mapping of str to complex
         Coordinate -> its amplitude.
     phases : ndarray, shape (rows,)
+        Phases of the oscillation in rad; the result has arrays of this shape.
     """
     turns = np.exp(1j * phases)
     waves = {name: np.real(x * turns) for name, x in shape.items()}
@@ -230,9 +239,9 @@ def _ends(film: Film, view: Floats) -> list[tuple[float, float]]:
 
 
 def _put(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
-    """Set one scale for both directions of a panel, with a free margin.
+    """Set one scale for both axes of a panel, with a free margin.
 
-    ends : ranges of both directions.
+    ends : the ranges of the horizontal and vertical axis.
     """
     each = FREE * per_inch(axes, ends)
     put_around(axes, ends, each if each > 0.0 else 1.0)

@@ -121,18 +121,19 @@ class Writer:
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:
-        """Return the number of whole rows in `text`, and the number of their bytes.
+        """Return the number of whole rows at the begin of `text`, and their bytes.
 
-        text : bytes from the beginning of a row on.
+        text : part of the file, from the beginning of a row on; a full disk may have
+        cut it.
         """
         rows = len(text) // (8 * self._width)
         return rows, 8 * self._width * rows
 
 
 def numberless(unit: str) -> str:
-    """Return a unit for the line of units; "" if it could be read as a number.
+    """Return a unit as a cell of the line of units; "" if it reads as a number.
 
-    A number would make the line of units a row of the table.
+    A cell that is a number would make the line of units a row of the table.
     """
     try:
         float(unit)
@@ -234,7 +235,7 @@ class TableWriter(Writer):
         super().__init__(path.open("wb", buffering=0), len(columns), head)
 
     def go_on(self, content: Iterable[bytes], rows: int, last: float | None) -> None:
-        """Replace the content by rows written before, header included.
+        """Replace the content by rows of an earlier run, which later rows continue.
 
         Parameters
         ----------
@@ -373,7 +374,7 @@ def arrow() -> Any:
 
 
 def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> None:
-    """Write an archive with an array for each column, as `numpy.savez` would.
+    """Write an archive with an array (rows,) for each column, as `numpy.savez` would.
 
     units : columns with their units. blocks : all rows, in blocks.
     """

@@ -76,7 +76,7 @@ class Dimensions:
                 self.known[node] = Quantity(unit, text)
 
     def of(self, node: int) -> Quantity:
-        """Return the quantity of a node."""
+        """Return the quantity of a node: its unit, unknown if it does not follow."""
         if node not in self.known:
             cone = self.graph.cone([node], self.known)
             if len(cone) > MOST_NODES:
@@ -118,9 +118,9 @@ def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 
 
 def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
-    """Return the known units of given columns and of other quantities in pictures.
+    """Return the known units of columns, and of other quantities in pictures, by name.
 
-    Columns without a known unit are omitted.
+    Names without a known unit are omitted.
     """
     key = ("units", equations.model.sha256, tuple(equations.q), tuple(columns))
     return memoize(equations.graph, key, lambda: _units(equations, columns))
@@ -165,10 +165,10 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 def _of_differences(
     name: str, columns: Mapping[str, str], named: Mapping[str, str]
 ) -> str:
-    """Return the unit of a sensitivity or of a standard deviation, "" if unknown.
+    """Return the unit of a sensitivity or of a standard deviation; "" if unknown.
 
-    name : of such a column. columns : units of columns. named : units of parameters,
-    coordinates and states.
+    name : of a column `d.<column>.<name>`, or of a standard deviation. columns : units
+    of columns by name. named : units of parameters, coordinates and states by name.
     """
     kind, rest = parsed_column(name) or (RESIDUAL, "")
     if kind is DEVIATION:
@@ -184,10 +184,12 @@ def _of_differences(
 def _consistent(
     equations: Equations, given: Mapping[int, str]
 ) -> tuple[Dimensions, Unit]:
-    """Return the units of nodes, and the unit of all energies; PURE if these disagree.
+    """Return the units of nodes, and the unit of all energies.
 
-    given : node -> unit in the file. Parameters without units are pure numbers, unless
-    an energy or a force contradicts.
+    The latter is PURE if the units of energies disagree. Parameters without units are
+    pure numbers, unless an energy or a force contradicts.
+
+    given : node -> unit in the file.
     """
     model, graph = equations.model, equations.graph
     bare = [
@@ -215,10 +217,7 @@ def _consistent(
 
 
 def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Return the terms of the sum `node` whose unit differs from `wanted`.
-
-    A term of unknown unit does not differ.
-    """
+    """Return the terms of the sum `node` with a known unit other than `wanted`."""
     graph, below, terms = dimensions.graph, [node], list[int]()
     while below:
         k = below.pop()
@@ -230,9 +229,11 @@ def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
 
 
 def _per(energy: Unit, along: Unit, level: Level) -> Unit:
-    """Return the unit of a generalized force, energy / along; of a rate, power / along.
+    """Return the unit of a generalized force or multiplier: energy / along.
 
-    along : the unit of the coordinate. level : positions or velocities.
+    On the level of velocities it is power / along.
+
+    along : the unit of the coordinate, or of the relation. level : its level.
     """
     force = times(energy, along, -1.0)
     return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)
@@ -254,7 +255,7 @@ def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
 
 
 def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
-    """Yield name and node of columns whose unit is that of their node."""
+    """Yield name and node of each column whose unit is the unit of its node."""
     for d in equations.model.definitions:
         yield d.name, d.node
     rows = equations.every_row
@@ -271,10 +272,10 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
 def _following(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit, Sequence[str]]]:
-    """Yield name, unit and preferred unit names of columns whose unit follows.
+    """Yield columns whose unit follows from the unit of energies.
 
-    It follows from the unit of energies and the unit of the column's owner, see
-    `ColumnKind`.
+    Each item has name, unit, and preferred names of the unit. The unit follows from the
+    unit `energy` and from that of the column's owner, see `ColumnKind`.
     """
     for kind, name, node, level in _owners(equations):
         along = PURE if node is None else dimensions.unit(node)
@@ -290,11 +291,12 @@ def _following(
 def _owners(
     equations: Equations,
 ) -> Iterator[tuple[ColumnKind, str, int | None, Level]]:
-    """Yield kind and name of columns, with the node of the owner and its level.
+    """Yield columns of the table with the quantities to which these belong, the owners.
 
-    The columns are those that the run (node None) or coordinates own, then reactions,
-    multipliers, impulses and friction. The level says whether the owner's node is a
-    relation of positions or of velocities.
+    Each item has the kind and name of the column, the node of the owner (None for a
+    column of the run as a whole), and the level of the owner: of positions or of
+    velocities. The owners are the run, coordinates, definitions with reactions, and
+    relations with multipliers, impulses and friction.
     """
     for kind in KINDS:
         if kind.owner is Owner.RUN:

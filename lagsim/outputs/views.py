@@ -116,7 +116,10 @@ class Views:
         self.height = LINE * lines + sum(self._heights) + gaps + BELOW_PANELS
 
     def _take(self, scene: Scene) -> None:
-        """Store the positions (directions, rows) of points, their extent and unit."""
+        """Store the positions (directions, rows) of points, and their extent and unit.
+
+        Bodies and hanging strings count in the extent.
+        """
         data = self._data
         dimension = scene.dimension
         self._positions: dict[str, Array] = {}
@@ -142,9 +145,10 @@ class Views:
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:
-        """Return a scale, in data units per inch, with a margin around the scene.
+        """Return a scale in data units per inch with a margin around the scene.
 
-        The scale is positive also for a scene at rest.
+        scale : that without a margin; 0 for a scene at rest, for which the result is
+        positive.
         """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
@@ -227,7 +231,7 @@ class Views:
             put_around(axes, own, self._usable(largest if view else scale))
 
     def _ends(self, view: View) -> list[tuple[float, float]]:
-        """Return the least and greatest abscissa and ordinate of a view."""
+        """Return the ranges (least, greatest) of abscissa and ordinate of a view."""
         if view:
             return [self._extents[k] for k in view]
         shown = [OBLIQUE @ p for p in self._positions.values()]
@@ -385,7 +389,7 @@ def _bodies(data: PlotData, model: Model) -> list[Body]:
 
 
 def inch_of(axes: Axes) -> float:
-    """Return the data units per inch of a panel's horizontal axis."""
+    """Return the data units per inch of a panel's horizontal axis, for symbols."""
     low, high = axes.get_xlim()
     return (high - low) / size_of(axes)[0]
 
@@ -407,16 +411,16 @@ def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> Non
 
 
 def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
-    """Return the length from a to b, the unit vector, and its left normal."""
+    """Return the length from a to b, the unit vector (2,), and its left normal (2,)."""
     length = float(np.hypot(*(b - a)))
     u = (b - a) / length if length else np.array((1.0, 0.0))
     return length, u, np.array((-u[1], u[0]))
 
 
 def _hatched(lines: Array, inch: float) -> Array:
-    """Return the path `lines` (n, 2) with hatches at the right of its direction.
+    """Return the path `lines` (n, 2), to which hatches at its right are added.
 
-    inch : data units per inch; so in the functions below.
+    inch : data units per inch.
     """
     gap, found = np.full(2, np.nan), [lines]
     for a, b in pairwise(lines):
@@ -446,9 +450,9 @@ def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
 
 
 def _spring(a: Array, b: Array, inch: float) -> Array:
-    """Return a zigzag (n, 2) from a to b.
+    """Return a zigzag from a to b, as a path (n, 2).
 
-    inch : data units per inch.
+    a, b : (2,), the ends. inch : data units per inch.
     """
     length, u, left = _along(a, b)
     along = np.concatenate(([0.0], np.linspace(0.12, 0.88, 2 * TURNS + 2), [1.0]))
@@ -458,7 +462,10 @@ def _spring(a: Array, b: Array, inch: float) -> Array:
 
 
 def _damper(a: Array, b: Array, inch: float) -> Array:
-    """Return a cylinder (n, 2) that is open towards b, with a piston in it."""
+    """Return a cylinder that is open towards b, with a piston, as a path (n, 2).
+
+    a, b : (2,), the ends. inch : data units per inch.
+    """
     length, u, left = _along(a, b)
     wide, gap = COIL * inch * left, np.full(2, np.nan)
     begin, middle, end = (a + share * length * u for share in (0.35, 0.5, 0.65))

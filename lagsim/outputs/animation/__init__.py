@@ -82,7 +82,14 @@ class Track(NamedTuple):
 
 
 class Push(NamedTuple):
-    """The force of a constraint on a point, (frames, components), with both names."""
+    """Force of a constraint on a point of the scene, in every frame.
+
+    Attributes
+    ----------
+    constraint, point : str
+        Names of both.
+    force : ndarray, shape (frames, components)
+    """
 
     constraint: str
     point: str
@@ -97,7 +104,7 @@ class ConstraintPoints(NamedTuple):
     constraint, multiplier : str
         Name of the constraint, and column of the multiplier.
     row : mapping of int to int
-        Index of a coordinate -> node of the row.
+        Index of a coordinate -> node of the entry of the row A.
     points : tuple of str
         Names of the points.
     """
@@ -130,8 +137,8 @@ class Film(NamedTuple):
         The forces of constraints.
     energies : dict of str to ndarray, shape (frames,)
     events : sequence of Event
-    struck : dict of str to names
-        Constraint -> the points on which its force acts, if known.
+    struck : dict of str to tuple of str
+        Constraint -> names of the points on which its force acts, if known.
     horizon : float
         Time past which the motion is no forecast.
     units : dict of str to str
@@ -167,9 +174,10 @@ class Film(NamedTuple):
 
 
 def stage(model: Model) -> Scene:
-    """Return the scene of a model; without one, the point (x, y) or (x, y, z).
+    """Return the scene of a model, or a scene of the point (x, y) or (x, y, z).
 
-    The scene has the dimension 0 if the model has no such variables either.
+    The second one serves models without a scene; its dimension is 0 if there are no
+    variables x and y.
     """
     if model.scene.points or model.scene.shapes:
         return model.scene
@@ -192,7 +200,7 @@ def nothing_to_draw(model: Model) -> list[Caution]:
 
 
 def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
-    """Return the observer that stores the frames needed for `film`.
+    """Return the observer of a run that stores the frames from which `film` is made.
 
     Parameters
     ----------
@@ -296,10 +304,11 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
 def _tracks(
     e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
 ) -> dict[str, Track]:
-    """Return position and velocity of each point of a scene in `count` frames, by name.
+    """Return position and velocity of each point of a scene in some frames, by name.
 
-    Components that a point lacks are 0. values : variables by name, numbers or arrays
-    (count,).
+    Components that a point lacks are 0.
+
+    values : variables by name, numbers or arrays (count,). count : number of frames.
     """
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
@@ -320,10 +329,11 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Return marks of the frames (frames,) after which interpolation would overshoot.
+    """Return marks (frames,) of the frames after which positions must be linear.
 
-    The interpolation uses the positions and the rates of both frames. t : (frames,).
-    tracks : positions and rates of the points.
+    There the interpolation from positions and rates of two frames would overshoot.
+
+    t : (frames,). tracks : positions and rates of the points.
     """
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = longest_side(tracks)
@@ -346,7 +356,7 @@ def longest_side(tracks: Mapping[str, Track]) -> float:
 
 
 class Carriers:
-    """Points at which the constraints of a scene act, and their forces.
+    """Points of a scene at which constraint forces act, and these forces.
 
     Parameters
     ----------
@@ -359,12 +369,12 @@ class Carriers:
 
     Attributes
     ----------
-    struck : dict of str to names
-        Constraint -> the points on which its force acts, if known.
+    struck : dict of str to tuple of str
+        Constraint -> names of the points on which its force acts, if known.
     pushes : list of Push
         The forces that are not always 0, friction included.
-    carried : list of Carried
-        The rows whose forces on some points are unique.
+    carried : list of ConstraintPoints
+        The rows that a unique force on one point, or on each of two, can replace.
     jacobians : dict of str to list of dict
         dr/dq of the points that depend on q, a mapping for each component.
     """
@@ -418,10 +428,19 @@ class Carriers:
         return found
 
     def _carrier(self, A: Mapping[int, int]) -> tuple[tuple[str, ...], bool]:
-        """Return the smallest set of points on which forces can replace a row.
+        """Return the points on which forces can replace a constraint row.
 
-        A : the constraint row, index of a coordinate -> node. The second value: whether
-        these forces are unique. () if no points are found.
+        Parameters
+        ----------
+        A : mapping of int to int
+            The constraint row: index of a coordinate -> node.
+
+        Returns
+        -------
+        points : tuple of str
+            The fewest points that suffice; () if none are found.
+        unique : bool
+            Whether the row determines the forces on these points.
         """
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
@@ -494,10 +513,13 @@ class Carriers:
     def _shares(
         self, A: Mapping[int, int], name: str, points: Sequence[str]
     ) -> Iterator[tuple[str, Floats]]:
-        """Yield each of `points` with the force (count, components) on it by a row.
+        """Yield name and force of each point on which a constraint row acts.
 
-        A : the constraint row. name : the multiplier's column. The force is nan in
-        frames in which the forces are not unique.
+        Each force is an array (count, components); nan in frames in which the forces
+        are not unique.
+
+        A : the row, index of a coordinate -> node. name : column of the multiplier.
+        points : the points.
         """
         multiplier = self._values.get(name)
         if not isinstance(multiplier, np.ndarray) or not multiplier.any():
@@ -518,7 +540,9 @@ class Carriers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Yield the reactions in the output that belong to components of points, as forces.
+    """Yield the reactions among the columns as forces on points of the scene.
+
+    These are the reactions of definitions that are components of points.
 
     columns : the columns of the table by name.
     """
@@ -637,7 +661,7 @@ MOST_EVENTS = 4000
 
 @np.errstate(all="ignore")  # a motion that diverges passes every number
 def record(film: Film) -> dict[str, Any]:
-    """Return a film as JSON data for the script of the page."""
+    """Return a film as JSON data for the script of the page; `page` joins such data."""
     size = longest_side(film.tracks)
     names = list(film.tracks)
     places = [track.place for track in film.tracks.values()]
@@ -717,7 +741,7 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
     In space it is the height of the first ground of the scene, if there is one.
 
     every : positions of all points (k, d). box : least and greatest value of each
-    component.
+    component in the view.
     """
     if levels := [b.height for b in film.shapes if b.height is not None]:
         return levels[0]
@@ -760,9 +784,9 @@ def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _coded(place: Floats) -> dict[str, str]:
-    """Return an array (frames, ...) under `place`; its rows under `fixed` if equal.
+    """Return an array (frames, ...) as JSON data: base64 text under a key.
 
-    `fixed` has one row.
+    The key is `place`; it is `fixed`, with one row, if all rows are equal.
     """
     same = np.array_equal(place, np.broadcast_to(place[:1], place.shape))
     return {"fixed" if same else "place": _packed(place[0] if same else place)}
@@ -800,7 +824,10 @@ def _link(
 
 
 def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
-    """Return the HTML page on which runs play side by side, on one clock."""
+    """Return the HTML page on which runs play side by side, on one clock.
+
+    runs : the films of the runs, as of `record`.
+    """
     data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     # Nothing in it may end the element that it stands in.
     data = data.replace("<", "\\u003c")
@@ -867,7 +894,7 @@ def filled(
 
 
 def recorded(content: str) -> list[dict[str, Any]] | None:
-    """Return the runs of a page; None if it contains no runs."""
+    """Return the films in the text of a page, as of `record`; None if it has none."""
     found = _DATA.search(content)
     if not found:
         return None

@@ -37,7 +37,7 @@ def explorer(title: str) -> bytes:
 
 
 def compressed(content: bytes) -> str:
-    """Return bytes in the form that the page unpacks: deflated, in base 85.
+    """Return bytes as text that the page unpacks: deflated, in base 85.
 
     The digit `<` is written `.`, so that no digits are a tag of HTML.
     """
