@@ -579,7 +579,7 @@ def energy(data: PlotData) -> Picture:
 
 
 def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
-    """Return, for each column of energy, the constant that its curve is drawn less.
+    """Return, for each column of energy, the constant subtracted from its curve.
 
     It is the value at the start where the energy is far from 0 in comparison with its
     changes, else 0. Constants of T and V are also subtracted from T + V.

@@ -78,7 +78,7 @@ def film_at(
     t: Floats | None = None,
     name: str = "",
 ) -> Film | None:
-    """Return the scene of a model in some states, as the frames of a film, or None.
+    """Return the scene of a model in some states, as the frames of a film.
 
     None if the model has no scene.
 

@@ -121,7 +121,7 @@ class Writer:
         return block.tobytes()
 
     def _whole(self, text: bytes) -> tuple[int, int]:
-        """Return the number of whole rows at the begin of `text`, and their bytes.
+        """Return the number of whole rows at the beginning of `text`, and their bytes.
 
         text : part of the file, from the beginning of a row on; a full disk may have
         cut it.
