@@ -97,7 +97,7 @@ def _renamed(problem: Problem) -> Problem:
 def with_settings(
     keys: Iterable[str] = OPTIONS, before: str = "error_bar"
 ) -> Callable[[F], F]:
-    """Return a decorator of functions with settings of a run as `**options`.
+    """Return a decorator that documents the settings in `**options` of a function.
 
     The signature and the docstring of the function then list the settings with their
     descriptions in the schema of the model file.
@@ -129,7 +129,9 @@ def with_settings(
 def given(
     options: Mapping[str, Any], keys: Collection[str] = OPTIONS
 ) -> dict[str, float | str]:
-    """Return the options that are not None; `keys` are the accepted ones.
+    """Return the options that are not None, after a check of their names and types.
+
+    keys : the accepted names.
 
     Raises
     ------
@@ -190,6 +192,9 @@ def number_range(
 ) -> tuple[float, float]:
     """Return the smaller and the larger end of a range of numbers.
 
+    name : of the argument. value : two numbers or texts of numbers. expected : the
+    permitted ranges.
+
     Raises
     ------
     ValueError
@@ -246,7 +251,7 @@ def one_of(name: str, value: str, known: type[E]) -> E:
 
 
 def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
-    """Return the values to sweep: by name, a list of numbers and strings.
+    """Return values to sweep as lists of numbers and strings, by name.
 
     Raises
     ------

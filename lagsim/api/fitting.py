@@ -41,10 +41,12 @@ class Fitted(Analysis):
     parameters : dict
         By name: `value`, `standard_error`, `interval` (at 95 %), `start`.
     correlation : dict
-        By name, then by name.
+        Correlation of two names: `correlation[name][other]`.
     rms, noise : dict of str to float
-        By column.
+        By column: root mean square of the residuals, and standard deviation of the
+        measurements, given or estimated.
     identifiable : bool
+        Whether the data determine all values.
     combinations : list of dict
         Relative changes of names that leave all columns as they are.
     chi2 : float

@@ -453,7 +453,7 @@ class Derivation:
 
     @cached_property
     def _content(self) -> Content:
-        """The sections of the text.
+        """The derivation as data, from which each format is written.
 
         The matrices of large models are left out unless an option needs them.
         """

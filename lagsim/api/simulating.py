@@ -170,7 +170,7 @@ class Error(ErrorBar):
     coordinates : dict
         For each coordinate its largest error, `largest` in its unit and `relative` to
         its range, and the `time` of that error.
-    method, rtol
+    method, rtol : str, float or None
         The method of the repeat and its tolerance.
     times, errors : ndarray, shapes (k,) and (k, n)
         The times compared, and the errors of all coordinates there, in their units.
@@ -442,7 +442,7 @@ class Result:
         return {name: values.reshape(times.shape) for name, values in columns.items()}
 
     def _instants(self, times: Floats) -> Floats:
-        """Replace times (k,) that are close to an event by the time of that event."""
+        """Return times (k,) in which a time close to an event is that of the event."""
         known = np.unique([event.time for event in self.events])
         if not len(known):
             return times
@@ -500,7 +500,7 @@ class Result:
         return figure(model.name, drawn[against], others)
 
     def _closer(self, columns: dict[str, Floats]) -> dict[str, Floats]:
-        """Return columns with values from `at` between the rows, where rows are few."""
+        """Return columns (rows,) for a plot, with values from `at` between few rows."""
         t = self.t
         more = -(-SMOOTH // max(len(t), 1))
         if more < 2 or len(t) < 2 or self.record["steps"] > MOST_REPEATED:
@@ -590,7 +590,7 @@ class Result:
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
         """Yield name and content of each file of the result other than the table.
 
-        plots, animate : whether pictures, and the page, are among these.
+        plots, animate : whether the pictures, and the page, are included.
         """
         made, session = self._made, self._made.session
         equations, columns = session.equations, session.columns.names
@@ -774,7 +774,8 @@ def _appended(
 ) -> Appended | None:
     """Return the columns of sensitivities and standard deviations; None if none.
 
-    times : (k,), by default the output times.
+    settings : settings of the run. options : options that replace settings of the file.
+    times : (k,), times of the values, by default the output times.
     """
     names = model.output.sensitivities
     if not names and not any(p.uncertainty for p in model.parameters):

@@ -84,7 +84,7 @@ def entry() -> int:
 
 
 def _leave(number: int, _frame: object) -> NoReturn:
-    """Signal handler: end the process at once; in force while no work is under way.
+    """Signal handler: end the process at once; in force while no command is at work.
 
     number : of the signal.
     """
@@ -120,10 +120,11 @@ def _application() -> typer.Typer:
 
 
 def _guarded(application: Callable[[], typer.Typer]) -> int:
-    """Create and call the application; return the exit code.
+    """Create and call the command line; return the exit code.
 
-    application : function that creates it. An unforeseen exception is reported as a
-    bug, with exit code 70.
+    An unforeseen exception is reported as a bug, with exit code 70.
+
+    application : function that creates the application of typer.
     """
     import typer
 
@@ -210,7 +211,7 @@ _GLANCE_SECONDS = 0.05
 
 
 def raise_pending_signal() -> None:
-    """Raise the exception of a received signal, if there was one.
+    """Raise the exception of a received signal again, if there was a signal.
 
     Other code may have caught and discarded the first exception.
     """

@@ -41,9 +41,10 @@ _OUTSIDE = (USAGE, OUTPUT_FOLDER, FAILED, NO_ROOM, NO_REFERENCE)
 
 
 def reporting(command: Callable[..., int]) -> Callable[..., int]:
-    """Return a command that reports the faults of its input, and ends with their code.
+    """Decorate a command so that faults of its input are reported, not raised.
 
-    They are printed, or with `--json` given as a document.
+    They are printed, or with `--json` shown as a document; the command returns the exit
+    code of the error.
     """
 
     @wraps(command)
@@ -85,8 +86,10 @@ def reported(
 
     Parameters
     ----------
-    file
-        Named with faults of a model that have no place in a file.
+    documents : list or None
+        The list for `--json`; None to print the error on stderr.
+    file : str or None
+        The model file, named with faults that have no place in a file.
     """
     if isinstance(error, StartError):
         from lagsim.cli._verdict import annotate_start, report
@@ -127,7 +130,7 @@ def error_text(error: LagsimError) -> str:
 
 
 def plain_text(error: LagsimError) -> str:
-    """Return the text of an error without colours, as printed to a file or pipe."""
+    """Return the text of an error without colours, as in a file or pipe."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import faults
 
@@ -138,7 +141,7 @@ def plain_text(error: LagsimError) -> str:
 def errors_document(
     problems: Iterable[Problem], file: str | None = None
 ) -> dict[str, Any]:
-    """Return the document of unusable input.
+    """Return the document that describes faults of the input, for `--json`.
 
     file : the model file, named with faults that have no place in a file.
     """

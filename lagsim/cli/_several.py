@@ -38,9 +38,22 @@ INTERRUPTED = 130
 
 
 class PendingRun(NamedTuple):
-    """Model to be run into a folder, with the options of the run.
+    """Model that is to be run into a folder, with the options of the run.
 
-    `text` is the text of the file; `job` makes a `run.Job`.
+    Attributes
+    ----------
+    text, file : str
+        Text of the model file, and its name.
+    folder : Path
+        Folder of the results.
+    overrides : mapping of str to str
+        Values of `--set`.
+    options : mapping of str to str
+        Options of the run by key of `simulation`.
+    job : callable
+        Creates the `run.Job` from the folder, the documents and the interrupt.
+    as_json : bool
+        Whether errors are stored in documents, and not printed.
     """
 
     text: str
@@ -71,7 +84,7 @@ class Done(NamedTuple):
 
 
 def done(piece: PendingRun, interrupt: Interrupt) -> Done:
-    """Run one model into its folder, and return the result."""
+    """Run one model into its folder, and return the result, even of a failure."""
     documents: list[Any] = []
 
     def work() -> int:
@@ -85,7 +98,9 @@ def done(piece: PendingRun, interrupt: Interrupt) -> Done:
 def alone(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
-    """Return the result of `work`, whose failure does not end that of other models.
+    """Return the result of `work` for one of several models.
+
+    An unforeseen exception becomes a result, so that it does not end the other models.
 
     work, file, documents, as_json : see `heard`.
     """
@@ -136,7 +151,7 @@ def each(
     jobs: int,
     interrupt: Interrupt,
 ) -> Iterator[tuple[int, Done]]:
-    """Compute the results of several models; yield number and result in their order.
+    """Compute the results of several models; yield (number, result) by number.
 
     A result is yielded as soon as it and all before it exist. After an interrupt, the
     models without a result are left out.
@@ -145,8 +160,8 @@ def each(
     ----------
     work : callable
         Function at the top level of a module, which does not raise, see `alone`.
-    pieces : mapping
-        Argument of `work`, or the result, by the number of the model.
+    pieces : mapping of int to Piece or Done
+        Argument of `work`, or the result if it is known, by the number of the model.
     paths : sequence of str
         The model files.
     jobs : int
@@ -187,8 +202,18 @@ def run_all(
 
     Parameters
     ----------
-    job
-        Makes the job of one model from its folder, documents and interrupt.
+    paths : sequence of str
+        The model files.
+    folder : Path
+        The folder in which each model has a folder of results.
+    job : callable
+        Creates the `run.Job` of one model from its folder, documents and interrupt.
+    sets : sequence of str or None
+        Values of `--set`.
+    options : mapping of str to str
+        Options of the runs by key of `simulation`.
+    jobs : int or None
+        The number of processes.
 
     Raises
     ------
@@ -235,7 +260,7 @@ def run_all(
 
 
 def _report(found: Mapping[int, PendingRun | Done], paths: Sequence[str]) -> None:
-    """Print the stderr texts of results, below the paths of their models."""
+    """Print the texts of runs for stderr, each below the path of its model."""
     for k, result in found.items():
         if isinstance(result, Done) and (printed := result.printed.rstrip("\n")):
             complain(f"{paths[k]}:")

@@ -43,7 +43,7 @@ class PictureFormat(Enum):
 
 
 def flag(name: str, text: str) -> Any:
-    """Return the declaration of an option without a value.
+    """Return the declaration for typer of an option without a value.
 
     name : of the option. text : its help.
     """
@@ -51,7 +51,7 @@ def flag(name: str, text: str) -> Any:
 
 
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
-    """Return the declaration of an option with a value, None by default.
+    """Return the declaration for typer of an option with a value, None by default.
 
     metavar : placeholder of the value in the help. text : the help. names : names of
     the option, if not that of the parameter.
@@ -153,7 +153,10 @@ def show_json(document: Any) -> None:
 
 
 def coloured(text: str, code: str) -> str:
-    """Return `text` in a colour where stdout is a terminal that shows colours."""
+    """Return `text` in a colour if stdout is a terminal with colours, else unchanged.
+
+    code : number of the colour in control sequences, such as 32.
+    """
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     if plain or not sys.stdout.isatty():
         return text
@@ -166,7 +169,7 @@ def aligned_pairs(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def titled_rows(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Return rows (name, text) of a table; rows after the first have an empty name."""
+    """Return one row (name, text) for each text; the name is "" after the first row."""
     return [("" if k else name, text) for k, text in enumerate(texts)]
 
 
@@ -195,9 +198,11 @@ PATIENCE_SECONDS = 1.0
 def progress_bar(
     label: str, *, quiet: bool
 ) -> Iterator[Callable[[float], None] | None]:
-    """Context manager: a function of the fraction done; None without a terminal.
+    """Context manager: show a bar on stderr while the fraction of work done grows.
 
-    The bar stays at its last value: at 100 % if the function was called with 1.
+    It yields the function to be called with that fraction; None, and no bar, if stderr
+    is no terminal or with `quiet`. The bar stays at its last value: at 100 % if the
+    function was called with 1.
     """
     if quiet or not sys.stderr.isatty():
         yield None
@@ -287,7 +292,7 @@ def _named_in(model: Model) -> list[set[str]]:
 def put_picture(
     path: Path, draw: Callable[[], bytes], *, folders: bool = False
 ) -> bool:
-    """Write a picture; return whether it could be drawn.
+    """Write a picture to a file; return whether it could be drawn.
 
     Raises
     ------
@@ -303,10 +308,10 @@ def put_picture(
 def drawn_or_reported(
     name: str, draw: Callable[[], bytes], warnings: list[Any]
 ) -> bytes | None:
-    """Return the content of a picture; None if drawing fails.
+    """Return the content of a picture; None, with a printed warning, if drawing fails.
 
-    name : the file. warnings : receives the record of a failure, which is also printed
-    as a warning.
+    name : of the file. draw : returns the content. warnings : list to which the record
+    of the warning is appended.
     """
     from lagsim.outputs import attempted
 
@@ -319,7 +324,9 @@ def drawn_or_reported(
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
-    """Write files and the document that lists them, and move all to their final names.
+    """Write files and the document that lists these; rename all to their final names.
+
+    results : the folder of results.
 
     Raises
     ------
@@ -377,7 +384,7 @@ def experiment(
     quiet: bool,
     as_json: bool,
 ) -> int:
-    """Call `measure`, write and report its result, and return the exit code.
+    """Run a study by a call of `measure`, write its files, and return the exit code.
 
     After an interrupt `measure` ends early. If it returns remarks in place of a result,
     no file is written. The chart is left out after a signal, or if drawing fails. With
@@ -429,9 +436,10 @@ def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
 
 
 def methods_of(text: str | None) -> tuple[str, ...] | None:
-    """Return the methods of an option A,B; None without the option.
+    """Return the methods that an option A,B names; None without the option.
 
-    Retired methods are left out with a warning; None also if no others are named.
+    Retired methods are left out with a warning; None also if no other methods are
+    named.
     """
     if text is None:
         return None
@@ -461,8 +469,9 @@ def parse_range(
 
 
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
-    """Return the first line of a summary: whether the study is complete, with counts.
+    """Return the first line of the summary of a study: its state, model and counts.
 
+    document : the content of the study's JSON file, with `complete` and `model`.
     counts : pairs of a number and a noun.
     """
     state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
@@ -526,7 +535,7 @@ def width_of(stream: TextIO) -> int | None:
 
 
 def colour(text: str, code: str) -> str:
-    """Return a text enclosed in the control sequences of a colour."""
+    """Return a text between the control sequences of a colour, such as "32"."""
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
@@ -536,7 +545,8 @@ def without_controls(text: str, stream: TextIO, *, again: bool = False) -> str:
     Parameters
     ----------
     again : bool
-        Whether a worker process has printed the text before, with its annotations.
+        Whether a worker process has already printed the text, so that it contains
+        annotations of GitHub Actions, which must stay.
     """
     parts = _COLOUR.split(text)
     parts[::2] = map(visible, parts[::2])
@@ -561,7 +571,7 @@ def harmless(text: str) -> str:
 
 
 def unmarked(text: str) -> str:
-    """Return a text without the mark of older commands of GitHub Actions."""
+    """Return a text in which `##[`, an old mark of GitHub Actions, is broken."""
     return text.replace("##[", "## [")
 
 
@@ -619,7 +629,7 @@ def report_stdout_failure(error: OSError) -> int:
 def complain(text: str, *, again: bool = False) -> None:
     """Print text for a person on stderr.
 
-    again : whether a worker process has already added annotations.
+    again : whether a worker process has already printed it, see `without_controls`.
     """
     _report(without_controls(text, sys.stderr, again=again))
 

@@ -31,10 +31,10 @@ def report(
     *,
     repair: bool = False,
 ) -> str:
-    """Return the report for people; its first line is the verdict.
+    """Return the report on a start as text; its first line is the verdict.
 
     start : the examination. choices : choices of the plan. repair : whether an
-    admissible start is printed.
+    admissible start is included.
     """
     name = equations.model.name
     rows: Sequence[object] = equations.rows
@@ -127,7 +127,8 @@ def _sided(verdict: RelationResiduals) -> str:
 def _status(verdict: RelationResiduals, residual: float) -> str:
     """Return the state of a constraint that holds only at times, in words.
 
-    residual : the residual of its position, as shown in the report.
+    verdict : the judgement on the constraint. residual : its gap or residual of
+    positions, as shown in the report.
     """
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
@@ -138,7 +139,10 @@ def _status(verdict: RelationResiduals, residual: float) -> str:
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:
-    """Return lines on a singular mass matrix, and on the dimension that is reached."""
+    """Return lines on a singular mass matrix, and on the dimension of the motion.
+
+    The latter is the number of dimensions of the positions that the motion can reach.
+    """
     lines = []
     if start.augmented:
         lines.append(

@@ -118,10 +118,12 @@ def command(
 def _opened(
     path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
-    """Return a function that measures a model, and the folder of its results.
+    """Return the function that measures a model, and the folder of its results.
 
-    overrides : values of `--set`. wish : options of the bench. form : format of
-    pictures.
+    The function is an argument of `experiment`.
+
+    path : the model file. overrides : values of `--set`. wish : options of the bench.
+    form : format of pictures.
     """
     model = read_file(path, overrides)
     # Every method is tried, and some need derivatives of the forces.
@@ -138,7 +140,7 @@ def _opened(
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
-    """Return a function that draws a stored measurement again, and its folder.
+    """Return the function that draws a stored measurement again, and its folder.
 
     path : a work_precision.json. Other arguments as for `_opened`.
     """
@@ -159,7 +161,7 @@ def _written(
     form: str,
     summary: Callable[[str], str],
 ) -> Measured:
-    """Return the files of a measurement, its document and summary.
+    """Return a measurement as `experiment` writes it: files, document and summary.
 
     shown : the rows that the chart shows.
     """

@@ -120,9 +120,10 @@ def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> s
 
 
 def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
-    """Return the verdict on one line: `same`, or the word `differs` with its code.
+    """Return the verdict as one line: `same: ...`, or `<differs>: ... [number]`.
 
-    what : the names or rows that were compared, which follow.
+    differs : the word if the comparison fails. what : the names or rows that were
+    compared, which follow the word.
     """
     if verdict.passed:
         return f"{coloured('same', '32')}: {what}"
@@ -130,7 +131,10 @@ def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
 
 
 def differing(verdict: Verdict) -> list[str]:
-    """Return lines on failed columns: the first in time, then by falling deviation."""
+    """Return lines on the columns that fail, the first in time before the others.
+
+    The others are sorted by falling deviation.
+    """
     first, failed = verdict.first, verdict.failed
     if first is None:
         return []
@@ -150,7 +154,7 @@ def notes(verdict: Verdict) -> list[str]:
 
 
 def _listing(deviations: Sequence[Deviation]) -> list[str]:
-    """Return a table with the cell of largest deviation of each column."""
+    """Return the lines of a table: for each column the cell of largest deviation."""
     rows = [("column", "worst at t", "golden", "new", "difference", "bound", "cells")]
     rows += [
         (

@@ -98,7 +98,10 @@ def _refuse(
 
 
 def _print(content: bytes) -> None:
-    """Print text; a letter that the stream does not know is printed as its number."""
+    """Print the equations, UTF-8 text, on stdout.
+
+    A letter that the stream cannot encode is printed as its number.
+    """
     text = content.decode()
     if sys.stdout.isatty():
         text = visible(text)

@@ -211,7 +211,10 @@ def _compared(task: _Task, interrupt: Interrupt) -> Done:
 
 
 def _answer_in(found: Done) -> _Answer:
-    """Return the answer of a result; a failed one for a process without an answer."""
+    """Return the `_Answer` in the documents of a result.
+
+    If a process has ended without one, it is an answer with an error.
+    """
     for answer in found.documents:
         if isinstance(answer, _Answer):
             return answer
@@ -261,7 +264,10 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
 
 
 def _answer(task: _Task) -> _Answer:
-    """Compare a model with its golden, or store a new golden with `update`."""
+    """Compare a model with its golden, and return the answer.
+
+    With `task.update` a new golden is stored instead.
+    """
     model = task.model
     if isinstance(model, LagsimError):
         raise model
@@ -340,7 +346,7 @@ def _store(case: Case, folder: Path) -> _Answer:
 
 
 def _rows(golden: Golden) -> str:
-    """Return a text on the number of rows that are compared, out of all rows."""
+    """Return a text on the number of rows of a golden, out of all rows of its run."""
     count = len(golden.rows)
     every = golden.about.get("run_rows", count)
     return f"{count} of {every:,} rows" if count < every else counted(count, "row")
@@ -359,9 +365,9 @@ def _unseen(known: Summary) -> str:
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:
-    """Return warnings on numbers whose changes the golden does not detect.
+    """Return warnings that a golden is a weak test: few rows, or changes not detected.
 
-    known : the stored summary of such changes.
+    known : the stored summary of the changes of numbers, and of their detection.
     """
     model, found = golden.about["model"], []
     if len(golden.rows) < min(LEAST_ROWS, golden.about["run_rows"]):

@@ -99,10 +99,10 @@ ERROR_BAR: Any = typer.Option(
 def with_settings(
     keys: Mapping[str, str] = OPTIONS,
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that gives a command an option for each key of `simulation`.
+    """Return a decorator that adds an option to a command for each key of `simulation`.
 
-    The command receives the options that are given on the command line in its argument
-    `options`, by key.
+    The command receives the options of the command line in its argument `options`, by
+    key.
 
     keys : keys of `simulation` -> placeholder of the value in the help.
     """
@@ -301,9 +301,10 @@ class Job:
             return self._made(session, {**options, "set": {**overrides}})
 
     def _made(self, session: Session, wishes: Document) -> int:
-        """Run a session, write its folder of results, and return the exit code.
+        """Open the folder of results, run a session into it, and return the exit code.
 
-        wishes : options on the files, as documents.
+        wishes : options of the run and its files as a document, by which `--resume`
+        recognises an equal request.
         """
         wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name
@@ -332,7 +333,9 @@ class Job:
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
-        """Integrate; write table, events, run.json and pictures; return the exit code.
+        """Run a session, write all files to `results`, and return the exit code.
+
+        The files are table, events, run.json and pictures.
 
         restart : creates the storage of checkpoints.
         """
@@ -398,6 +401,8 @@ class Job:
         """Write all files of a run; return the content of run.json, and an error.
 
         The error is the OSError of a disk that is full, or None.
+
+        found : the run. results : the folder. writer : of the table.
         """
         wish, lost, full = self.wish, False, found.fault
         try:
@@ -543,10 +548,14 @@ def _keep(
 
 
 def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> Document:
-    """Return the entries of run.json for a run whose results did not fit on the disk.
+    """Return the entries of run.json that change if results did not fit on the disk.
 
     Parameters
     ----------
+    writer : Writer
+        The writer of the table.
+    made : Attempt
+        The run.
     full : OSError
         The error of writing.
     lost : bool
@@ -622,7 +631,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
 
 
 def _happened(trajectory: Trajectory) -> list[str]:
-    """Return lines on the numbers of events, and on accumulations."""
+    """Return lines of the summary on the numbers of events, and on accumulations."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
     named = _named([e for e in trajectory.events if e.kind in COUNTED])
@@ -667,7 +676,7 @@ def _accuracy(document: Document) -> tuple[str, str]:
 
 
 def _error(bar: Estimate | str) -> str:
-    """Return the text of the error: the worst coordinate, its growth, the horizon."""
+    """Return the text on the error bar: worst coordinate, its growth, the horizon."""
     if isinstance(bar, str):
         return f"not estimated: {bar}"
     name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)

@@ -152,12 +152,12 @@ def _summary(document: Document, files: str) -> str:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Return rows as aligned columns, all left-justified."""
+    """Return rows of cells as lines with aligned columns, all left-justified."""
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
 def _values(document: Document) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
-    """Return the eigenvalues at the start, and along the motion."""
+    """Return the eigenvalues in a document: at the start, and along the motion."""
     found = document["eigenvalues"]
     pairs = (np.array(found[key], float) for key in ("at_start", "along"))
     return [x.reshape(-1, 2) @ [1.0, 1j] for x in pairs]
@@ -185,7 +185,11 @@ def _borders(document: Document) -> list[str]:
 
 
 def _predicted(border: Document) -> str:
-    """Return the predicted borders as text: one number if both agree."""
+    """Return the predicted border of a method as text.
+
+    The prediction is by eigenvalues at the start and along the motion: one number if
+    both agree.
+    """
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
         for x in (border["predicted_at_start"], border["predicted_along"])
@@ -258,7 +262,7 @@ def _complex(value: complex) -> str:
 
 
 def _modes(document: Document) -> list[str]:
-    """Return the equilibrium and the modes about it."""
+    """Return lines on the equilibrium, and on the modes about it."""
     at = document["equilibrium"]
     if at is None:
         where = f"none: {document['equilibrium_reason']}"

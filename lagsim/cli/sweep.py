@@ -66,9 +66,9 @@ REASON = 160
 
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the names that can be swept and begin with `incomplete`.
+    """Return the names of a model that can be swept and begin with `incomplete`.
 
-    They complete a command line.
+    These complete an argument in a shell.
     """
     try:
         model = read_file(str(context.params["model"]))
@@ -210,9 +210,12 @@ def _measured(
     plots: bool,
     quiet: bool,
 ) -> Measured | list[str]:
-    """Compute the missing runs; return the result, or remarks on how to continue.
+    """Compute the missing runs of a sweep; return the result for `experiment`.
 
-    Remarks are returned after an interrupt. journal : file of the rows.
+    After an interrupt, remarks on how to continue are returned.
+
+    found : the sweep. journal : file of its rows. jobs : number of processes, or None.
+    dask : address of a scheduler, or None.
     """
     folder = journal.path.parent
     with contextlib.ExitStack() as stack:

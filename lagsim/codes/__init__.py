@@ -84,7 +84,7 @@ class MessageRow(NamedTuple):
 
 
 def _sections(text: str) -> dict[str, str]:
-    """Return the sections of a model file's text by key, in the order of the file."""
+    """Return the sections of a model file as texts by key, in the order of the file."""
     parts = re.split(r"(?m)^(?=\w+:)", text)
     return {part.partition(":")[0]: part for part in parts if part}
 
@@ -170,7 +170,10 @@ def number(code: ErrorCode) -> str:
 
 
 def failure(code: ErrorCode) -> dict[str, Any]:
-    """Return the entry of a failed run or a negative answer in documents, by code."""
+    """Return the entry `failure` in the document of a failed run or a negative answer.
+
+    code : of the error.
+    """
     row = errors()[code]
     return {
         "code": code,
@@ -186,6 +189,9 @@ def every() -> list[MessageRow]:
 
 
 def found(word: str) -> list[MessageRow | Retired]:
-    """Return the rows with this number or code; an error and a warning may share it."""
+    """Return the rows of messages with this number or code, retired ones included.
+
+    word : number or code; an error and a warning may share a code.
+    """
     rows: list[MessageRow | Retired] = [*every(), *RETIRED]
     return [r for r in rows if word.upper() == r.number or word.lower() == r.code]
