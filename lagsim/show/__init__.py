@@ -44,7 +44,7 @@ MOST_ROWS = 20
 
 
 def has_many_rows(model: Model) -> bool:
-    """Whether the matrices of a model are too large to be read."""
+    """Whether the matrices of a model have too many rows to be read by a person."""
     return len(model.coordinates) + len(model.constraints) > MOST_ROWS
 
 
@@ -102,12 +102,19 @@ RESTITUTION_LAW = {"restitution_law": "poisson"}
 
 
 def always(k: Mapping[str, Any]) -> bool:
-    """Whether a constraint of the document is an equality that always holds."""
+    """Whether a constraint is an equality that always holds.
+
+    k : the entry of the constraint in the document of a derivation.
+    """
     return all(k[key] is None for key in _LAW)
 
 
 def on_velocities(k: Mapping[str, Any]) -> bool:
-    """Whether a constraint is between velocities, so that its function is its rate."""
+    """Whether a constraint is a relation of velocities, not of positions.
+
+    k : the entry of the constraint in the document, where function and rate are then
+    one.
+    """
     return k["rate"] is k["function"]
 
 
@@ -118,15 +125,21 @@ def conditions(
     called: tuple[str, str],
     signs: Mapping[str, str],
 ) -> dict[str, str]:
-    """Return the conditions on a constraint of the document: key -> statement.
+    """Return the conditions on a constraint as texts: key -> statement.
+
+    These are the conditions of a contact, of friction, of a limit and of `when`.
 
     Parameters
     ----------
-    multiplier
-        Symbol of its multiplier.
-    called
+    k : mapping
+        The entry of the constraint in the document of a derivation.
+    write : Printer
+        Prints expressions.
+    multiplier : sympy expression
+        Symbol of the multiplier.
+    called : (str, str)
         Names of the gap and its rate.
-    signs
+    signs : mapping of str to str
         Signs of the style, such as `ASCII`.
     """
     parts = {
@@ -146,9 +159,9 @@ def conditions(
 
 
 def in_words(constraint: Constraint) -> tuple[str, ...]:
-    """Return the conditions on a constraint with letters in place of long expressions.
+    """Return the conditions on a constraint as texts, with letters for expressions.
 
-    These are printed separately.
+    The expressions of these letters are printed separately.
     """
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
     words = _WORDS
@@ -160,9 +173,9 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
 
 
 def law_of(constraint: Constraint) -> dict[str, Any]:
-    """Return restitution and friction of a constraint, for the document.
+    """Return restitution and friction of a constraint, as entries of the document.
 
-    Friction as nodes; None where the law has none.
+    Coefficients of friction are nodes; an entry is None where the constraint has none.
     """
     law = constraint.law
     if law is None:

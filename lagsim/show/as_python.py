@@ -161,9 +161,10 @@ def _function(
 
 
 def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
-    """Return assignments that compute nodes, and an expression for each node.
+    """Return lines of code that compute nodes, and an expression for each node.
 
-    A node that is used once is written in the expression that uses it.
+    Each line is an assignment to a local name. A node that is used once is written
+    within the expression that uses it.
     """
     g = e.graph
     cone = g.cone(nodes)
@@ -187,9 +188,12 @@ def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
 
 
 def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
-    """Return the variables that a function reads: node -> local name and expression.
+    """Return the variables that a generated function reads.
 
-    cone : the nodes that it evaluates.
+    The result maps a node to the local name of the variable, and the expression that is
+    its value.
+
+    cone : the nodes that the function evaluates.
     """
     sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
     sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
@@ -212,9 +216,9 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
 
 
 def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
-    """Return a node as Python code, with the number of operations in it.
+    """Return the Python code of a node, and the number of operations in the code.
 
-    written : code and operations of nodes that are known.
+    n : the node. written : code and operations of the nodes that are its arguments.
     """
     op = g.ops[n]
     if op == DATA:

@@ -61,7 +61,7 @@ def conserved_quantities(
     dL_dq : sequence of int, length n
         Nodes of the derivatives of L by the coordinates.
     lines, constraints : sequence of dict
-        Entries of the document for equations and constraints.
+        The entries of the document for the equations of motion and the constraints.
     """
     found = _energy(x, lagrangian, dL_dt, lines)
     single = [
@@ -83,7 +83,11 @@ def conserved_quantities(
 
 
 def evident(x: Translation) -> list[Part]:
-    """Return the energy, and the momenta of coordinates that L does not contain."""
+    """Return the conserved quantities that are found without differentiation.
+
+    These are the energy, and the momenta of coordinates that L does not contain, as
+    entries of the document.
+    """
     e = x.equations
     if e.laws or e.model.events:
         return []
@@ -117,13 +121,13 @@ def _energy(
 def _momentum(
     x: Translation, dL_dq: int, j: int, line: Part, constraints: Sequence[Part]
 ) -> Part | None:
-    """Return the momentum of coordinate j where it is conserved, else None.
+    """Return the momentum of coordinate j as a conserved quantity; None if it is not.
 
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
 
-    dL_dq : the node of dL/dq. line : the equation of q in the document. constraints :
-    those of the document.
+    dL_dq : the node of dL/dq. line : the equation of coordinate j in the document.
+    constraints : the constraints in the document.
     """
     held = any(
         k["A"][j] != 0 or any(x.v[j] in s.free_symbols for s in k["slip"])
@@ -163,14 +167,19 @@ def _symmetries(
     functions: Sequence[tuple[Sequence[Any], Sequence[Any]]],
     momenta: Sequence[Any],
 ) -> list[Part]:
-    """Return the momenta of generators that change none of the functions.
+    """Return the momenta that symmetries conserve, as entries of the document.
+
+    A symmetry is a sum of generators that changes none of the functions.
 
     Parameters
     ----------
-    generators
-        Shifts, and turns.
-    functions
-        The slopes of each in the coordinates (n,), and in the velocities (n,) or none.
+    generators : sequence of tuple of int
+        Translations (i,) of a coordinate, and rotations (i, j) of two coordinates.
+    functions : sequence of (sequence, sequence)
+        For each function its derivatives by the coordinates (n,), and by the velocities
+        (n,) or ().
+    momenta : sequence of sympy expressions, length n
+        The momentum of each coordinate.
     """
     sums, changes = Sums(x.tidy.inner, Budget(MOST_PRODUCTS)), list[dict[int, Any]]()
     states = [[sums.power(s) for s in level] for level in (x.q, x.v)]
@@ -199,9 +208,12 @@ def _symmetries(
 
 
 def _cleared(slopes: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Multiply all slopes of a function by the denominators that are sums.
+    """Return the derivatives of a function, multiplied by their common denominator.
 
-    A turn changes atan2(y, x) by (x^2 + y^2)/(x^2 + y^2).
+    Denominators that are products or powers without sums stay. A rotation changes
+    atan2(y, x) by (x^2 + y^2)/(x^2 + y^2), for example.
+
+    slopes : derivatives by coordinates, and by velocities.
     """
     powers: dict[Any, int] = {}
     for e in (e for level in slopes for e in level):
@@ -242,12 +254,14 @@ def _changes(
     slopes: Sequence[Sequence[Terms]],
     states: Sequence[Sequence[int]],
 ) -> dict[int, dict[int, Any]]:
-    """Return the change of a function by each generator of a symmetry.
+    """Return the change of a function by each generator, as sums of products.
 
-    As product -> generator -> coefficient. slopes : derivatives of the function, as
-    sums of products. states : codes of coordinates and velocities.
+    The result maps the code of a product to {index of a generator: coefficient}.
 
     A rotation of coordinates rotates the velocities, too; a translation does not.
+
+    generators : see `_symmetries`. slopes : derivatives of the function, as sums of
+    products. states : codes of coordinates and velocities.
     """
     found: dict[int, dict[int, Any]] = {}
 
@@ -271,9 +285,11 @@ def _changes(
 def _null_vectors(
     rows: Iterable[Mapping[int, Any]], size: int
 ) -> Iterable[Sequence[int]]:
-    """Return vectors of a basis of the null space that consist of -1, 0 and 1.
+    """Yield vectors of a basis of the null space of a matrix.
 
-    rows : of a matrix with `size` columns, index -> entry.
+    Only vectors that consist of -1, 0 and 1 are yielded.
+
+    rows : of the matrix, each as {index of a column: entry}. size : number of columns.
     """
     found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
     entries = [row for row in found if row]
@@ -286,16 +302,22 @@ def _null_vectors(
 
 
 def _rounded(x: int | Fraction) -> Any:
-    """Return a short fraction or decimal equal to a number within rounding."""
+    """Return a number as a rational number of sympy with a short denominator.
+
+    It differs from x by rounding at most.
+    """
     x = min(Fraction(DIGITS.divide(x.numerator, x.denominator)), Fraction(x),
             key=lambda c: c.denominator)  # fmt: skip
     return sp.QQ(x.numerator, x.denominator)
 
 
 def _named(x: Translation, found: list[Part]) -> list[Part]:
-    """Return the definitions of the file that equal some nodes at random states.
+    """Set `definition` of conserved quantities that are definitions of the file.
 
-    Parameters are random too. All are near 1, so that roots and logarithms exist.
+    Quantity and definition are compared at random states, with random parameters. All
+    values are near 1, so that roots and logarithms exist.
+
+    found : entries of the document, which are changed and returned.
     """
     model, random = x.equations.model, np.random.default_rng(7)
     defined = [d for d in model.definitions if d.level is not Level.OUTPUT]

@@ -65,7 +65,7 @@ LARGEST_BLOCK = 3
 class _Solver:
     """Solution of M q'' = f + A^T lambda, A q'' = b in closed form, if that is short.
 
-    A note is added on each part that is left out.
+    For each part that is too long, a note for the reader is added to `notes`.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class _Solver:
     def solution(self, *, insist: bool) -> Part | None:
         """Return accelerations and multipliers in closed form, or None if too long.
 
-        insist : whether a long form, or the elimination step by step, is wanted.
+        insist : whether the elimination step by step is returned in place of None.
         """
         # Closed forms in numbered steps are for no reader.
         found = None if self.in_words else self._closed()
@@ -149,7 +149,10 @@ class _Solver:
         return {"steps": {}, "q_ddot": accelerations, "lambda": multipliers}
 
     def _stepwise(self) -> Part:
-        """Return the elimination step by step; expressions used twice have names."""
+        """Return accelerations and multipliers by numbered steps of an elimination.
+
+        Each expression that is used more than once is a step with a name.
+        """
         x, e, g = self.x, self.x.equations, self.x.g
         elimination = Elimination(e)
         known = dict(x.known)
@@ -204,9 +207,11 @@ class _Solver:
         return {"a": a, "G": G, "K": K, "Qc": Qc}
 
     def _gain(self, free: list[Any]) -> tuple[Any, Any]:
-        """Return K and Qc = K (A a - b), or (None, None) if too long.
+        """Return the gain K and the forces Qc = K (A a - b) of Gauss's principle.
 
-        free : a (n,), the accelerations without constraints.
+        Both are None if they are too long.
+
+        free : the accelerations a (n,) without constraints.
         """
         assert self.gram is not None
         x, held = self.x, self.held
@@ -220,7 +225,10 @@ class _Solver:
 
 
 def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]:
-    """Return the inverse times a vector, each entry as one fraction."""
+    """Return the product of an inverse and a vector, each entry as one fraction.
+
+    right : the vector.
+    """
     out = [sp.S.Zero] * len(right)
     for indices, adjugate, determinant in inverse:
         under = x.tidy.one_fraction(determinant)
@@ -235,7 +243,10 @@ def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]
 
 
 def _inverted(x: Translation, M: Matrix) -> Inverse | None:
-    """Return the inverse of M, or None where a block is too large or singular."""
+    """Return the inverse of M by blocks, or None if a block is too large or singular.
+
+    Each block has indices of rows, adjugate and determinant.
+    """
     whole, blocks = sp.Matrix(M), list[tuple[list[int], Matrix, Any]]()
     for indices in whole.connected_components():
         if len(indices) > LARGEST_BLOCK:
@@ -252,7 +263,7 @@ def _inverted(x: Translation, M: Matrix) -> Inverse | None:
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Return the scalar product of two vectors."""
+    """Return the scalar product of two vectors of expressions."""
     return sp.Add(*(p * q for p, q in zip(a, b, strict=True)))
 
 
@@ -261,9 +272,12 @@ def _readable(parts: Sequence[Any]) -> bool:
 
 
 def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
-    """Return a definition of each expression that is used more than once.
+    """Return definitions of numbered steps: name -> expression.
 
-    wanted : nodes to be expressed. known : node -> expression, extended here.
+    Each expression that `wanted` uses more than once is such a step.
+
+    known : node -> expression, to which the steps and `wanted` are added. wanted :
+    nodes to be expressed.
     """
     g = x.g
     cone = g.cone(wanted, ends=known)
@@ -287,9 +301,10 @@ STATES = 3
 
 
 def without_inertia(e: Equations) -> str | None:
-    """Return a coordinate with little inertia, or None where M is positive definite.
+    """Return the coordinate with the least inertia if M is not positive definite.
 
-    M is evaluated at random states, with the parameters of the file.
+    None if M is positive definite at one of some random states, with the parameters of
+    the file.
     """
     random = np.random.default_rng(3)
     n = len(e.q)
@@ -391,7 +406,10 @@ def derived(
 
 
 def _event(event: Transition, x: Translation) -> Part:
-    """Return an event for the document; without `impulse` where it gives none."""
+    """Return the entry of an event in the document.
+
+    It has no `impulse` if the event has no impulses.
+    """
 
     def written(node: int) -> Any:
         return x.sympy([node], written=True)[0]
@@ -412,9 +430,10 @@ _Found: TypeAlias = "tuple[Part, Part, list[Part]]"
 
 
 def _in_full(x: Translation) -> _Found:
-    """Derive the equations term by term.
+    """Return the derivation term by term, as entries of the document.
 
-    Expressions are tidied before they are differentiated, so that slopes are short.
+    Expressions are tidied before they are differentiated, so that derivatives are
+    short.
     """
     e, g, flow, model = x.equations, x.g, x.equations.flow, x.equations.model
     n = len(e.q)
@@ -535,7 +554,7 @@ def _energies(x: Translation) -> Part:
 
 
 def _tidied(x: Translation, nodes: Sequence[int]) -> list[int]:
-    """Return nodes equal to `nodes` in a simplified form, with short derivatives."""
+    """Return simplified nodes equal to `nodes`, whose derivatives are shorter."""
     return [x.node(e, n) for e, n in zip(x.sympy(nodes), nodes, strict=True)]
 
 
@@ -546,18 +565,19 @@ def _force(x: Translation, force: Force) -> Part:
 
 
 def _work(x: Translation, force: Force) -> list[int]:
-    """Return the generalized force of a force on each coordinate: nodes (n,)."""
+    """Return the nodes (n,) of the generalized forces by one force of the file."""
     velocity = force.level is not Level.POSITION
     levers = x.equations.flow.gradient(x.g, force.direction, by_rates=velocity)
     return [x.g.call("mul", force.node, lever) for lever in levers]
 
 
 def _sides(x: Translation, left: Any, Q: Any) -> Part:
-    """Return both sides of an equation, terms that depend on the state on the left.
+    """Return the two sides of an equation of motion, as entries of the document.
 
-    Multipliers and functions of t alone are on the right.
+    Terms that depend on the state are on the left; multipliers and functions of t alone
+    are on the right.
 
-    left : the left side, expression. Q : the generalized force.
+    left : the left side as derived, an expression. Q : the generalized force.
     """
     state = {*x.q, *x.v, *x.states}
     right = sp.Add(
@@ -571,14 +591,17 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
 
 
 def _moved(x: Translation, A: list[Any], b: Any) -> Part:
-    """Return the entries of the document for a row: A q'' - b, A and b."""
+    """Return the entries of a constraint for its row: A q'' - b, A and b."""
     return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
 
 def _constraint(
     x: Translation, c: Constraint, row: Row, values: Sequence[Any], moved: Part
 ) -> Part:
-    """Return a constraint: its function, its rate, and its row A q'' = b."""
+    """Return the entry of a constraint: function, rate, row A q'' = b, and law.
+
+    values : function and rate, expressions. moved : the entries of `_moved`.
+    """
     law, given = c.law, law_of(c)
     nodes = [given["friction"], given["static_friction"], c.limit, c.static, c.when]
     nodes += [law.bounce, *law.slips] if law else [None]
@@ -608,7 +631,10 @@ def _constraint(
 
 
 def _on_contacts(constraints: Sequence[Part]) -> list[str]:
-    """Return notes on contacts that the equations do not show."""
+    """Return notes on effects of contacts and friction that are not in the equations.
+
+    constraints : entries of the document.
+    """
     notes = []
     if any(k["kind"] == "one-sided" for k in constraints):
         notes.append("the multiplier of a contact is 0 while it is open")

@@ -145,7 +145,11 @@ class _Latex(Outline):
         return left, self.pieces(right, LONGEST_LINE - _width(left)), tail
 
     def align(self, rows: Sequence[Typeset]) -> None:
-        """Write rows left &= right; long ones are broken before a sign."""
+        """Write equations, aligned at their signs; long ones are broken before a sign.
+
+        rows : the left side, the terms (sign, text) of the right side, and the text at
+        the end.
+        """
         lines = []
         for left, terms, tail in rows:
             # Where an equation is all to the right of the mark, its = is in the terms.
@@ -159,9 +163,9 @@ class _Latex(Outline):
     # Terms that are longer than a line
 
     def pieces(self, e: Any, room: int) -> Pieces:
-        """Return the pieces of a sum, broken for lines of at most `room` letters.
+        """Return a sum as (sign, text) of each term, broken for lines of `room` letters.
 
-        A long term is divided within its longest factor.
+        A term that is longer than a line is divided within its longest factor.
         """
         found: Pieces = []
         for minus, term in map(signed, self.write.ordered(e)):
@@ -212,7 +216,7 @@ class _Latex(Outline):
         self._balance(*((line["left"], line["right"]) for line, _ in lines))
 
     def _balance(self, *equations: tuple[Any, Any]) -> None:
-        """Write equations of one quantity, aligned one below the other if they fit."""
+        """Write equations (left, right), aligned one below the other if they fit."""
         found = []
         for left, whole in equations:
             right = self.pieces(whole, LONGEST_LINE)
@@ -251,9 +255,10 @@ class _Latex(Outline):
 
 
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
-    """Return lines of at most `room` letters, made of parts of a formula.
+    """Return the lines of a formula, of at most `room` letters each.
 
-    line : the first, so far. begin : the beginning of further lines.
+    line : the beginning of the first line. parts : (sign, text) of each term. begin :
+    the beginning of further lines.
     """
     lines, used = [], 0
     for k, (sign, text) in enumerate(parts):

@@ -49,7 +49,10 @@ _ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
 
 
 def indexed(name: str) -> str:
-    """Return a name with index letter as in files: `tip(i-1).x` for `tip.i-1.x`."""
+    """Return the name of a member with its index in parentheses, as in files.
+
+    The index contains a letter: `tip(i-1).x` for `tip.i-1.x`.
+    """
     return _ANY_MEMBER.sub(r"(\1)", name)
 
 
@@ -69,13 +72,15 @@ class PrintedName:
 
 @dataclass
 class ModelNames:
-    """Names of one model in the syntax of its file; base class of the other styles.
+    """Typesetting of the names of one model; this class writes names as in the file.
+
+    Other styles are derived classes.
 
     Attributes
     ----------
-    names
-        The names in the order of the file. Of two names with one image the earlier one
-        keeps it.
+    names : iterable of str
+        The names in the order of the file. If two names would be typeset alike, the
+        later one is written letter by letter.
     """
 
     names: Iterable[str]
@@ -106,7 +111,7 @@ class ModelNames:
         return name in self._shown
 
     def show(self, name: PrintedName) -> str:
-        """Return `name` typeset."""
+        """Return a name, with its order of differentiation and kind, typeset."""
         if name.kind == "multiplier":
             return indexed(self.of_multiplier.format(self.verbatim(name.base)[0]))
         if name.kind:
@@ -119,11 +124,11 @@ class ModelNames:
         return self.joined(base, below, name.order)
 
     def split(self, name: str) -> tuple[str, str]:
-        """Return the letter or word, and the subscript, of a name."""
+        """Return the letter or word of a name, typeset, and its subscript or ""."""
         return self.verbatim(name)
 
     def verbatim(self, name: str) -> tuple[str, str]:
-        """Return a name letter by letter, and an empty subscript."""
+        """Return a name letter by letter, unlike `split`, and an empty subscript."""
         return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
@@ -144,7 +149,10 @@ class UnicodeNames(ModelNames):
     }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
-        """Return θ, ₁ for `theta1`, q, ₁,₂ for `q.1.2`, and r, .x for `r.x`."""
+        """Return the letter or word of a name, and its subscript.
+
+        Examples are θ, ₁ for `theta1`; q, ₁,₂ for `q.1.2`; and r, .x for `r.x`.
+        """
         head, *member = name.split(".")
         match = _PARTS.match(head)
         if match is None:
@@ -167,7 +175,7 @@ class UnicodeNames(ModelNames):
 
 
 class LatexNames(ModelNames):
-    """Commands for Greek letters, subscripts, and dots above."""
+    """Names in LaTeX: commands for Greek letters, subscripts, and dots for rates."""
 
     of_multiplier = r"\lambda_{{{}}}"
     letters: ClassVar = {
@@ -187,7 +195,7 @@ class LatexNames(ModelNames):
         return self._word(word), ",".join(below)
 
     def verbatim(self, name: str) -> tuple[str, str]:
-        """Return a name letter by letter, and an empty subscript."""
+        """Return a name in upright letters, unlike `split`, and an empty subscript."""
         return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:

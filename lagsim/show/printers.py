@@ -73,7 +73,7 @@ class Printer:
         return self._print(e)
 
     def terms(self, e: Any) -> list[tuple[str, str]]:
-        """Return pairs (sign, text) of the terms of a sum, in order of printing."""
+        """Return the terms of a sum as pairs (sign, text), in order of printing."""
         found = map(signed, self.ordered(e))
         return [("-" if minus else "+", self.factor(x)) for minus, x in found]
 
@@ -116,7 +116,7 @@ class Printer:
         return (str(x) if self.digits is None else f"{x:.{self.digits}g}").lower()
 
     def _is_fraction(self, x: Any) -> bool:
-        """Whether a number is written as a fraction rather than as a decimal."""
+        """Whether a rational number x is written as a fraction, not as a decimal."""
         if not x.is_Rational or x.q > LARGEST_DENOMINATOR:
             return False
         return bool(x.q % 5 or (abs(x) < 1 and not self.decimals))
@@ -180,7 +180,10 @@ class Printer:
         return self.between.join(map(self.factor, factors))
 
     def fraction(self, e: Any) -> tuple[list[Any], list[Any]]:
-        """Return the factors of the numerator and of the denominator, in order."""
+        """Return the factors of a product: of its numerator, and of its denominator.
+
+        Both lists are in order of printing; without denominator the second is empty.
+        """
         number, over, under = sp.S.One, [], []
         for x in sp.Mul.make_args(e):
             if x.is_Rational:
@@ -349,7 +352,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
 
     @staticmethod
     def sum_over(e: Any) -> str:
-        """Return the LaTeX command of a sum over members, with its range."""
+        """Return the sign of a sum over members in LaTeX, with the range of the index."""
         _, (letter, first, last) = e.args
         return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
 
@@ -377,19 +380,22 @@ def _is_function(e: Any) -> bool:
 
 
 def _name(e: Any) -> str:
-    """Return the name of a function in the model language."""
+    """Return the name in the model language of a function of sympy."""
     plain = type(e).__name__
     return getattr(e, "spelled", "") or _FUNCTIONS.get(plain, plain)
 
 
 def _shown(e: Any) -> str | tuple[str, str]:
-    """Return the name of a function, or the texts before and after its arguments."""
+    """Return how a function is printed: by its name, or by two texts.
+
+    The texts are before and after its arguments.
+    """
     row = FUNCTIONS.get(_name(e))  # sympy may bring one of its own
     return (row and row.text) or _name(e)
 
 
 def _double(e: Any) -> float | Decimal:
-    """Return a positive number as a double, or as a Decimal beyond their range."""
+    """Return a positive number as a double, or as a Decimal beyond its range."""
     try:
         x = float(e)
     except OverflowError:

@@ -54,9 +54,11 @@ LONGEST = 2_500
 
 
 def words_of(model: Model) -> dict[int, PrintedName]:
-    """Names of the nodes of definitions and their rates, in the order of evaluation.
+    """Return the definitions by which long equations are written, the "words".
 
-    Of a frame or a body that is a name without the section: `arm.2.xy`.
+    The result maps nodes of definitions and of their rates to names, in the order of
+    evaluation. A definition within a frame or body has a name without the section, such
+    as `arm.2.xy`, if that name is free.
     """
     g = model.graph
     velocities = [rate_of(c.name) for c in model.coordinates]
@@ -84,7 +86,9 @@ def words_of(model: Model) -> dict[int, PrintedName]:
 
 
 def refuse_long(model: Model, words: Mapping[int, PrintedName]) -> None:
-    """Refuse a model whose energies are too long to be written in these definitions.
+    """Refuse a model whose energies are too long even in its definitions.
+
+    words : names of the nodes of definitions, see `words_of`.
 
     Raises
     ------
@@ -103,7 +107,12 @@ def refuse_long(model: Model, words: Mapping[int, PrintedName]) -> None:
 
 
 def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
-    """Return the extent of nodes, and of each word, with words as symbols."""
+    """Return the joint extent of nodes and of the definitions of words.
+
+    Within all of these, words are symbols.
+
+    words : nodes of definitions.
+    """
     words, nodes = list(words), list(nodes)
     found = dict.fromkeys(words, Extent(1, 1))
     extents = written_out(g, [*nodes, *(a for n in words for a in g.args[n])], found)
@@ -111,7 +120,9 @@ def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
 
 
 def is_long(e: Equations, words: Mapping[int, PrintedName]) -> bool:
-    """Whether equations are shown in the file's definitions, being long otherwise.
+    """Whether equations are written in the definitions of the file.
+
+    They are if they would be too long otherwise.
 
     words : names of the nodes of definitions, see `words_of`.
     """
@@ -187,12 +198,21 @@ class Separation:
         return self._g.variable(called)
 
     def _back(self, kind: str, found: Gradient, variables: frozenset[int]) -> Found:
-        """Propagate gradients backwards through the definitions of velocities.
+        """Carry derivatives from definitions of velocities back to their variables.
 
-        `found` is updated. Return the definitions of the new variables.
+        Parameters
+        ----------
+        kind : str
+            Kind of the new variables: `momentum` or `force`.
+        found : dict of int to int
+            Derivative by each definition and variable, as nodes; updated.
+        variables : frozenset of int
+            The nodes of variables.
 
-        kind : of the new variables: momentum or force. found : derivative by variable.
-        variables : the nodes of variables.
+        Returns
+        -------
+        dict of str to int
+            Definitions of the new variables: name -> node.
         """
         made: Found = {}
         for n in reversed(self._speeds):
@@ -203,11 +223,24 @@ class Separation:
     def _carry(
         self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
     ) -> Found:
-        """Propagate the derivative by a definition to the variables in the definition.
+        """Carry the derivative by one definition to the variables that it contains.
 
-        n : the node of the definition. node : the derivative, which gets a name if it
-        is an operation. found : derivatives so far, updated. Return the definition of
-        the name by name; empty without one. kind : of the name, momentum or force.
+        Parameters
+        ----------
+        kind : str
+            Kind of a new variable: `momentum` or `force`.
+        n, node : int
+            Nodes of the definition, and of the derivative by it, which becomes a new
+            variable if it is an operation.
+        found : dict of int to int
+            Derivatives by variables, updated.
+        variables : frozenset of int
+            The nodes of variables.
+
+        Returns
+        -------
+        dict of str to int
+            Definition of the new variable: name -> node; {} without one.
         """
         g, word = self._g, self._words[n]
         made: Found = {}
@@ -250,7 +283,11 @@ class Separation:
         return [found[n] for n in flow.positions]
 
     def _applied(self) -> tuple[Gradient, Gradient]:
-        """Return generalized forces by variable: of positions, and of velocities."""
+        """Return the generalized forces of forces, constraints and dissipation.
+
+        The two results map variables to nodes: forces along positions, and along
+        velocities.
+        """
         g, model = self._g, self._e.model
         fixed: Gradient = {}
         moved: Gradient = {}
@@ -270,10 +307,10 @@ class Separation:
         return fixed, moved
 
     def _rates_of_words(self) -> Found:
-        """Return definitions of the time derivatives of words that occur.
+        """Return definitions of the time derivatives of words that occur: name -> node.
 
-        Words are the named definitions of the file. Ordered by dependence: name ->
-        node.
+        Words are the named definitions of the file. The result is ordered by
+        dependence.
         """
         g, nodes = self._g, [x for line in self.equations for x in line]
         nodes += [*self.reactions.values(), *self.momenta.values()]

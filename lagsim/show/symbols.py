@@ -47,7 +47,7 @@ LARGEST_DENOMINATOR = 16
 
 
 def symbol(name: str) -> Any:
-    """Return the real sympy symbol of exactly this name."""
+    """Return the real sympy symbol with this name, to the letter."""
     return sp.Symbol(name, real=True)
 
 
@@ -164,7 +164,10 @@ def to_sympy(
 
 
 def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
-    """Return the nodes to translate, from `known` up to `nodes`, arguments first."""
+    """Return the nodes that must be translated for `nodes`, arguments before results.
+
+    known : nodes whose expressions are known, below which none is visited.
+    """
     seen = set(nodes).difference(known)
     stack = list(seen)
     while stack:
@@ -176,9 +179,11 @@ def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
 
 
 def _operands(g: Graph, n: int, known: Collection[int]) -> list[tuple[int, bool]]:
-    """Return the arguments of a node, and whether each is subtracted.
+    """Return the operands of a node: pairs (operand, whether it is subtracted).
 
-    Nested sums are flattened, and nested products.
+    Nested sums, and nested products, are flattened to one.
+
+    known : nodes that are not flattened, since their expressions are known.
     """
     chain = _CHAINS.get(g.ops[n])
     if chain is None:
@@ -281,7 +286,12 @@ class Translation:
         self._operations = 0
 
     def _well_read(self, physics: list[int]) -> dict[int, PrintedName]:
-        """Return the nodes of definitions that keep their names, see the module."""
+        """Return the definitions that keep their names, as node -> name.
+
+        These are easier to read by name, see the docstring of the module.
+
+        physics : nodes of energies, forces and constraints.
+        """
         g = self.g
         used = set(g.cone(physics))
         arguments = {
@@ -346,7 +356,7 @@ class Translation:
         return names, rank
 
     def add(self, s: Any, name: PrintedName, rank: tuple[int, int]) -> Any:
-        """Store the displayed name and the rank of a symbol; return the symbol."""
+        """Store the displayed name and the rank of a symbol s, and return s."""
         self.names[s], self.rank[s] = name, rank
         return s
 
@@ -375,7 +385,7 @@ class Translation:
         ]
 
     def operations(self, nodes: Iterable[int]) -> int:
-        """Return the operations of nodes and of the expressions requested so far.
+        """Return the count of operations of nodes and of expressions requested so far.
 
         Raises
         ------
@@ -390,9 +400,9 @@ class Translation:
         return found
 
     def node(self, e: Any, original: int) -> int:
-        """Return a node for `e`, the simplified form of the node `original`.
+        """Return a node for the expression `e`, which equals the node `original`.
 
-        This is `original` itself if doubles cannot represent the numbers in `e`.
+        It is `original` itself if doubles cannot represent the numbers in `e`.
         """
         try:
             node = _built(self.g, e, self._nodes)
@@ -403,11 +413,19 @@ class Translation:
 
 
 class _NotExactError(Exception):
-    """An expression with numbers that doubles cannot represent."""
+    """Signal that doubles cannot represent a number in an expression."""
 
 
 def _built(g: Graph, e: Any, found: dict[Any, int]) -> int:
-    """Return the node of an expression; `found` maps known expressions to nodes."""
+    """Return the node of the graph for a sympy expression, which is added if new.
+
+    found : nodes of known expressions; updated.
+
+    Raises
+    ------
+    _NotExactError
+        If doubles cannot represent a number in the expression.
+    """
     if e in found:
         return found[e]
     if e.is_Symbol:
@@ -514,7 +532,7 @@ class Extent(NamedTuple):
 
 
 def together(extents: Iterable[Extent]) -> Extent:
-    """Return the joint extent of several expressions."""
+    """Return the extent of several expressions as a whole."""
     found = Extent(0, 0)
     for e in extents:
         operations = found.operations + e.operations
@@ -526,7 +544,10 @@ def together(extents: Iterable[Extent]) -> Extent:
 def written_out(
     g: Graph, nodes: Iterable[int], found: dict[int, Extent]
 ) -> list[Extent]:
-    """Return the extent of each node; extents of all nodes below go into `found`."""
+    """Return the extent of each node.
+
+    found : extents of nodes known before; updated with all nodes below `nodes`.
+    """
     nodes = list(nodes)
     for n in g.cone(nodes, ends=found):
         if n not in found:

@@ -87,7 +87,7 @@ class Outline:
         self.lines: list[str] = []
 
     def document(self) -> list[str]:
-        """Write all sections; return the lines."""
+        """Write all sections of the derivation, and return their lines."""
         c = self.c
         held = [*zip(c["constraints"], self.x.multipliers, strict=True)]
         self._energies()
@@ -108,7 +108,7 @@ class Outline:
         return self.lines
 
     def sign(self, key: str, *names: str) -> str:
-        """Return the notation with the key `key`, with names inserted."""
+        """Return the notation `signs[key]`, with names inserted."""
         return self.signs[key].format(*names)
 
     def show(self, q: str, order: int = 0) -> str:
@@ -139,9 +139,9 @@ class Outline:
     def _of_families(
         self, rows: Sequence[tuple[PrintedName, Any]], tail: str = ""
     ) -> list[Row]:
-        """Return labelled rows; rows of the members of a family are merged into one.
+        """Return rows (label, expression, text after it), one for a whole family.
 
-        tail : the text after each row.
+        rows : pairs of a name and its expression. tail : the text after each row.
         """
         return [
             (self.names.show(row.name), *row.parts, tail + self._tail(row))
@@ -149,7 +149,7 @@ class Outline:
         ]
 
     def _range(self, row: Members) -> str:
-        """Return the members of a row, such as `i = 2..7`; "" for a single row."""
+        """Return the members in a row, such as `i = 2..7`; "" for a single row."""
         numbers = row.members
         if not numbers:
             return ""
@@ -159,7 +159,7 @@ class Outline:
         return f"{self.families.letter} = {shown}"
 
     def _tail(self, row: Members) -> str:
-        """Return the members of a row, as a suffix of a formula."""
+        """Return the members in a row as a text after its formula, or ""."""
         members = self._range(row)
         return self.sign("members", members) if members else ""
 
@@ -264,7 +264,7 @@ class Outline:
     ) -> None:
         """Write the entries of a vector, one per line, each with a label.
 
-        key : of the label's sign. names : inserted into it, one per entry.
+        key : key of the label in `signs`. names : name inserted into each label.
         """
         rows = zip(names, values or (), strict=False)
         self._rows([(self.sign(key, name), e) for name, e in rows])
@@ -276,7 +276,11 @@ class Outline:
         labels: Sequence[str],
         names: Sequence[str],
     ) -> None:
-        """Write a matrix as a square where it fits, else entry by entry."""
+        """Write a matrix as a square if it fits, else one entry per line.
+
+        letter : of the matrix. rows : its entries. labels, names : names of rows and
+        columns; one object if the matrix is symmetric.
+        """
         written = [[self.write(e) for e in row] for row in rows]
         columns = zip(*written, strict=True)
         widths = [max(map(self.width, column)) for column in columns]
@@ -331,7 +335,10 @@ class Outline:
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
     def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
-        """Write the constraints that hold at times; a family's as one."""
+        """Write the constraints that hold at times; constraints of a family as one.
+
+        held : entries of the document with their multipliers.
+        """
         groups: dict[Any, list[tuple[Part, Any]]] = {}
         for k, multiplier in held:
             stated = {
@@ -553,7 +560,7 @@ _SPACE = re.compile(r"(?<=\S) (?=\S)")
 
 
 def _folded(line: str) -> list[str]:
-    """Break a long line into several, within as few parentheses as possible."""
+    """Return a long line as several, broken within as few parentheses as possible."""
     lines: list[str] = []
     margin = len(line) - len(line.lstrip())
     start, indent = margin, margin
@@ -570,7 +577,10 @@ def _folded(line: str) -> list[str]:
 
 
 def _break(line: str, fits: int, margin: int) -> int:
-    """Return the index at which to break a line, at most `fits`; 0 if there is none."""
+    """Return the index at which to break a line; 0 if there is none.
+
+    fits : the largest index. margin : number of spaces at the beginning of lines.
+    """
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))
     for least in (WIDTH // 2, margin + 8):
@@ -603,10 +613,16 @@ MOST_TERMS = 1_000
 
 
 class Members(NamedTuple):
-    """One row for all `members` (increasing numbers) of a family.
+    """Row of one formula for several members of a family, or a single row.
 
-    A single row has no members. `name` and the expressions `parts` contain the index
-    letter instead of the numbers of members.
+    Attributes
+    ----------
+    name : PrintedName
+    parts : tuple
+        The expressions; name and expressions contain the index letter in place of the
+        numbers of members.
+    members : tuple of int
+        The numbers of the members, increasing; () for a single row.
     """
 
     name: PrintedName
@@ -646,7 +662,10 @@ class Families:
         return int(found[2]) if found[1] or alike > FEW else None
 
     def rows(self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]) -> list[Members]:
-        """Return the rows, merged by family at the place of the first member."""
+        """Return rows, those of a family merged at the place of its first member.
+
+        rows : pairs of a name and its expressions.
+        """
         found: dict[Any, list[tuple[int, Named, Named]]] = {}
         for place, (name, parts) in enumerate(rows):
             k = self.member_of(name)
@@ -671,9 +690,11 @@ class Families:
         return result
 
     def _name(self, name: PrintedName, k: int, letter: str) -> PrintedName:
-        """Return a name with its number relative to k: `x.3` is `x.i+1` for k = 2.
+        """Return the name of a member with its number relative to k, with a letter.
 
-        letter : the letter of the index.
+        An example is `x.i+1` for `x.3` with k = 2.
+
+        letter : the letter of the index, which denotes k.
         """
 
         def counted(number: re.Match[str]) -> str:
@@ -683,9 +704,11 @@ class Families:
         return replace(name, base=_NUMBER.sub(counted, name.base, count=1))
 
     def _counted(self, e: Any, k: int, letter: str) -> Any:
-        """Return an expression with the numbers of members relative to k.
+        """Return an expression whose members have numbers relative to k, with a letter.
 
-        letter : the index letter, which denotes k.
+        It is equal for all members of a family whose rows differ in the number only.
+
+        letter : the letter of the index, which denotes k.
         """
         x, new = self.x, {}
         for s in e.free_symbols:
@@ -723,9 +746,9 @@ class Families:
 
 
 def _terms(e: Any) -> int:
-    """Return the number of terms of an expression when multiplied out.
+    """Return the number of terms of an expression if it were multiplied out.
 
-    Counted up to one more than the limit.
+    The count ends at MOST_TERMS + 1.
     """
     below = [_terms(a) for a in e.args]
     if e.is_Add:

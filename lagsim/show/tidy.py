@@ -60,7 +60,7 @@ class Sums(Turning[Any]):
     budget
         Counts the products of terms.
     whole
-        Predicate: whether a sum is kept unexpanded as a factor.
+        Predicate: whether a sum, as a factor, is kept unexpanded.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Sums(Turning[Any]):
         self._turns: dict[tuple[str, Any], int] = {}
 
     def of(self, e: Any) -> Terms:
-        """Return the expanded form of an expression: product code -> number."""
+        """Return an expression as a sum of products: product code -> coefficient."""
         if e.is_Rational:
             return {0: exact(e)} if e != 0 else {}
         if e.is_Add:
@@ -97,7 +97,7 @@ class Sums(Turning[Any]):
         return self._factor(e)
 
     def expression(self, product: int, number: Any = 1) -> Any:
-        """Return the sympy expression of `number` times a product code."""
+        """Return the sympy expression of `number` times the product with a code."""
         whole = _whole(frozenset(self.powers(product)))
         return whole if number == 1 else sp.Mul(number, whole)
 
@@ -146,9 +146,11 @@ class Sums(Turning[Any]):
     # Sines and cosines
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Return the sines, then the cosines, in a product.
+        """Return the sines and cosines in a product, as (function, angle, exponent).
 
-        Each with function, angle and exponent, in sympy's order of angles.
+        Sines come first; angles are in sympy's order.
+
+        product : the code of the product.
         """
         found = [
             (_FUNCTIONS[base.func], base.args[0], k)
@@ -160,16 +162,19 @@ class Sums(Turning[Any]):
         return found
 
     def turn(self, op: str, angle: Any) -> int:
-        """Return the product code of the sine or cosine of an angle."""
+        """Return the code of the product that is the sine or cosine of an angle.
+
+        op : sin or cos.
+        """
         found = self._turns.get((op, angle))
         if found is None:
             found = self._turns[op, angle] = self.power(getattr(sp, op)(angle))
         return found
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return the function `op` of a + sign b: a number, and a product code.
+        """Return the function `op`, sin or cos, of a + sign b, as number times product.
 
-        op : sin or cos. The number is a factor, such as -1 of sin(b - a).
+        The product is a code; the number is a factor, such as -1 of sin(b - a).
         """
         number, factor = getattr(sp, op)(a + sign * b).as_coeff_Mul()
         return exact(number), 0 if factor == 1 else self.power(factor)
@@ -190,9 +195,10 @@ class Tidier:
 
     Parameters
     ----------
-    constants, moving
-        Parameters, and definitions of parameters only; velocities, accelerations and
-        multipliers, by which terms are sorted.
+    constants : frozenset of Symbol
+        Parameters, and definitions of parameters only.
+    moving : frozenset of Symbol
+        Velocities, accelerations and multipliers, by which terms are sorted.
 
     Attributes
     ----------
@@ -270,9 +276,14 @@ class Tidier:
     def _terms(
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Sums, Terms, int] | None:
-        """Return an expression as a sum of products, with the count of merged terms.
+        """Expand an expression into a sum of products; None past the budget.
 
-        whole : predicate of sums that are not expanded. None past the budget.
+        whole : predicate of sums that are not expanded.
+
+        Returns
+        -------
+        tuple of (Sums, dict, int)
+            The codes of products, the terms, and the number of merged terms.
         """
         budget = Budget(min(MOST_PRODUCTS, self.left))
         sums = Sums(self.inner, budget, whole)
@@ -286,7 +297,10 @@ class Tidier:
             self.left -= budget.operations
 
     def inner(self, e: Any) -> Any:
-        """Simplify the arguments of a function, or the base of a power."""
+        """Return e with simplified arguments of a function, or base of a power.
+
+        A sum is simplified as a whole.
+        """
         if e.is_Add:
             return self(e)
         if isinstance(e, sp.Piecewise):
@@ -312,7 +326,7 @@ class Tidier:
     # Putting terms together
 
     def _collected(self, sums: Sums, terms: Terms) -> Any:
-        """Return the sum of `terms`, grouped by their velocities."""
+        """Return the sum of `terms` as an expression, grouped by velocities."""
         groups = _grouped(sums, terms, self.moving.__contains__)
         return sp.Add(
             *(
@@ -322,12 +336,15 @@ class Tidier:
         )
 
     def _factored(self, sums: Sums, terms: Terms) -> Any:
-        """Return the sum of `terms` with their common factor in front."""
+        """Return the sum of `terms` as expression, with their common factor in front."""
         common, number, rest = _common(sums, terms)
         return _product(sums.expression(common, number), self._collected(sums, rest))
 
     def _product(self, sums: Sums, outer: int, terms: Terms) -> Any:
-        """Return `outer` times a sum of terms, factored if that is shorter."""
+        """Return `outer` times a sum of terms, factored if that is shorter.
+
+        outer : the code of a product.
+        """
         if len(terms) == 1:
             ((one, number),) = terms.items()
             if not any(b.is_Add for b, _ in sums.powers(one)):
@@ -341,7 +358,10 @@ class Tidier:
         return min(direct, drawn, key=written_size)
 
     def _sum(self, sums: Sums, terms: Terms) -> Any:
-        """Return the sum of `terms`, grouped by factors other than parameters."""
+        """Return the sum of `terms` as expression, grouped by their variable factors.
+
+        These are the factors other than parameters.
+        """
         parts = []
         for outer, constants in _grouped(sums, terms, self._varies).items():
             common, number, inner = _common(sums, constants)
@@ -416,7 +436,13 @@ def _product(*factors: Any) -> Any:
 
 
 def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
-    """Return the common product of all terms, its number, and the remaining terms."""
+    """Return the common factor of terms, and the terms without it.
+
+    Returns
+    -------
+    tuple of (int, number, dict)
+        The code of the common product, the common number, and the remaining terms.
+    """
     if len(terms) < 2:
         return 0, 1, terms
     over = math.gcd(*(x.numerator for x in terms.values()))
