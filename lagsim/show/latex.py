@@ -163,7 +163,7 @@ class _Latex(Outline):
     # Terms that are longer than a line
 
     def pieces(self, e: Any, room: int) -> Pieces:
-        """Return a sum as (sign, text) of each term, broken for lines of `room` letters.
+        """Return a sum as (sign, text) by term, broken for lines of `room` letters.
 
         A term that is longer than a line is divided within its longest factor.
         """

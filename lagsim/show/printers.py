@@ -352,7 +352,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
 
     @staticmethod
     def sum_over(e: Any) -> str:
-        """Return the sign of a sum over members in LaTeX, with the range of the index."""
+        """Return the sign of a sum over members in LaTeX, with the index range."""
         _, (letter, first, last) = e.args
         return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
 

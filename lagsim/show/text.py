@@ -662,7 +662,7 @@ class Families:
         return int(found[2]) if found[1] or alike > FEW else None
 
     def rows(self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]) -> list[Members]:
-        """Return rows, those of a family merged at the place of its first member.
+        """Return rows; rows of a family are merged at the place of its first member.
 
         rows : pairs of a name and its expressions.
         """

@@ -336,7 +336,7 @@ class Tidier:
         )
 
     def _factored(self, sums: Sums, terms: Terms) -> Any:
-        """Return the sum of `terms` as expression, with their common factor in front."""
+        """Return the sum of `terms` as expression, with the common factor in front."""
         common, number, rest = _common(sums, terms)
         return _product(sums.expression(common, number), self._collected(sums, rest))
 
