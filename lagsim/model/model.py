@@ -136,7 +136,12 @@ class Coordinate(NamedTuple):
 
 
 class Level(IntEnum):
-    """Quantities on which an expression may depend, in ascending order."""
+    """Quantities on which an expression depends, each level including the ones before.
+
+    NUMBER: numbers and parameters alone. POSITION: also time, coordinates, first-order
+    states and modes. VELOCITY: also velocities and rates. OUTPUT: also accelerations,
+    multipliers, energies and reactions, known only with the solution.
+    """
 
     NUMBER = 0
     POSITION = 1
@@ -151,7 +156,7 @@ class Level(IntEnum):
 
 
 class Definition(NamedTuple):
-    """Named scalar expression: its node, and the level of quantities it depends on."""
+    """Named scalar expression: its graph node, and the level of its quantities."""
 
     name: str
     node: int
@@ -161,11 +166,13 @@ class Definition(NamedTuple):
 
 
 class Force(NamedTuple):
-    """Generalized force `node` on a coordinate or a definition, `on`.
+    """Generalized force or impulse p along a direction u; its power is p u' or p u.
 
-    Q_j = node * d direction/d q_j for a direction of positions (and time), and node * d
-    direction/d q_j_dot for a direction that is affine in the velocities; `level`
-    distinguishes these cases.
+    `on` is the coordinate or definition u that the file names; `node` and `direction`
+    are the graph nodes of p and u. With `level` POSITION, u depends on positions and
+    time, Q_j = p du/dq_j, and the power is p u'. With VELOCITY, u is affine in the
+    velocities, Q_j = p du/dq_j', and the power is p u. `place` is that of the value in
+    the file.
     """
 
     on: str
@@ -178,8 +185,9 @@ class Force(NamedTuple):
 class Relation(NamedTuple):
     """Relation of a constraint: `node` = 0 for an `equality`, else the gap `node` >= 0.
 
-    `text` is the relation as the file writes it. `multiple`: whether the file's
-    expression has a multiple root, in place of which `node` has a simple one.
+    `node` is a graph node; `text` is the relation as the file writes it. `multiple`:
+    whether the file's expression has a multiple root, in place of which `node` has a
+    simple one.
     """
 
     node: int
@@ -196,11 +204,12 @@ SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
 class OneSided(NamedTuple):
     """Law of a one-sided relation, whose multiplier is never negative.
 
-    The law has Newton's restitution or (`poisson`) Poisson's, and Coulomb's friction:
-    `friction` while the contact slides, `static` while it sticks, both on the
-    velocities `slips`. A restitution that depends on the state, or on `APPROACH_SPEED`,
-    is the node `bounce`. A relation between velocities has restitution 0 and no
-    friction.
+    `restitution` is Newton's coefficient or, with `poisson`, Poisson's; a coefficient
+    that depends on the state, or on `APPROACH_SPEED`, is the graph node `bounce`
+    instead. Coulomb's friction acts on the sliding velocities `slips` (graph nodes, one
+    or two), with the coefficient `friction` while the contact slides and `static` while
+    it sticks (graph nodes; None: no friction, or one coefficient for both). A relation
+    between velocities has restitution 0 and no friction.
     """
 
     restitution: float
@@ -214,11 +223,12 @@ class OneSided(NamedTuple):
 class Constraint(NamedTuple):
     """Relation with the law of its multiplier; `law` is None for an equality.
 
-    `limit` is the largest multiplier of an equality of velocities; for two equalities
-    that share a limit, the largest norm of both multipliers, and `pair` is the offset
-    of the other equality in the list. `static` is the limit while the equality holds,
-    where it differs from the limit while it slides. `when`: the constraint is in force
-    while this condition of t, parameters and modes is not 0.
+    `limit` is the graph node of the largest |multiplier| of an equality of velocities;
+    `static` is the limit while the equality holds, where it differs from the limit
+    while it slides. For two equalities that share a limit, it bounds the norm of both
+    multipliers, and `pair` is the index of the other equality in the list of
+    constraints less the index of this one. `when` is the graph node of a condition of
+    t, parameters and modes: the constraint is in force while it is not 0.
     """
 
     name: str
@@ -237,9 +247,10 @@ class Constraint(NamedTuple):
 
     @property
     def ends(self) -> str:
-        """Endings of the names of two relations with a shared limit.
+        """Last letters of the names of two relations with a shared limit: `12` or `xy`.
 
-        They are the endings of a list (`.1`, `.2`), or of the components of a vector.
+        They are `12` for a list of relations (`.1`, `.2`), `xy` for components of a
+        vector.
         """
         return "12" if self.name[-1] in "12" else "xy"
 
@@ -250,10 +261,11 @@ class Constraint(NamedTuple):
 
 
 class InitialValue(NamedTuple):
-    """Start value; `error` bounds the rounding error of its expression.
+    """Start value of a coordinate, velocity, first-order state or definition.
 
-    `node` is the expression of a definition, or its total rate, and None for
-    coordinates and velocities.
+    `error` bounds the rounding error of the value; `guess`: whether the value is a
+    guess, which is solved for; `text` is the expression in the file. `node` is the
+    graph node of a definition, or of its total rate, and None for other names.
     """
 
     name: str
@@ -392,7 +404,10 @@ class Plot(NamedTuple):
     title: str = ""
 
     def curves(self, number: int) -> dict[str, DrawnExpression]:
-        """Return each expression by its column, for the plot `number`, from 0."""
+        """Return the expression of each column of the plot, such as `plot:0.y.1`.
+
+        number : index of the plot in `output.plots`, from 0.
+        """
         found = {f"plot:{number}.x": self.x}
         for axis, curves in (("y", self.y), ("y2", self.y2)):
             for k, curve in enumerate(curves, 1):
@@ -403,8 +418,9 @@ class Plot(NamedTuple):
 class Section(NamedTuple):
     """Section of the phase space, at which states are recorded for a picture.
 
-    States are recorded where the node `at` crosses 0 in a direction, or at times
-    `every` (a node) apart. `plot` has the two columns of the picture.
+    States are recorded where the graph node `at` crosses 0 in the `direction`, or at
+    times a constant interval apart, the graph node `every`; the other one of both is
+    None. `plot` has the names of the two columns of the picture.
     """
 
     name: str
@@ -460,9 +476,9 @@ class NumberPlaces(NamedTuple):
 
 
 class Stated(Protocol):
-    """Expressions of a model file, which can be evaluated for other values.
+    """Interface to a model file: evaluates its expressions for other values.
 
-    See `reader.File`.
+    Implemented by `reader.File`.
     """
 
     def bound(
@@ -488,10 +504,10 @@ class Stated(Protocol):
         """Return the settings of the file's run; see `Model.settings`."""
 
     def depends_on(self, names: Collection[str]) -> bool:
-        """Whether a further number of the file can depend on some names.
+        """Whether another number of the file can change when `names` change.
 
-        Such a number is a parameter, a start value or a setting whose expression
-        contains one of the parameters or start values `names`.
+        names : parameters or start values. Such a number is a parameter, a start value
+        or a setting whose expression contains one of `names`.
         """
 
     def rewritten(self, values: Mapping[str, float]) -> str:
@@ -518,12 +534,14 @@ class Stated(Protocol):
         """Return the parameters on which ranges and subscripts depend."""
 
     def compiled(self, text: str, option: str) -> int:
-        """Return the node of an expression of quantities in a row of the table.
+        """Return the graph node of an expression of columns of the table of a run.
 
         Parameters
         ----------
+        text
+            The expression.
         option
-            The text before the expression in messages.
+            The command line option, which precedes the expression in messages.
 
         Raises
         ------
@@ -587,11 +605,12 @@ class FirstOrderState(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """Event of the file that sets modes and gives impulses.
+    """Event of the file, which sets modes or states and gives impulses.
 
-    `sets` has pairs of a mode and a node. `impulses` act along their directions like
-    forces, in N s. The event acts when `at` becomes true, or at the start and at
-    intervals `every`; with `once` only the first time.
+    `sets` has pairs of a name and the graph node of its new value. `impulses` act along
+    their directions like forces, in N s. The event acts when the relation `at` becomes
+    true or, where `at` is None, at the start and at intervals `every`; with `once` only
+    the first time.
     """
 
     name: str
@@ -604,7 +623,7 @@ class Transition(NamedTuple):
 
 
 class Gimbal(NamedTuple):
-    """Frame by three angles, whose nodes are `angles`.
+    """Frame turned by three angles: its name, and the graph nodes of its angles.
 
     `node`, the sine or the cosine of the second angle, is 0 at gimbal lock, where the
     first and the last rotation have one axis.

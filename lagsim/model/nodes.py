@@ -63,34 +63,36 @@ class SourceText:
 
 
 class Reading(Protocol):
-    """Interpretation of an expanded scalar's text for one member of a family.
+    """Evaluation of a scalar's text for one member of a family and one component.
 
-    component, size : the number of the component that is read (None for a number), and
-    the number of components.
+    component : the index, from 0, of the component that is read; None for a number.
+    size : the number of components.
     """
 
     component: int | None
     size: int
 
     def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
-        """Return the expression that a text is for this member, without families.
+        """Return a text as postfix for this member: its names are single variables.
 
-        parser : the function that parses the text.
+        For the member i = 2, `q(i) + 1` is `q.2 + 1`. parser : the function that parses
+        the text as an expression or as a relation.
         """
 
     def words(self, text: str) -> Collection[str]:
-        """Return the names in the expression."""
+        """Return the names of variables in the text's expression for this member."""
 
     def member(self) -> str:
-        """Return the values of the indices, such as ` for i = 2`, or an empty text."""
+        """Return the member for messages, such as ` for i = 2`, or an empty text."""
 
 
 class Scalar(NamedTuple):
     """Text of a YAML scalar; YAML's own types are not used.
 
-    `start` and `end` are the offsets of the scalar in `source`; `style` is the sign of
-    YAML before the text, `=` for a command line option, or empty. `reading` is present
-    in a file with families or vectors.
+    `start` and `end` are the offsets of the scalar in `source`; `style` is YAML's sign
+    of its notation (a quote, `|` or `>`), `=` for a command line option, or empty for
+    plain text. `reading` evaluates the text for one member, in a file with families or
+    vectors; else None.
     """
 
     text: str
@@ -107,10 +109,10 @@ class Scalar(NamedTuple):
         return not self.style and self.text in ("", "~", "null", "Null", "NULL")
 
     def place_of_name(self, name: str, offset: int) -> Place:
-        """Return the place in the file of a name in this expression.
+        """Return the place in the file of a name in this scalar's expression.
 
-        name : the name in the model, with dots for members. offset : offset of the word
-        for it in the text.
+        name : the variable in the model, such as `q.2`. offset : offset in the text at
+        which the file writes it, such as `q(i)`.
         """
         if self.text.startswith(name, offset):
             return self.place_of(offset, len(name))

@@ -181,9 +181,11 @@ class Expansion:
             self.node = root._replace(entries=tuple(entries))
 
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
-        """Add a hidden definition with a value, see `trees`; return a reference to it.
+        """Add a hidden definition and return a reference, which stands for its value.
 
-        at : the scalar to whose text the offsets of names in the value refer.
+        name : of the definition. value : its tree, or a tuple of trees for a vector,
+        see `trees`. at : the scalar to whose text the offsets of names in the value
+        refer.
         """
         single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value
@@ -197,10 +199,10 @@ class Expansion:
     def made(
         self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
     ) -> Entry:
-        """Return an entry (key `name`, value `parsed`) that the file does not contain.
+        """Return an entry for the reader that the file does not contain.
 
-        at : the scalar of the file that messages point to. text : the source text of
-        the value; `at.text` if empty.
+        name, parsed : key and value of the entry. at : the scalar of the file that
+        messages point to. text : the source text of the value; `at.text` if empty.
         """
         reading = HiddenReading(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)
@@ -262,7 +264,7 @@ class Expansion:
             self.scope.frame = self.frames.named_by
 
     def _energy(self) -> list[Entry]:
-        """Return the entries of `energy`; the word `bodies` is replaced by its tree."""
+        """Return the entries of `energy`, with `bodies` replaced by their energies."""
         node = self._top.get("energy")
         found = [(key, self.bound(value)) for key, value in entries_of(node)]
         given = [self._top.get(key) for key in ("bodies", "gravity")]
@@ -307,11 +309,11 @@ class Expansion:
     def bound(
         self, node: Node, reading: MemberReading | None = None, rules: Rules = None
     ) -> Node:
-        """Return a node whose scalars are read for one member.
+        """Return a copy of a YAML node whose scalars are evaluated for one member.
 
-        reading : the member; None outside of families. rules : a function that expands
-        the node, or functions by key that expand values of the node, or of the items of
-        a list.
+        node : the node of the file. reading : the member; None outside of families.
+        rules : a function (node, reading) -> node that expands `node`; or a mapping of
+        such rules by key, for the values of a mapping, or of the items of a list.
         """
         reading = reading or self.plain
         if callable(rules):
@@ -345,7 +347,7 @@ class Expansion:
         outer: Indices | None = None,
         space: dict[str, Family] | None = None,
     ) -> tuple[Key, Members] | None:
-        """Return a parsed key with its members.
+        """Return a key of the file, parsed, and the members that it denotes.
 
         None where the key is faulty, or no name. outer : values of the indices of an
         enclosing range. space : the families among which the name is looked up; by
@@ -414,9 +416,9 @@ class Expansion:
         return found
 
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
-        """Return the entry of `section` that declares the name `key`, or None.
+        """Return an entry of `section` with its family, which is declared; else None.
 
-        None after a fault.
+        key, node : the entry's key and value. None after a fault.
         """
         found, name = self._key(key), key.text.partition("(")[0]
         broken = False
@@ -687,9 +689,11 @@ class Expansion:
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: MemberReading, key: Scalar
     ) -> Node:
-        """Return the value of an entry for one component of a member, as a node.
+        """Return the value of an entry, a YAML node, for one component of a member.
 
-        A list has a value for each component; other values are read for the component.
+        node : the value in the file: an expression, or a list with a value for each
+        component. keys : keys of a mapping at which the value may stand. reading : the
+        member and its component. key : the entry's key, for messages.
         """
         inner, outer = value_of(node, keys), reading
         if reading.component is None:
@@ -775,9 +779,10 @@ class Expansion:
         return _Given(key, node, family, parsed, members)
 
     def spread(self, node: Node, reading: MemberReading) -> Node:
-        """Return a vector-valued expression as the list of its components.
+        """Return a vector-valued expression as a YAML list with an item per component.
 
-        Any other node is returned for the member of `reading`.
+        node : the expression. Any other YAML node is returned for the member of
+        `reading`.
         """
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
@@ -796,8 +801,9 @@ class Expansion:
     ) -> Iterator[tuple[Scalar, MemberReading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
 
-        The names are those of points and shapes, which are no variables. space : the
-        families of these names, to which the entry is added.
+        key, node : the entry. The names are those of points, shapes and events, which
+        are no variables. space : the families of these names, to which the entry is
+        added.
         """
         found = self._key(key)
         if found is None and key.text.partition("(")[0] in self.broken:
@@ -822,7 +828,10 @@ class Expansion:
             yield full, reading, items[k] if several else node
 
     def _sets(self, node: Node, reading: MemberReading) -> Node:
-        """Return assignments or impulses of an event, by members and components."""
+        """Return an event's assignments or impulses, one per member and component.
+
+        node : the mapping of the file. reading : the member of the event.
+        """
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
         found = tuple(self._referring("", node.entries, reading.indices))
@@ -836,7 +845,7 @@ class Expansion:
         space: dict[str, Family] | None = None,
         outer: Indices | None = None,
     ) -> list[Node]:
-        """Return the names of members and components that an item of a list denotes.
+        """Return the members and components that an item of a list denotes, as scalars.
 
         `q` denotes all members of the family q. Items that denote no family are
         returned unchanged. space, outer : see `_key`.

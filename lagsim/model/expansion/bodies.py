@@ -145,10 +145,10 @@ _HOW = "write {mass: m, at: [x, y, z], frame: f, inertia: J}, or `shape` for `in
 
 
 class _Body(NamedTuple):
-    """Body as the file declares it, for one member.
+    """Entry of `bodies` in the file, for one member.
 
-    `what` is its name in messages, `below` has the values of the entry by key, and
-    `indices` the values of the member's indices.
+    `what` is its name in messages, `name` its name, `below` has the values of the entry
+    by key, and `indices` the values of the member's indices.
     """
 
     what: str
@@ -199,10 +199,10 @@ class Bodies(SectionReader):
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
 
     def word(self, key: str, node: Scalar) -> Tree | None:
-        """Return the expression that replaces the word `bodies` in an energy.
+        """Return the total energy of the bodies, for which the word `bodies` stands.
 
-        None if the energy has no such word. key : `kinetic` or `potential`. node : the
-        energy's expression.
+        None if the energy does not contain the word. key : `kinetic` or `potential`.
+        node : the energy's expression in the file.
         """
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
             return None
@@ -225,10 +225,10 @@ class Bodies(SectionReader):
         return found
 
     def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
-        """Return a number unchanged, and a reference for another expression.
+        """Return a tree that can be used often at little cost: a number or a reference.
 
-        The reference is to a hidden definition, which is added. hidden : its name.
-        found : the expression with its scalar.
+        An expression becomes a hidden definition, to which the reference refers. hidden
+        : its name. found : the expression, and its YAML scalar.
         """
         tree, at = found
         return (

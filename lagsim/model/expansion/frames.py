@@ -108,7 +108,7 @@ def _all_parsed(some: Iterable[Tree]) -> tuple[Parsed, ...]:
 
 
 class _DeclaredFrame(NamedTuple):
-    """Frame as the file declares it, for one member.
+    """Entry of `frames` in the file, for one member.
 
     `key` is the key of the entry, `below` has its values by key, and `indices` the
     values of the member's indices.
@@ -127,7 +127,7 @@ def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
 class SectionReader:
     """Reader of values in the sections of frames and bodies.
 
-    A fault is reported first; then an ExpressionError without a message is raised.
+    Its methods report a fault, and then raise an ExpressionError without a message.
     """
 
     def __init__(self, x: Expansion) -> None:
@@ -144,10 +144,23 @@ class SectionReader:
         raise silent()
 
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
-        """Return the value of the expression `node` for a member, and its scalar.
+        """Evaluate an expression of the file for a member of a family.
 
-        indices : values of the member's indices. what : name of the expression in
-        messages.
+        Parameters
+        ----------
+        node
+            The YAML node of the expression.
+        indices
+            Values of the member's indices.
+        what
+            Name of the expression in messages.
+
+        Returns
+        -------
+        value
+            A tree or, for a vector, a tuple of trees.
+        at : Scalar
+            The YAML scalar of the expression, for messages on the value.
         """
         if isinstance(node, Broken):
             raise silent()
@@ -161,19 +174,19 @@ class SectionReader:
             raise silent() from None
 
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
-        """Add a hidden definition with the expression `tree`; return a reference to it.
+        """Add a hidden definition that has a rate; return a reference to it.
 
-        Unlike other hidden definitions it has a rate, which energies use. hidden : name
-        of the definition. at : the scalar of the file from which it stems.
+        Energies use the rate; other hidden definitions have none. hidden : name of the
+        definition. tree : its expression. at : the YAML scalar from which it stems.
         """
         found = scalar(self.x.hide(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
         return found
 
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Return the value of an expression, which must be a number, and its scalar.
+        """Evaluate an expression that must be a number; return its tree and scalar.
 
-        Arguments as for `value`.
+        Arguments and results as for `value`.
         """
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
@@ -184,10 +197,10 @@ class SectionReader:
     def vector(
         self, node: Node, indices: Indices, counts: SequenceType[int], what: str
     ) -> list[tuple[Tree, Scalar]]:
-        """Return the components of a list, or of a vector expression.
+        """Evaluate a list, or a vector expression; return its components.
 
-        Each component is a pair of its value and the scalar of the file from which it
-        stems. counts : the permitted numbers of components.
+        Each component is a pair of its tree and the YAML scalar from which it stems.
+        counts : the permitted numbers of components. Other arguments as for `value`.
         """
         if isinstance(node, Sequence):
             found = [self.number(item, indices, what) for item in node.items]
@@ -320,7 +333,11 @@ class FrameReader(SectionReader):
         raise token.fault(text, hint, EXPRESSION_FRAME)
 
     def _frame_of(self, called: Called) -> Frame:
-        """Return the frame with a name and subscripts, built after its parents."""
+        """Return the frame with a name and subscripts, built after its parents.
+
+        called : the name and the subscripts. The parent of a frame is the frame that it
+        is `on`.
+        """
         chain: list[Called] = []
         while called not in self._made:
             if called in chain:
@@ -406,10 +423,11 @@ class FrameReader(SectionReader):
         return self.number(given.below[key], given.indices, what)
 
     def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
-        """Return an angle or component, and its rate, as trees for energies.
+        """Return the trees of an angle (or a component) and of its rate, for energies.
 
-        An expression becomes a hidden definition, see `SectionReader.moved`. hidden :
-        name of that definition. at : scalar of the expression.
+        A constant has the rate 0; an expression becomes a hidden definition, see
+        `SectionReader.moved`. hidden : name of that definition. tree : the angle. at :
+        its YAML scalar.
         """
         if tree.op == "number":
             return tree, ZERO

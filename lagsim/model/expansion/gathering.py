@@ -209,7 +209,7 @@ def _unrolled(tree: Tree) -> Tree:
 
 
 def _with(tree: Tree, word: str, value: Tree) -> Tree:
-    """Return a tree with the index `word` replaced by a number, the tree `value`."""
+    """Return a tree with each use of the index `word` replaced by the tree `value`."""
     if tree.op == INDEX and tree.value == word:
         return value
     return tree._replace(args=tuple(_with(a, word, value) for a in tree.args))
@@ -325,7 +325,10 @@ def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
 
 
 class _Writer:
-    """Writer of the elements (term, slots and table) of one group of members."""
+    """Converter of a group of members with one term to elements.
+
+    Elements are the term in a graph of its own, slots, and a table of the members.
+    """
 
     def __init__(self, group: GatheredTerms, known: Lookup) -> None:
         self.group, self.known = group, known
@@ -335,7 +338,7 @@ class _Writer:
         self.table: dict[object, tuple[int, Ints, list[tuple[int, ...]]]] = {}
 
     def tree(self) -> Tree:
-        """Return the tree of the sum: a component of the vector of sums of elements."""
+        """Return the tree of the group's sum, as an operation on its elements."""
         node = self._node(self.group.term)
         g = self.graph
         for n in g.cone([node]):
@@ -360,7 +363,7 @@ class _Writer:
         return trees.call(PART, vector, trees.ZERO)
 
     def _node(self, tree: Tree) -> int:
-        """Return the node of a tree in the graph of the term."""
+        """Return the node of a tree in the elements' own graph; leaves become slots."""
         if tree.op == "number":
             return self.graph.constant(float(tree.value))
         if tree.op in ("name", REFERENCE) or _of_indices(tree):

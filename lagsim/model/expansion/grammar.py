@@ -44,10 +44,11 @@ _RANGE = "such as sum(i = 1..n, m(i))"
 
 
 class Inner(NamedTuple):
-    """Payload of a step that has parts of its own and takes `takes` operands.
+    """Payload of a postfix step that contains other steps.
 
-    `word` is a component, the index of a range, or a name; `steps` are those of a term
-    over the range, or of the name of a frame in a function of frames.
+    `takes` is the number of operands that the step removes from the stack. `word` is
+    the name of a component, of the index of a range, or of a family; `steps` are those
+    of a term over the range, or of the name of a frame in a function of frames.
     """
 
     takes: int
@@ -57,10 +58,10 @@ class Inner(NamedTuple):
 
 @dataclass(slots=True)
 class _Over(Pending):
-    """Sum, minimum or maximum over a range that is not closed yet.
+    """Sum, minimum or maximum over a range, while its text is parsed.
 
-    `index` is its index, `begin` the number of the first step of its terms, and
-    `ranged` whether the range has been read.
+    `index` is the name of the index, `begin` the position, in the output, of the first
+    step of its terms, and `ranged` whether the range has been read.
     """
 
     index: str = ""
@@ -70,7 +71,10 @@ class _Over(Pending):
 
 @dataclass(slots=True)
 class _OfFrame(Pending):
-    """Function of a frame: the steps that name the frame, and where they begin."""
+    """Function of a frame, while its text is parsed.
+
+    `frame` has the steps that name the frame, `begin` their position in the output.
+    """
 
     begin: int = 0
     frame: Steps = ()

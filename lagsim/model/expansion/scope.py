@@ -138,10 +138,21 @@ class UnresolvedError(Exception):
 
 
 class Scope:
-    """Families of a file, values of its parameters, and their expressions.
+    """Families of a file and values of its parameters, with which expressions evaluate.
 
-    Methods that evaluate raise an ExpressionError with the place of the first fault.
-    Names in `built_in` need no declaration.
+    An evaluation yields trees of scalars, see `trees`; it raises an ExpressionError
+    with the place of the first fault. Names in `built_in` need no declaration.
+
+    Attributes
+    ----------
+    variables, constraints : dict of str to Family
+        The families by name; those of constraints have a namespace of their own.
+    numbers : dict of str to float
+        Values of the parameters that ranges and subscripts may contain.
+    uses : dict of str to set of str
+        The names in the expression of each parameter.
+    used : set of str
+        The names that expressions contain.
     """
 
     def __init__(self, graph: Graph, built_in: Collection[str]) -> None:
@@ -198,7 +209,7 @@ class Scope:
     # Texts
 
     def source(self, text: str, parser: Parser) -> Any:
-        """Return the result of `parser` for a text; each text is parsed once."""
+        """Return a text parsed by `parser`, which is called once for each text."""
         key = text, parser
         if key not in self._sources:
             try:
@@ -213,10 +224,11 @@ class Scope:
     def values(
         self, text: str, parser: Parser, indices: Indices
     ) -> tuple[Value, Value | None, str]:
-        """Return left side, right side and sign of a relation for a member.
+        """Return the values of both sides of a relation, and its sign, for a member.
 
-        The right side is None for a text that is an expression. indices : values of the
-        member's indices.
+        For a text that is an expression, the left side is its value, the right side is
+        None and the sign "". text, parser : the text, and the function that parses it.
+        indices : values of the member's indices.
         """
         last = self._last
         if last[:2] != (text, parser) or last[2] is not indices:
@@ -327,9 +339,10 @@ class Scope:
         return self.frame(named, indices)
 
     def reference(self, name: str) -> Family | None:
-        """Return the family to which a name refers, or a column of its rate or force.
+        """Return the family that a name denotes, as itself or in the name of a column.
 
-        None for a name that is not declared.
+        For the family q these are `q`, `q_dot`, `q_ddot`, and the columns of its
+        forces, reactions or multipliers. None for a name that is not declared.
         """
         if family := self.variables.get(name):
             return family
@@ -347,7 +360,10 @@ class Scope:
         return self.constraints.get(base) if base != name else None
 
     def _named(self, token: Token) -> Value:
-        """Return the value of a name that stands without subscripts."""
+        """Return the value, a tree or a vector, of a name without subscripts.
+
+        token : the name in the text. A family that has subscripts is a fault.
+        """
         family = self.reference(token.text)
         if family is None:
             return trees.name(token.text, token.offset)
@@ -496,9 +512,10 @@ class Scope:
     # Numbers
 
     def whole(self, value: Value, token: Token) -> int:
-        """Return the integer that a subscript, or an end of a range, is.
+        """Return the integer value of a subscript, or of an end of a range.
 
-        value : a tree: a number, or an expression of parameters.
+        value : a tree: a number, or an expression of parameters. token : its place, for
+        messages.
         """
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
@@ -528,7 +545,10 @@ class Scope:
         return SILENT if known else code
 
     def ask(self, *values: Tree) -> None:
-        """Record that parameters in `values` determine the form of the equations."""
+        """Record that the form of the equations depends on parameters in `values`.
+
+        values : trees, such as the subscripts of a family.
+        """
         parsed = (trees.parsed(value, "") for value in values)
         self._asked |= {name.text for found in parsed for name in found.names}
 
@@ -591,9 +611,10 @@ def _check(family: Family) -> None:
 
 
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
-    """Return a member of a family as a tree, or as a tuple of trees of its components.
+    """Return the tree of a member of a family; for a vector, a tuple of trees.
 
-    name : of the family, or of its rate. offset : of the name in the text.
+    name : of the family, or of its rate. member : the subscripts. offset : of the name
+    in the text.
     """
     if not family.letters:
         return trees.name(dotted(name, member), offset)
@@ -672,9 +693,10 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
 
 
 class MemberReading:
-    """Interpretation of an expanded scalar's text for a member and component.
+    """Evaluation of a scalar's text for one member of a family, and one component.
 
-    `component` is the number of the component, of `size`; None for a number.
+    `indices` are the values of the member's indices; `component` is the index of the
+    component, of `size` in all; None for a number.
     """
 
     __slots__ = ("_last", "component", "indices", "scope", "size")
@@ -691,7 +713,7 @@ class MemberReading:
         self._last: tuple[str | None, Any, Any] = None, None, None
 
     def parsed(self, text: str, parser: Parser) -> Any:
-        """Return the expression that `text` is for this member.
+        """Return a text as postfix for this member: its names are single variables.
 
         parser : the function that parses `text`: of an expression, or of a relation.
         """

@@ -522,9 +522,9 @@ class File:
     # The expressions that the file has
 
     def _numbers(self) -> dict[str, Node]:
-        """Return the nodes of parameters and start values by name.
+        """Return the YAML nodes of the values of parameters, modes and start values.
 
-        Expressions that replace those of the file are included.
+        By name. Expressions that replace those of the file are included.
         """
         starts = entries_of(self.top.value("initial"))
         own = (*self.parameters, *self.modes, *starts)
@@ -603,7 +603,7 @@ class File:
 
 
 def _frames(given: Iterable[TurnedFrame], x: Expressions) -> tuple[TurningFrame, ...]:
-    """Return frames in space, with nodes in place of the expressions of `given`."""
+    """Return the frames `given` with graph nodes in place of their expressions."""
 
     def built(some: tuple[Parsed, ...]) -> tuple[int, ...]:
         return tuple(map(x.build, some))

@@ -95,7 +95,11 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
 
 
 def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
-    """Return the entries of a constraint: two if two relations share its limit."""
+    """Return the entries of a constraint: two if two relations share its limit.
+
+    key, node : its name and its value in the file. The two are named `key.1` and
+    `key.2`. Faults are reported, with no entry returned.
+    """
     found = {name.text: value for name, value in entries_of(node)}
     both, what = found.get("relation"), f"the constraint `{key.text}`"
     if not isinstance(both, Sequence):
@@ -165,9 +169,11 @@ def _with_limits(
 
 
 def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[int]:
-    """Return the nodes of the rates of equalities that always hold.
+    """Return the graph nodes of the rates of equalities that always hold.
 
-    In the bounds of friction they relate slips to other velocities.
+    They are 0 in every motion and so relate slips to other velocities in the bounds of
+    friction. Empty if no bound depends on velocities. found : the constraints, None
+    after a fault.
     """
     g = x.graph
     forward = {
@@ -182,18 +188,18 @@ def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[
 
 
 def _bounds_of(c: Constraint, g: Graph, velocities: Collection[str]) -> bool:
-    """Whether a bound of a constraint depends on velocities."""
+    """Whether the limit or a friction of c depends on velocities or on the slip."""
     bounds = [c.limit, *([c.law.friction, c.law.static] if c.law else [])]
     nodes = [node for node in bounds if node is not None]
     return not {SLIP_SPEED, *velocities}.isdisjoint(g.depends(nodes))
 
 
 class _Bound(NamedTuple):
-    """Limit or friction coefficient at a key: nodes of the graph, and of the file.
+    """Limit, or friction coefficient, that a constraint has at the key `key`.
 
-    `sliding` and `resting` are nodes of the graph; `resting` is None where one
-    expression holds at rest and while sliding. `of` and `of_resting` are the nodes of
-    the file.
+    `sliding` and `resting` are graph nodes of the value while sliding and at rest;
+    `resting` is None where one expression holds for both. `of` and `of_resting` are the
+    YAML nodes of these expressions.
     """
 
     key: str
@@ -297,7 +303,7 @@ class _ConstraintReader:
                 self.x.faults.add(code, text, self.below.place_of(key), hint)
 
     def _when(self) -> int | None:
-        """Return the node of the condition `when`, of value 1 or 0; None without it."""
+        """Return the graph node of the condition `when`, of value 1 or 0; else None."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
@@ -397,9 +403,10 @@ class _ConstraintReader:
         return _Bound(key, sliding, nodes[0], sticking, nodes[1])
 
     def _refuse_weaker(self, key: str, most: float, least: float, place: Place) -> None:
-        """Report that the static bound `most` is below the dynamic bound `least`.
+        """Report a static bound that is below the dynamic bound.
 
-        key : `friction` or `limit`. place : of the static bound.
+        key : `friction` or `limit`. most, least : values of the static and of the
+        dynamic bound. place : of the static bound.
         """
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
@@ -408,10 +415,11 @@ class _ConstraintReader:
     def at_rest(
         self, bound: _Bound, slips: tuple[int, ...], rates: list[int]
     ) -> tuple[int | None, int | None]:
-        """Return the nodes of a bound while sliding, and at rest.
+        """Return the graph nodes of a bound while sliding, and at rest.
 
-        The second is None where both are equal. slips : components of the sliding
-        velocity. rates : rates of equalities that always hold.
+        The second is None where both are equal. slips : graph nodes of the components
+        of the sliding velocity. rates : graph nodes of the rates of equalities that
+        always hold.
         """
         if not slips:
             return bound.sliding, bound.resting
@@ -431,10 +439,10 @@ class _ConstraintReader:
         slips: tuple[int, ...],
         rates: list[int],
     ) -> tuple[int | None, int | None]:
-        """Return the nodes of a bound that depends on the slip: sliding, and at rest.
+        """Return graph nodes of a bound that depends on the slip: sliding, and at rest.
 
-        The second is None where both are equal. key, node : key and value in the file;
-        other arguments as for `at_rest`.
+        The second is None where both are equal. key, node : key and value (a YAML node)
+        in the file. bound : graph node of the value. slips, rates : as for `at_rest`.
         """
         x, g = self.x, self.x.graph
         if bound is None or node is None:
@@ -482,11 +490,12 @@ class _ConstraintReader:
         speed: str = "",
         most: float = math.inf,
     ) -> tuple[int | None, float | None]:
-        """Return the node of a coefficient, and its value if it is constant.
+        """Return the graph node of a coefficient, and its value if it is constant.
 
-        Both are None after a fault, or without a coefficient. depends : the highest
-        level on which it may depend. speed : a name that it may contain besides. most :
-        the largest permitted value.
+        Both are None after a fault, or without a coefficient. node : the coefficient in
+        the file. what : name in messages. depends : the highest level on which it may
+        depend. speed : a name that it may contain besides. most : the largest permitted
+        value.
         """
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}
@@ -535,10 +544,10 @@ _ROOTS = {"sqrt": 1.0 / 2.0, "cbrt": 1.0 / 3.0}
 
 
 def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
-    """Return a node that vanishes where `node` does, with each moving factor once.
+    """Return a graph node that vanishes where `node` does, with each factor once.
 
-    The result is `node` itself where no factor that depends on `moving` is repeated, or
-    raised to a power, or inside `abs`.
+    The result is `node` itself where no factor that depends on the variables `moving`
+    is repeated, or raised to a power, or inside `abs`.
     """
     still, powers, kinked = _factors(g, node, g.dependent([node], moving))
     if not kinked and all(power == 1.0 for power in powers.values()):
@@ -552,9 +561,18 @@ def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
 def _factors(
     g: Graph, node: int, moves: set[int]
 ) -> tuple[list[int], dict[int, float], bool]:
-    """Return the factors of a node: constants, powers, and whether `abs` occurs.
+    """Return the factors of a graph node.
 
-    Powers are exponents by the node of a moving factor. moves : nodes that move.
+    moves : the graph nodes whose values change during a motion.
+
+    Returns
+    -------
+    still : list of node
+        The constant factors.
+    powers : dict of node to float
+        The exponent of each other factor, `abs` and signs left out.
+    kinked : bool
+        Whether `abs` was left out.
     """
     still: list[int] = []
     powers: dict[int, float] = {}

@@ -57,7 +57,7 @@ SUM_OF_VELOCITIES = "write a sum of velocities with factors that depend on posit
 
 
 class Energies(NamedTuple):
-    """Nodes of the energies; None for an energy that is missing or faulty."""
+    """Graph nodes of the energies; None for an energy that is missing or faulty."""
 
     lagrangian: int | None
     kinetic: int | None
@@ -91,7 +91,7 @@ def read_energies(
     x: Expressions,
     gathering: Callable[..., AbstractContextManager[None]] = lambda **_: nullcontext(),
 ) -> Energies:
-    """Return the nodes of the energies of the section `energy`; faults are reported.
+    """Return the graph nodes of the section `energy`; faults are reported.
 
     gathering : context manager within which sums may be elements, see
     `language.elements`.
@@ -153,9 +153,10 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
 def _along(
     given: Iterable[Entry], noun: str, of: str, x: Expressions
 ) -> Iterator[Force]:
-    """Yield the forces, or impulses, of entries whose keys are directions.
+    """Yield the forces, or impulses, of entries whose keys name their directions.
 
-    noun : `force` or `impulse`, for messages. of : the event of an impulse, or "".
+    given : entries of a coordinate or definition and a force. noun : `force` or
+    `impulse`, for messages. of : the event of an impulse, or "".
     """
     for key, value in given:
         direction = _direction(key, noun, x)
@@ -168,9 +169,10 @@ def _along(
 
 
 def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | None:
-    """Return the node along which a force acts, and its level; None after a fault.
+    """Return the graph node of the direction of a force, and its level, see `Force`.
 
-    key : a coordinate or a definition. noun : `force` or `impulse`, for messages.
+    None after a fault. key : the name of a coordinate or a definition, along which the
+    force acts. noun : `force` or `impulse`, for messages.
     """
     name, place, faults = key.text, key.place, x.faults
     meaning = x.names.meaning(name)
@@ -208,7 +210,7 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
 
 
 def degrees(node: int, x: Expressions) -> Degrees | None:
-    """Return the degrees of a node's terms in the velocities.
+    """Return the least and greatest degree in the velocities of a graph node's terms.
 
     None if the node is no polynomial in the velocities.
     """
@@ -216,12 +218,12 @@ def degrees(node: int, x: Expressions) -> Degrees | None:
 
 
 def has_velocity(node: int, x: Expressions) -> bool:
-    """Whether a node depends on velocities."""
+    """Whether a graph node depends on velocities."""
     return not x.names.velocities().isdisjoint(x.graph.depends([node]))
 
 
 def is_affine(node: int, x: Expressions) -> bool:
-    """Whether a node is a polynomial of degree 1 or 0 in the velocities."""
+    """Whether a graph node is a polynomial of degree 1 or 0 in the velocities."""
     found = degrees(node, x)
     return found is not None and found.most <= 1
 
@@ -268,7 +270,10 @@ _AT_A_TIME = (
 
 
 def named(node: int, kinds: Collection[NameKind], x: Expressions) -> set[str]:
-    """Return the names of given kinds on which a node, or a rate in it, depends."""
+    """Return the variables of given kinds on which a graph node depends.
+
+    A rate, such as `s_dot`, counts as of the kind of `s`.
+    """
     known, used = x.names.variables, x.graph.depends([node])
     return {name for name in used if known.get(rated(name)[0]) in kinds}
 

@@ -82,14 +82,16 @@ _FOR_OUTPUT = "such names are allowed only in definitions for output, and in plo
 
 
 class Resolved(NamedTuple):
-    """Node and level of a definition; the node is None after a fault."""
+    """Graph node and level of a definition; the node is None after a fault."""
 
     node: int | None
     level: Level
 
 
 class Expressions:
-    """Compiler of expressions; a fault is added to `faults`, and the result is None.
+    """Compiler of expressions of a file to graph nodes.
+
+    A fault is added to `faults`, and the result is then None.
 
     Attributes
     ----------
@@ -102,15 +104,16 @@ class Expressions:
     modes
         Value and rounding error of each mode, at the start.
     definitions
-        The definitions that have been built.
+        Graph node and level of each definition that has been built.
     energies
-        Nodes of `kinetic` and `potential`, once built.
+        Graph nodes of `kinetic` and `potential`, once built.
     states
         Rates of the first-order states, once built; before, variables such as `s_dot`.
     with_rates
         For each name, the states whose rates its expression contains.
     bound
-        Nodes of names local to a part of the file, such as a curve's parameter.
+        Graph nodes of names that are local to a part of the file, such as the parameter
+        of a curve.
     read
         The expressions read so far, with their names in messages.
     """
@@ -286,7 +289,7 @@ class Expressions:
         return self.build(parsed) if sound else None
 
     def build(self, parsed: Parsed) -> int:
-        """Return the node of an expression whose names were checked."""
+        """Return the graph node of a parsed expression whose names were checked."""
         return parsed.build(self.graph, self._node, self.names.tables)
 
     def number(
@@ -307,9 +310,10 @@ class Expressions:
         return value
 
     def value(self, found: int, what: str, place: Place) -> float | None:
-        """Return the value of a node of parameters alone; None if it is not finite.
+        """Return the value of the graph node `found`, which contains parameters alone.
 
-        what, place : the quantity and its place in the file, for the message.
+        None if it is not finite, which is reported. what, place : the quantity and its
+        place in the file, for the message.
         """
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
@@ -487,7 +491,7 @@ class Expressions:
     def take_states(self, rates: dict[str, int]) -> None:
         """Replace the variables `s_dot` in definitions by the rates of states.
 
-        rates : name of a state -> node of its rate.
+        rates : name of a state -> graph node of its rate.
         """
         g, known, self._rates = self.graph, self.definitions, []
         self.states = rates
@@ -518,12 +522,12 @@ class Expressions:
                 self.faults.add(STATE_MISPLACED, text, node, hint)
 
     def rate_of(self, definition: str, *, second: bool = False) -> int:
-        """Return the node of the total time derivative of a definition of positions.
+        """Return the graph node of the total time derivative of a definition.
 
-        The rates of all definitions are computed together: one sweep over the graph
-        costs no more than one for a single definition.
-
-        second : whether the second derivative is returned.
+        definition : its name; its expression depends on positions and time. second :
+        whether the second derivative is returned. The rates of all definitions are
+        computed together: one sweep over the graph costs no more than one for a single
+        definition.
         """
         if not self._rates:
             known = self.definitions.items()

@@ -47,7 +47,11 @@ _A_COLUMN = "it is in the table and in its pictures in any case: leave it out he
 
 
 class NameKind(Enum):
-    """Kinds of names in expressions: a text for messages, and a level."""
+    """Kinds of names in expressions.
+
+    `text` describes the kind in messages; `level` is the level of quantities on which
+    an expression with such a name depends, see `Level`.
+    """
 
     PI = "the number pi", Level.NUMBER
     PARAMETER = "a parameter", Level.NUMBER

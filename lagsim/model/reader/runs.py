@@ -486,7 +486,8 @@ def read_scene(found: Fields, x: Expressions) -> Scene:
 class _SceneReader:
     """Reader of a scene: `points` has the sound points, `named` the names of all.
 
-    `whole`: all names of points were readable, so that another name is a fault.
+    `points` maps a name to the graph nodes of the coordinates. `whole`: all names of
+    points were readable, so that another name is a fault.
     """
 
     def __init__(self, found: Fields, x: Expressions) -> None:
@@ -554,7 +555,11 @@ class _SceneReader:
         return found if len(found) == 2 and set(found) <= set(self.named) else []
 
     def _looking(self, node: Node) -> list[_Link]:
-        """Return the links of an entry: the two points, the kind, a length or None."""
+        """Return the links of an entry: each has two points, a kind and a length.
+
+        The kind is one of `LINKS`, or "" where lengths decide; the length is None
+        except for a string of given length.
+        """
         if not isinstance(node, Mapping):
             return [(pair, "", None) for pair in self._link(node)]
         found = fields(node, "a link", LINK, self.faults, node.place)
@@ -682,7 +687,7 @@ class _SceneReader:
         )  # fmt: skip
 
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
-        """Return the nodes of a shape's sizes, one for each number.
+        """Return the YAML nodes of a shape's sizes, one per number; [] after a fault.
 
         what : name in messages. node : the value of the key in the file. counts : the
         permitted numbers of sizes. A single size may be written without a list.
@@ -711,9 +716,10 @@ class _SceneReader:
         return tuple(self._point(f"a corner of {what}", n) for n in given) or ((),)
 
     def _at(self, what: str, node: Node | None) -> tuple[tuple[int, ...], str]:
-        """Return the nodes of a shape's origin, and the point's name if it is a point.
+        """Return the graph nodes of a shape's origin, and its point's name or "".
 
-        what : the shape's name in messages. node : the value of `at`.
+        what : the shape's name in messages. node : the value of `at`, a point of the
+        scene or a list of expressions.
         """
         if node is None or isinstance(node, Broken):
             return (), ""
@@ -724,7 +730,7 @@ class _SceneReader:
         return (), ""
 
     def _axes(self, what: str, node: Node | None) -> tuple[int, ...]:
-        """Return the nodes of a shape's rotation matrix, row by row.
+        """Return the graph nodes of a shape's rotation matrix, row by row.
 
         node : the value of `frame`, an angle or rows of a matrix.
         """

@@ -45,7 +45,10 @@ AXES = ("x", "y", "z")
 
 
 class _Points(NamedTuple):
-    """Points (n, 2) or (n, 3), and the place of each of their numbers."""
+    """Points of a table: the numbers (n, 2) or (n, 3), and a function for messages.
+
+    `place` returns the place in a file of the number in a given row and column.
+    """
 
     numbers: Floats
     place: Callable[[int, int], Place]

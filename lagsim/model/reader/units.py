@@ -95,7 +95,10 @@ def mismatches(
 
 
 class _UnitCheck:
-    """Check of the units of all expressions; `read` has these by their names."""
+    """Check of the units of all expressions of a file.
+
+    `read` has, by its name in messages, the scalar and the parsed form of each.
+    """
 
     def __init__(
         self,

@@ -91,10 +91,10 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
 
 
 class _Entry(NamedTuple):
-    """Entry `name: expression`, or a mapping that has the expression as its `value`.
+    """Value of an entry `name: expression`, or `name: {value: expression, ...}`.
 
-    Further keys of the mapping are its unit, description (`about`), uncertainty and
-    range.
+    `value`, `uncertainty` and `range` are YAML nodes, `unit` and `about` (the
+    description) texts; all but `value` are further keys of the mapping.
     """
 
     value: Node
@@ -107,9 +107,10 @@ class _Entry(NamedTuple):
 def _value_entry(
     key: Scalar, node: Node, what: str, x: Expressions, form: Form = DEFINITION
 ) -> _Entry:
-    """Return an entry `name: expression` or `name: {value: expression, ...}`.
+    """Return the value and the further keys of an entry, see `_Entry`.
 
-    form : the keys that the mapping may have.
+    key, node : name and value in the file. what : name of the entry in messages. form :
+    the keys that the mapping may have.
     """
     if not isinstance(node, Mapping):
         return _Entry(node)
@@ -121,7 +122,10 @@ def _value_entry(
 
 
 class Definitions:
-    """Reader of definitions; output definitions are built after the energies."""
+    """Reader of definitions: parses them, then builds their graph nodes by levels.
+
+    Definitions of level OUTPUT are built after the energies.
+    """
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
@@ -187,7 +191,7 @@ class Definitions:
         self.x.faults.add(CYCLE, about, place)
 
     def build(self, *levels: Level) -> None:
-        """Build the definitions of some levels, positions first."""
+        """Build the graph nodes of definitions of the given levels, positions first."""
         known = self.x.definitions
         for level in levels:
             most = max(level, Level.VELOCITY)
@@ -215,7 +219,7 @@ SET = "--set "
 
 
 class Unfolded(Graph):
-    """Graph whose numbers are variables, so that no constants are folded.
+    """Graph that represents numbers by variables, so that no constants are folded.
 
     Folding would lose the rounding error of the folded operation: `cos(pi/2)` is not
     zero, but zero within its error.
@@ -277,11 +281,12 @@ class _Numbers:
         beside: bool = False,
         wanted: bool = True,
     ) -> tuple[Scalar, Parsed, Value] | None:
-        """Return an expression, parsed, and its finite value with error.
+        """Return an entry's scalar, parsed expression, and value with rounding error.
 
-        None after a fault. rule : see `Expressions.check_by`. beside : whether a unit
-        may be given beside it. wanted : whether the value is needed; without this,
-        None.
+        None after a fault. node, what : the value in the file, and its name in
+        messages. rule : see `Expressions.check_by`. beside : whether a unit may be
+        given beside the expression. wanted : False to check the expression only, and
+        return None.
         """
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
@@ -497,7 +502,10 @@ class Initial(_Numbers):
         return InitialValue(name, *value, guess, stated, scalar.place, defined)
 
     def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
-        """Return the expression of a start value, and whether it is a guess."""
+        """Return the expression of a start value, and whether it is a guess.
+
+        key, node : name and value in the file. what : name in messages.
+        """
         faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
@@ -542,9 +550,10 @@ class Initial(_Numbers):
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
-        """Return whether `key` may have a start value, and the node of a definition.
+        """Return whether `key` may have a start value, and a definition's graph node.
 
-        The node is None if the key is no definition.
+        The node is that of the definition, or of its rate if `key` is a rate; None if
+        `key` is a coordinate, velocity or state, or after a fault.
         """
         name, names, faults = key.text, self.x.names, self.x.faults
         meaning = names.meaning(name)
