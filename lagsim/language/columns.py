@@ -148,18 +148,25 @@ def parsed(name: str) -> tuple[ColumnKind, str] | None:
 
 
 def made(name: str, *kinds: ColumnKind) -> bool:
-    """Whether the column `name` is of one of the given kinds."""
+    """Whether the name of a column is made of another name, by one of the kinds."""
     found = parsed(name)
     return found is not None and found[0] in kinds
 
 
 def base(name: str) -> str:
-    """Return the name from which the name of a column is made; else the name itself."""
+    """Return the name of the owner from which a column's name is made.
+
+    For other columns: the column's name.
+    """
     found = parsed(name)
     return name if found is None else found[1] or name
 
 
 def halves(rest: str) -> list[tuple[str, str]]:
-    """Return all ways to split `column.name`, of a sensitivity's column, at a dot."""
+    """Return all ways to split the text `column.name` at a dot in two parts.
+
+    rest : the end of the name of a sensitivity's column: the column that is
+    differentiated, and the parameter. Both may contain dots.
+    """
     parts = rest.split(".")
     return [(".".join(parts[:k]), ".".join(parts[k:])) for k in range(1, len(parts))]

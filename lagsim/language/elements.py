@@ -62,16 +62,18 @@ class Slot(NamedTuple):
 
 
 class ElementOutput(NamedTuple):
-    """Expression of a term, the place of its sum, and a bound of its roundoff.
+    """Expression that each member adds to one component of the vector of sums.
 
     Attributes
     ----------
     node : int
+        The expression, in the graph of the term.
     slot : int
-        Index of the slot that determines the place, or TOTAL or EACH.
+        The component: that of the argument which the slot with this index reads in the
+        member; TOTAL: component 0, for all members; EACH: the member's number.
     error : int or None
-        In elements that bound roundoff: the node of a bound of the output's error; else
-        None.
+        In elements that bound roundoff: the node of a bound of the expression's error;
+        else None.
     """
 
     node: int
@@ -90,9 +92,9 @@ class Elements:
     graph : Graph
         Graph of the term.
     slots : tuple of Slot
-    outputs : tuple of Output
+    outputs : tuple of ElementOutput
     table : ndarray, shape (members, columns)
-        Positions.
+        For each member and column, the position in `Slot.places` or `Slot.numbers`.
     count : int
         Number of arguments.
     size : int
@@ -169,9 +171,9 @@ class Elements:
 
     @cached_property
     def filled(self) -> list[int]:
-        """Indices, ascending, of the components of the vector to which a member adds.
+        """Indices, ascending, of the components of the vector that slots determine.
 
-        Only outputs whose place a slot determines are considered.
+        Other components are 0, or belong to outputs with TOTAL or EACH.
         """
         slots = (self.slots[o.slot] for o in self.outputs if o.slot >= 0)
         return sorted({k for slot in slots for k in slot.places.tolist()})
@@ -208,9 +210,9 @@ class Elements:
     def _with(
         self, outputs: Iterable[ElementOutput], size: int, more: Sequence[Slot] = ()
     ) -> Elements:
-        """Return elements with other outputs of the members.
+        """Return elements with the members of these, but other outputs.
 
-        outputs, size : the outputs, and the length of their vector. more : further
+        outputs : the outputs. size : length of their vector of sums. more : further
         slots that outputs use, whose arguments follow the arguments of these elements.
         """
         outputs = list(outputs)
@@ -233,10 +235,11 @@ class Elements:
         )
 
     def _beside(self, word: str, slot: Slot) -> Slot:
-        """Return a slot with a further argument for each argument that `slot` reads.
+        """Return a slot that reads, in each member, a companion of what `slot` reads.
 
-        word : the quantity of the further arguments, such as `rate`. These follow all
-        other arguments, in the order of the arguments to which they belong.
+        word : the quantity of the companions, such as `rate`. There is one for each
+        argument of the elements; they follow all arguments, in the order of the
+        arguments.
         """
         name = f"{self.graph.payload(slot.node)}.{word}"
         return slot._replace(
@@ -250,18 +253,20 @@ class Elements:
     # Elements derived from these
 
     def derived(self, method: str, *how: frozenset[int]) -> Elements:
-        """Return the result of the method named `method`: further elements; memoized.
+        """Return `method(*how)`, further elements; memoized.
 
-        how : the arguments of the method.
+        method : name of a method, such as `slopes`. how : its arguments.
         """
         if (method, how) not in self._derived:
             self._derived[method, how] = getattr(self, method)(*how)
         return self._derived[method, how]
 
     def slopes(self, some: Collection[int]) -> Elements:
-        """Return elements for the derivatives of a total with respect to arguments.
+        """Return elements for the gradient of the sum of all terms.
 
-        some : indices of these arguments.
+        Only where the result is this one number (size 1), such as an energy. some :
+        indices of the arguments by which it is differentiated. Component k of the
+        result, (count,), is the derivative by argument k.
         """
         assert self.size == 1
         return self._with(
@@ -269,10 +274,11 @@ class Elements:
         )
 
     def pulled(self, some: Collection[int]) -> Elements:
-        """Return elements for the derivatives of a weighted sum of the results.
+        """Return elements for the gradient of the sum of weight_i * result_i over i.
 
-        some : indices of the arguments of differentiation. The weights of all results
-        are further arguments.
+        some : indices of the arguments by which it is differentiated. The weights, one
+        for each component of the vector of sums, are further arguments. Component k of
+        the result, (count,), is the derivative by argument k.
         """
         g, more, terms = self.graph, list[Slot](), []
         for o in self.outputs:
@@ -312,10 +318,9 @@ class Elements:
     def bounded(self, moving: Collection[int], state: Collection[int]) -> Elements:
         """Return elements for roundoff bounds of the results, in units of the roundoff.
 
-        Bounds of the errors of the arguments are further arguments.
-
-        moving, state : indices of the arguments that vary, and of arguments whose own
-        roundoff is accounted for elsewhere, see `evaluate.roundings`.
+        moving : indices of the arguments that vary. state : indices of arguments whose
+        own roundoff is accounted for elsewhere, see `evaluate.roundings`. Bounds of the
+        errors of all arguments are further arguments of the result.
         """
         g = self.graph
         varying = [x for x in self.slots if self.reads(x, moving)]
@@ -333,7 +338,7 @@ class Elements:
         return self._with(outputs, self.size, more)
 
     def magnitudes(self) -> Elements:
-        """Return elements for the sums of magnitudes of the terms of the results."""
+        """Return elements for the sums of |addend| over the addends of all terms."""
         g, outputs = self.graph, []
         for o in self.outputs:
             node = g.sum(g.call("abs", n) for n in addends(g, o.node))
@@ -341,7 +346,10 @@ class Elements:
         return self._with(outputs, self.size)
 
     def listed(self, node: int) -> Elements:
-        """Return elements for the value of an expression in each member, (members,)."""
+        """Return elements whose results (members,) are a node's value in each member.
+
+        node : an expression in the graph of the term.
+        """
         return self._with([ElementOutput(node, EACH)], self.members)
 
     def without_value(self, arguments: Sequence[float]) -> int | None:
@@ -387,11 +395,9 @@ class Elements:
     ) -> list[tuple[int, int]]:
         """Return the contributions of a vector of sums to adjoints of its arguments.
 
-        As pairs of nodes: an argument, and the contribution to its adjoint (reverse
-        differentiation).
-
-        weights : index of a component of the vector -> its adjoint. active : nodes that
-        vary.
+        Each is a pair of nodes: an argument, and the contribution to its adjoint
+        (reverse differentiation). vector : node of the vector in g. weights : index of
+        a component of the vector -> its adjoint. active : nodes that vary.
         """
         args = g.args[vector][1:]
         some = _where(args, active)
@@ -412,7 +418,8 @@ class Elements:
     def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
         """Return the node of the time derivative of a vector of these sums.
 
-        rates : node -> rate of an argument.
+        vector : node of the vector in g. rates : node of an argument -> node of its
+        rate.
         """
         args = g.args[vector][1:]
         made = self.derived("pushed", _where(args, rates))
@@ -428,8 +435,9 @@ class Elements:
     ) -> int:
         """Return the node of the roundoff bounds of a vector of these sums.
 
-        varying, state : nodes that vary, and names of variables whose own roundoff is
-        accounted for elsewhere. errors : node -> bound of an argument's error.
+        vector : node of the vector in g. varying : nodes that vary. state : nodes of
+        variables whose own roundoff is accounted for elsewhere. errors : node of an
+        argument -> node of the bound of its error.
         """
         args = g.args[vector][1:]
         made = self.derived("bounded", _where(args, varying), _where(args, state))
@@ -491,10 +499,10 @@ class Elements:
 
 
 def _partial_sums(where: Ints, terms: Floats) -> Floats:
-    """Return |partial sum| (members,) at each term, over terms of equal place.
+    """Return the magnitude of the running sum at each term, shape (members,).
 
-    where : (members,), the place of each term (members,). Terms are added in the order
-    of members.
+    where : (members,), the component to which each term is added; the running sum is
+    that of the component. terms : (members,), added in the order of members.
     """
     order = np.argsort(where, kind="stable")
     running = np.cumsum(terms[order])

@@ -34,7 +34,7 @@ BY_ARRAYS, BOUNDED = 1000, 4
 
 
 def _of_vectors(g: Graph, cone: Sequence[int]) -> float:
-    """Return the cost of evaluating the vectors of sums in a cone of nodes.
+    """Return the cost of evaluating the elements among the nodes `cone`.
 
     The unit is the cost of creating a node.
     """
@@ -271,7 +271,10 @@ def _of_sums(
 
 
 def addends(g: Graph, node: int) -> list[int]:
-    """Return the nodes of which `node` is a sum, with any signs."""
+    """Return the terms, as nodes, of the sum or difference that `node` is.
+
+    Signs are left out; a node that is no sum is its only term.
+    """
     stack, found = [node], set()
     while stack:
         n = stack.pop()
@@ -310,8 +313,8 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
 def _of_root(g: Graph, root: int, error: int) -> int:
     """Return the node of the error bound of a square root.
 
-    root : its node. error : the error bound of its argument. At 0 the bound is the
-    square root of `error`.
+    root : node of the root. error : node of the error bound of its argument. At 0 the
+    bound is the square root of `error`.
     """
     if error == g.zero:
         return g.zero

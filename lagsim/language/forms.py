@@ -126,12 +126,15 @@ _SWAPPED = {"sin": "cos", "cos": "sin"}
 
 
 class Turning(Products[Atom]):
-    """Products with sines and cosines among their atoms, merged by identities."""
+    """Products whose atoms may be sines and cosines, merged by identities.
+
+    Subclasses define how sines and cosines are represented.
+    """
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Return the sines, then the cosines, in a product.
+        """Return the sines, then the cosines, in the product with the code `product`.
 
-        Each as function, angle and exponent.
+        Each as its function ("sin" or "cos"), angle and exponent.
         """
         raise NotImplementedError
 
@@ -140,9 +143,10 @@ class Turning(Products[Atom]):
         raise NotImplementedError
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return sin or cos (`op`) of a + sign b: a number and the code of a product.
+        """Return sin or cos (`op`) of a + sign b as (number, code of a product).
 
-        The number is a factor, such as -1 where sin(b - a) is used for sin(a - b).
+        The value is number times product; the number is -1 where sin(b - a) is used for
+        sin(a - b). a, b : angles. sign : 1 or -1.
         """
         raise NotImplementedError
 
@@ -150,9 +154,8 @@ class Turning(Products[Atom]):
         """Merge pairs of terms by identities, in place; return the number of merges.
 
         The identities are sin^2 + cos^2 = 1, then those of sums and differences of
-        angles.
-
-        count : counts operations against the budget.
+        angles. terms : code of a product -> its coefficient. count : function that
+        counts operations against the budget.
         """
         joined = 0
         for joint in (self._joint_of_squares, self._joint_of_angles):
@@ -216,7 +219,10 @@ EXPANDED, JOINED = 7, 2
 
 
 class Origin(NamedTuple):
-    """Sine or cosine that equals the function `op` of a + sign b times `factor`."""
+    """Function of a sum of angles for which a sine or cosine was created.
+
+    The sine or cosine equals `op` of (a + sign b), "sin" or "cos", times `factor`.
+    """
 
     op: str
     a: int
@@ -304,8 +310,9 @@ class _Expansion(Turning[int]):
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
         """Return an operation on sums of products as a sum of products.
 
-        op, args : the operation, and the nodes of its arguments. The second value is a
-        bound of the exponents. None if the operation is not expanded.
+        op, args : the operation, and the nodes of its arguments, which are expanded
+        already. The second value is a bound of the exponents. None if the operation is
+        not expanded.
         """
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
@@ -637,9 +644,9 @@ class Collected:
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
         """Whether a product keeps its constant factor, not grouped with other products.
 
-        still : the constant factor. factors : the factors of the moving part, which
-        occurs in no other product. A constant among `factors`, which other expressions
-        can share, is moved to `still` only if fewer constants remain.
+        still : the constant factor of the product. factors : all its factors; no other
+        product has the factors that vary. A constant among `factors`, which other
+        expressions can share, is moved to `still` only if fewer constants remain.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]
@@ -654,9 +661,17 @@ class Collected:
     def _alike(
         self, products: Iterable[Sequence[int]]
     ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
-        """Group the moving parts of products by their constant factors.
+        """Group products by their constant factor.
 
-        The second result has the given products of each group.
+        products : the factors of each, as nodes.
+
+        Returns
+        -------
+        alike : dict of node to list of (str, Key)
+            Constant factor -> the products that it multiplies, each as its sign ("add"
+            or "sub") and its factors that vary.
+        given : dict of Key to list
+            Factors that vary -> the given products with these factors.
         """
         g = self.g
         given: dict[Key, list[Sequence[int]]] = {}
@@ -765,7 +780,7 @@ class Collected:
         return found
 
     def parts(self, n: int) -> tuple[int, int]:
-        """Return two nodes whose product is `n`: a constant and a moving one."""
+        """Return two nodes whose product is `n`: a constant, and one that varies."""
         known = self._parts
         found = known.get(n)
         if found is not None:
@@ -802,10 +817,10 @@ class Collected:
     def _common(
         self, n: int, one: tuple[int, int], other: tuple[int, int]
     ) -> tuple[int, int]:
-        """Return the constant and moving part of n, a sum or difference of products.
+        """Return the constant factor and the rest of n, a sum of products.
 
-        one, other : constant and moving part of each of the two arguments of n. A
-        common constant is factored out.
+        n may also be a difference. one, other : the constant and the varying part of
+        each of the two arguments of n. A constant that both share is factored out.
         """
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other

@@ -217,7 +217,10 @@ JUMPS = (
 
 
 def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
-    """Return sympy's selection, without costly rewriting of nested conditions."""
+    """Return sympy's Piecewise: x where the condition holds, else y.
+
+    s : the module sympy. Nested conditions are not rewritten, which is costly.
+    """
     if condition in (s.true, s.false) or x == y:
         return x if condition != s.false else y
     return s.Piecewise((x, condition), (y, True), evaluate=False)
@@ -339,9 +342,10 @@ def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
 def _operator(
     name: str, sign: str, binds: int, value: Callable[..., Any], **more: Any
 ) -> Function:
-    """Return the table's row of an operator; `value` applies to sympy's numbers, too.
+    """Return the table's row of an arithmetic operator of two arguments.
 
-    sign, binds : sign and binding power of the operator.
+    sign, binds : sign and binding power of the operator. value : the function, on
+    floats and on sympy's expressions. more : other fields of the row.
     """
     usual = {"sympy": lambda _, x, y: value(x, y)}
     return Function(
@@ -612,10 +616,10 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 
 
 def _piece(op: str, count: int) -> Partials:
-    """Return the `partials` of a piece of a table with `count` coordinates.
+    """Return the rule `partials` of an operation that evaluates a piece of a table.
 
-    Only the derivatives by the coordinates, the arguments of the table, differ from 0.
-    op : the operation of the piece.
+    op : the operation. count : the number of arguments of the table; only the
+    derivatives by these differ from 0.
     """
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),

@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from lagsim.language.tables import Data
 
     class Members(Protocol):
-        """Members of a sum: `count` arguments, and `size` results; see `Elements`."""
+        """Interface of `elements.Elements` to the graph, which does not import it.
+
+        `count` is the number of arguments, `size` the length of the vector of sums.
+        """
 
         count: int
         size: int
@@ -101,10 +104,10 @@ class TooMuchError(InputError):
 
 
 class Leaves(NamedTuple):
-    """Nodes of the variables with given names.
+    """Nodes of the variables with given names, collected once.
 
-    `first` is the least of these nodes, `variables` the number of variables in the
-    graph when the nodes were collected.
+    `first` is the least of these nodes. `variables` is the number of variables in the
+    graph at that time: if it has grown, the nodes are collected again.
     """
 
     nodes: set[int]
@@ -420,7 +423,7 @@ class Graph:
         return found
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
-        """Return `nodes` with nodes replaced.
+        """Return `nodes` with some nodes, in the expressions too, replaced by others.
 
         new : node -> node that replaces it.
         """

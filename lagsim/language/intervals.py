@@ -122,7 +122,7 @@ def outward(lo: Floats, hi: Floats, *, zeros: bool = False) -> tuple[Floats, Flo
 def _but(
     where: Flags, size: Floats | float, lo: Floats, hi: Floats
 ) -> tuple[Floats, Floats]:
-    """Return lo, hi with -`size` and `size` in place of bounds where `where` holds."""
+    """Return bounds (lo, hi), replaced by (-size, size) where `where` holds."""
     return np.where(where, -size, lo), np.where(where, size, hi)
 
 
@@ -480,15 +480,19 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 
 
 def _each(op: str, axis: Data, x: Interval) -> Floats:
-    """Return the values (2, k) of a table's function `op` at both bounds of x."""
+    """Return the values (2, k) of a table's function `op` at the bounds of x.
+
+    op : `table.knot` or `table.rate`. axis : data of the table. Row 0 is for the lower
+    bounds.
+    """
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
 
 
 def _cells(numbers: Floats | list[Floats]) -> Floats:
-    """Return the numbers (2, k) of the first and last cell between two knot numbers.
+    """Return the numbers (2, k) of the cells in which two knot numbers lie.
 
-    numbers : (2, k).
+    numbers : (2, k), the knot numbers of both ends of each interval.
     """
     return np.asarray(np.floor(np.nan_to_num(numbers)))
 
@@ -562,9 +566,10 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 
 
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
-    """Return `rule` extended by the flags of the arguments.
+    """Return a rule that is nan, partial or jumping wherever an argument is.
 
-    The result of the extended rule is nan, partial or jumping where an argument is.
+    rule : the rule for arguments that are always defined and continuous. See `Interval`
+    for the flags `partial` and `jumps`.
     """
 
     def whole(*args: Interval) -> Interval:

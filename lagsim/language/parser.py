@@ -307,7 +307,18 @@ class Pending:
 
 
 class Parser:
-    """Parser of tokens: `output` is postfix, `kinds` has the kind of each value."""
+    """Parser of tokens into postfix, by precedence, with a stack of open operations.
+
+    Attributes
+    ----------
+    output : list of (op, payload, token)
+        The postfix steps so far.
+    kinds : list of (bool, Token)
+        For each value on the evaluation stack: whether it is a condition, and its first
+        token.
+    pending : list of Pending
+        Operations whose arguments are not complete.
+    """
 
     def __init__(self, text: str, part: list[Token], tables: Arities = ()) -> None:
         self.text = text
@@ -428,7 +439,10 @@ class Parser:
         return token.fault(text, hint)
 
     def _reduce(self, power: int, token: Token) -> None:
-        """Apply pending operators that bind at least as tightly as `power`."""
+        """Apply pending operators that bind at least as tightly as `power`.
+
+        token : the operator of that power, which follows their last argument.
+        """
         while self.pending and self.pending[-1].power >= power:
             top = self.pending.pop()
             if top.power == _COMPARES == power and token.text in _BINARY:
@@ -444,7 +458,7 @@ class Parser:
             self.output.append((top.op, top.arity, top.token))
 
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
-        """Remove the kinds of an operation's arguments from the stack; check them.
+        """Check the kinds of an operation's arguments; remove these from `kinds`.
 
         top : the operation. wanted : for each argument, whether it must be a condition.
         """

@@ -141,7 +141,11 @@ class Coefficients:
         return total
 
     def _depth(self, n: int) -> int:
-        """Return the number of operations from the coefficients of the state to `n`."""
+        """Return the length of the longest chain of operations below node `n`.
+
+        The chain begins at the newest coefficients of the state; 0 if n depends on
+        none.
+        """
         depths = self._depths
         for below in self.g.cone([n], depths):
             deepest = max([depths.get(a, 0) for a in self.g.args[below]] or [0])
@@ -149,7 +153,7 @@ class Coefficients:
         return depths[n]
 
     def moves(self, n: int) -> bool:
-        """Whether `n` changes along the motion."""
+        """Whether the value of node `n` changes along the motion."""
         if n not in self._moves:
             for below in self.g.cone([n], self._moves):
                 if below not in self._moves:
@@ -158,9 +162,10 @@ class Coefficients:
         return self._moves[n]
 
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Return a node equal to `n` whose series is shorter; None if there is none.
+        """Return a node of equal value whose series takes fewer operations, or None.
 
-        made : computes that node; called once for each n.
+        n : the node, such as x^3. made : function that computes the other node, such as
+        x*x*x; called once for each n.
         """
         if n not in self._twins:
             self._twins[n] = made()
@@ -262,7 +267,11 @@ def _hypot(s: Coefficients, n: int) -> int:
 
 
 def _integral(s: Coefficients, x: int, slope: int) -> int:
-    """Return f_k of f' = slope x': the sum of j/k x_j slope_(k-j), j from 1 to k."""
+    """Return f_k of a function f of x with f' = slope x', by the chain rule.
+
+    f_k is the sum of j/k x_j slope_(k-j), j from 1 to k. x, slope : nodes of the
+    argument and of df/dx.
+    """
     g = s.g
     return g.call("add", s.inner_rate(x, slope), g.call("mul", slope, s(x)))
 

@@ -118,15 +118,19 @@ def minimum_degree(
 
 
 def squares(Z: Sequence[Collection[int]]) -> int:
-    """Return the count of operations of Z^T D^-1 Z, from the pattern of Z."""
+    """Return the number of operations that form Z^T D^-1 Z, D diagonal.
+
+    Z : for each column of the matrix Z, the row indices of its nonzero entries.
+    """
     holders = Counter(k for z in Z for k in z)
     return sum(count * (count + 1) for count in holders.values())
 
 
 def fill(Z: Sequence[Collection[int]]) -> int:
-    """Return the count of operations of the elimination in Z^T D^-1 Z.
+    """Return the number of operations that factor Z^T D^-1 Z, D diagonal.
 
-    It is computed from the pattern of Z, on the assumption that no products cancel.
+    Z : for each column of the matrix Z, the row indices of its nonzero entries. The
+    order is that of minimum degree; no products are assumed to cancel.
     """
     holders: dict[int, set[int]] = {}
     for i, z in enumerate(Z):
@@ -167,7 +171,8 @@ class DisjointSets:
     def unite(self, some: Iterable[int | None]) -> int | None:
         """Merge the sets of the given indices; return the first index, or None.
 
-        Entries None are skipped. The result is None if there is no index.
+        some : indices, of which None is skipped. The result is None if there is no
+        index.
         """
         first = None
         for j in some:
@@ -188,7 +193,8 @@ class DisjointSets:
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
     """Return, for each of n coordinates, the least index in its group.
 
-    rows : indices of coordinates that are coupled by one row.
+    rows : for each row, the indices of the coordinates that it couples. A group has all
+    coordinates that are coupled directly or through others.
     """
     sets = DisjointSets(n)
     for row in rows:

@@ -296,15 +296,19 @@ def is_smooth(g: Builder, discrete: int) -> bool:
 
 
 def at_ends(g: Builder, axis: Data, x: int) -> int:
-    """Return the node of a function of x that steps only at the ends of a table."""
+    """Return the graph node of a function of x that steps only at a table's ends.
+
+    It is -1 before the first point, 0 within the table and 1 past its end. axis : data
+    of the table. x : the node of the argument.
+    """
     ends = _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
     return g.call("floor", g.call("table.knot", g.data(ends), x))
 
 
 def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
-    """Return the highest order of derivative of each table that `nodes` contain.
+    """Return the highest order of derivative of tables in `nodes` and below.
 
-    As node of a cell number -> order.
+    The result maps the node of the cell number, along one argument, to the order.
     """
     found: dict[int, int] = {}
     for n in g.cone(nodes):
@@ -318,7 +322,8 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 def continuous(axis: Data, order: int) -> tuple[float, float]:
     """Return the open range of knot numbers in which a derivative is continuous.
 
-    axis : of the table. order : of the derivative. The range (0, 0) is empty.
+    axis : data of the table. order : of the derivative. The range (0, 0) is empty: the
+    derivative jumps at each knot.
     """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > smooth:
@@ -329,7 +334,11 @@ def continuous(axis: Data, order: int) -> tuple[float, float]:
 
 
 class Written(NamedTuple):
-    """Table operation of a node: name of the table, orders of derivative, arguments."""
+    """Operation of a table at a graph node: name of the table, orders, arguments.
+
+    `orders` has the order of the derivative in each argument, `args` the nodes of the
+    arguments.
+    """
 
     name: str
     orders: tuple[int, ...]
