@@ -294,7 +294,10 @@ class Memory:
         return int(self.numbers[word] + self.numbers[word + 1])
 
     def size_of(self, length: Length) -> int:
-        """Return the value of a declared length; 0 for ""."""
+        """Return the number of components that a declared length denotes; 0 for "".
+
+        length : the name of a size, or a function of the memory.
+        """
         if callable(length):
             return length(self)
         return int(getattr(self, length)) if length else 0

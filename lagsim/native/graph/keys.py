@@ -117,8 +117,8 @@ def nodes_of(functions: Functions) -> dict[str, list[int]]:
 def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
     """Return a digest of all inputs that determine the code of `functions`.
 
-    Nodes enter by their order, not by their numbers. manner : further arguments of the
-    code generator.
+    functions : by name, the nodes of the results or a Loop. manner : further arguments
+    of the code generator. Nodes enter by their order, not by their numbers.
     """
     made = nodes_of(functions)
     orders = [

@@ -131,10 +131,11 @@ class LaneWriter(FunctionWriter):
     def write(
         self, name: str, nodes: Sequence[int], places: Mapping[int, Place], size: int
     ) -> None:
-        """Write the function `name` of one row, and that of several, `name`_rows.
+        """Write the function `name` of one row, and that of several rows, `name`_rows.
 
-        nodes : written to out. places : nodes that `prepare` has evaluated, with the
-        places of their values. size : the number of components of y.
+        nodes : graph nodes written to out. places : graph nodes that `prepare` has
+        evaluated, with the places of their values in memory. size : the number of
+        components of y.
         """
         stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
         self.function(f"{name}.lanes", stores, places, linkage="internal ", longest=1)
@@ -192,9 +193,9 @@ class LaneWriter(FunctionWriter):
         places: Mapping[int, Place],
         passed: Mapping[int, int] = NOTHING,
     ) -> str:
-        """Return the name of a vector or of a constant; write its load.
+        """Return the name of node n's vector, or the literal of a constant.
 
-        Arguments as for `FunctionWriter.leaf`.
+        A vector in memory is loaded. Arguments as for `FunctionWriter.leaf`.
         """
         g = self.g
         if n in passed and n not in places:
@@ -217,7 +218,10 @@ class LaneWriter(FunctionWriter):
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
-        """Return node -> index in p of its vector, see `FunctionWriter`."""
+        """Return node -> index in p of its vector, for values passed between pieces.
+
+        Arguments as for `FunctionWriter._passed`.
+        """
         passed = super()._passed(pieces, places)
         self.scratch_used = max(self.scratch_used, LANES * len(passed))
         return {n: self.scratch + LANES * i for i, n in enumerate(passed)}

@@ -86,10 +86,10 @@ class Code(NamedTuple):
 
 
 def hoisted(g: Graph, roots: Sequence[int], moving: Collection[int]) -> list[int]:
-    """Return the operations of `roots` that depend on no `moving` node and are used.
+    """Return the operations in `roots` and below that can be computed once.
 
-    An operation counts as used if an operation that depends on `moving` nodes uses the
-    value, or if it is a root. The values can be computed once.
+    They depend on no `moving` node, and are used: by an operation that depends on
+    `moving` nodes, or as a root.
     """
     used, varying = set(roots), set(moving)
     cone = g.cone(roots)
@@ -178,8 +178,8 @@ class Lines:
     ) -> list[str]:
         """Write sines and cosines of up to LANES angles; return the values' names.
 
-        angles : their names. wanted : pairs of "sin" or "cos" and the index of an
-        angle.
+        angles : names of the angles. wanted : for each value, "sin" or "cos" and the
+        index of the angle.
         """
         self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"

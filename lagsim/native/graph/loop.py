@@ -110,8 +110,8 @@ def write(
 ) -> None:
     """Write the function `name`, which evaluates a Taylor series by a loop.
 
-    w : receives the code. places : nodes that `prepare` has evaluated, with the places
-    of their values.
+    w : writer to whose lines the code is added. loop : the series. places : graph nodes
+    that `prepare` has evaluated, with the places of their values in memory.
     """
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)

@@ -71,7 +71,7 @@ def columns(of: Elements) -> dict[int, MemberColumn]:
 
 
 def words(of: Elements) -> int:
-    """Return the number of words of the results and the rows together."""
+    """Return the number of doubles in memory of the vector of sums and the rows."""
     return of.size + sum(x.length * x.width for x in columns(of).values())
 
 
@@ -81,9 +81,14 @@ def name_of(of: Elements) -> str:
 
 
 class MembersFunction(Lines):
-    """The function `(ptr %at, ptr %p)` that evaluates the sums of some elements.
+    """Writer of the function `(ptr %at, ptr %p)` that evaluates the sums of elements.
 
-    %at points to integers: the index in p of the results, then that of each argument.
+    %at points to integers: the index in p of the vector of sums, then the index in p of
+    each argument.
+
+    Parameters
+    ----------
+    of : Elements
     """
 
     def __init__(self, of: Elements) -> None:
@@ -155,7 +160,11 @@ class MembersFunction(Lines):
         return self.line(f"load i32, ptr {place}")
 
     def _row(self, column: MemberColumn, k: str) -> str:
-        """Write code for the address of row k of a column; return its name."""
+        """Write code for the address of row k of a column; return the address's name.
+
+        column : the column's memory. k : name of the number of a position of the
+        column.
+        """
         start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
         if column.length == 1:
             return self.line(start)
@@ -168,7 +177,11 @@ class MembersFunction(Lines):
         return self.line(f"load double, ptr {place}")
 
     def _add(self, value: str, row: str, k: int | str) -> str:
-        """Write code that adds a value to number k of a row; return the sum's name."""
+        """Write code that adds a value to an element in memory; return the sum's name.
+
+        value : name of the value. row : name of the address of an array. k : index of
+        the element.
+        """
         place = self.line(f"getelementptr double, ptr {row}, i64 {k}")
         old = self.line(f"load double, ptr {place}")
         new = self.line(f"fadd double {old}, {value}")
@@ -209,7 +222,10 @@ class MembersFunction(Lines):
         return self.line(f"sext i32 {index} to i64")
 
     def _member(self, m: str) -> None:
-        """Write the code of one member, whose number is the value named m."""
+        """Write the code that adds the terms of one member to the rows it uses.
+
+        The rows are those of the member's positions. m : name of the member's number.
+        """
         of, values, rows = self.of, dict[int, str](), dict[int, str]()
         table = self._table(of.table)
         width = of.table.shape[1]
@@ -242,9 +258,10 @@ class MembersFunction(Lines):
                     self._add(error, rows[c], first + 1)
 
     def _term(self, values: dict[int, str]) -> None:
-        """Write the code of the term of a member.
+        """Write the evaluation of the term's nodes for a member.
 
-        values : node -> name of its value; extended by the nodes of the term.
+        values : node of the term -> name of its value; has the slots at first, and all
+        nodes at the end.
         """
         g = self.of.graph
         for n in self.of.cone:
@@ -259,7 +276,11 @@ class MembersFunction(Lines):
                 values[n] = self.operation(g.ops[n], exponent_of(g, n), operands)
 
     def _add_up(self, column: MemberColumn) -> None:
-        """Write the loop that adds the sums in a column's rows to the results."""
+        """Write the loop over a column's positions that adds up the results.
+
+        The sums over members at a position, which the row of the position holds, are
+        added to the components of the vector of sums that belong to the position.
+        """
         of, each = self.of, 2 if self.of.bounds else 1
         added = [
             (len(column.slots) + each * i + each - 1, of.outputs[j].slot)
@@ -281,7 +302,7 @@ class MembersFunction(Lines):
 
 
 def written(some: Sequence[Elements]) -> tuple[set[str], list[str]]:
-    """Return declarations and lines of the functions of some elements."""
+    """Return declarations and IR lines of the functions of the given elements."""
     made = [MembersFunction(of) for of in some]
     declared = set().union(*(x.declared for x in made))
     return declared, [line for x in made for line in x.lines]

@@ -52,8 +52,8 @@ def write(
 ) -> None:
     """Write the function `name`, which evaluates a Taylor series order by order.
 
-    w : receives the code. places : nodes that `prepare` has evaluated, with the places
-    of their values.
+    w : writer to whose lines the code is added. loop : the series. places : graph nodes
+    that `prepare` has evaluated, with the places of their values in memory.
     """
     start = _START.format(
         name=name, signature=w.signature, base=w.scratch, mask=LINE_BYTES - 1,
@@ -166,10 +166,10 @@ class _Orders:
                 yield w.line(f"extractelement {kind} {value}, i32 {lane}")
 
     def _vector(self, j: int, first: int, width: int, which: int) -> str:
-        """Write the load of a vector of factors of order j; return its name.
+        """Write the load of a vector of factors of order j; return the vector's name.
 
-        first, width : the sums of the vector. which : 0 for the first factors, 1 for
-        the second.
+        first, width : index of the first sum to which the factors belong, and their
+        number. which : 0 for the first factors, 1 for the second.
         """
         place = self.w.address(self._place(j, first, which))
         kind = f"<{width} x double>"

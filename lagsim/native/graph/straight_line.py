@@ -30,22 +30,23 @@ FEW_COMMON = 48
 
 
 class CommonNodes:
-    """Code of the nodes that several long functions evaluate, written once.
+    """Functions that evaluate the nodes which several long functions share.
+
+    The nodes that are used by one set of functions, and by no other function, form a
+    class; each class becomes a function of its own, which the others call first and
+    which stores its values in p. Every function that uses a node also uses its
+    operands, so that the classes with more users come first.
 
     Only functions that are called at most once in a step share code: stored values cost
-    the derivative of an arm of seven joints 20 % of its time. A page of the bicycle has
-    244 kB in place of 272 kB.
-
-    A class is the set of nodes that one set of functions uses; it becomes a function of
-    its own. Every function that uses a node also uses its operands, so that the classes
-    with more users come first.
+    the derivative of an arm of seven joints 20 % of its time. The page that a browser
+    runs for the bicycle has 244 kB in place of 272 kB.
 
     Attributes
     ----------
     writers : list of FunctionWriter
-        The code of the classes.
+        The code of each class.
     places : dict of node to place
-        Values that the classes store.
+        Where the classes store the values of nodes.
     """
 
     def __init__(
@@ -87,12 +88,16 @@ class CommonNodes:
             self.places |= stores
 
     def calls(self, name: str) -> list[str]:
-        """Return the names of the classes' functions that function `name` calls."""
+        """Return the names of the shared functions that the function `name` calls."""
         return [f"common.{k}" for k, x in enumerate(self._classes) if name in x]
 
 
 def _longest(name: str, manner: Manner) -> int:
-    """Return the number of pieces above which the function `name` is not optimised."""
+    """Return the number of pieces above which a function is not optimised.
+
+    name : of the function. manner : lists functions that are called rarely; these are
+    optimised only where they are a single piece.
+    """
     return 1 if name in (*manner.once, *manner.rare) else LONG
 
 
@@ -107,7 +112,19 @@ LONG_TAPE = 2000
 def generate(
     g: Graph, functions: Functions, layout: Layout, manner: Manner = keys.PLAIN
 ) -> Code:
-    """Return the IR of `functions`; long functions among `manner.rare` become tapes."""
+    """Return the IR of functions of graph nodes, as straight-line code or loops.
+
+    Parameters
+    ----------
+    g : Graph
+    functions : mapping of str to sequence of node, or to Loop
+        By name: the nodes written to out[0], out[1], ..., or a Taylor series.
+    layout : Layout
+        Indices of the variables in y and p.
+    manner : Manner
+        Names of functions whose code is special; long ones among `manner.rare` become
+        tapes.
+    """
     interpreted = {
         name: made
         for name, made in keys.nodes_of(functions).items()

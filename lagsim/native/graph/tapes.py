@@ -84,15 +84,15 @@ class Tasks(NamedTuple):
     Attributes
     ----------
     groups : (N,) int array
-        Group of each evaluation: evaluations of one kind and level. Ascending, and
-        later than the groups of its operands.
+        Number of the group of each evaluation: all evaluations of one kind and level.
+        Ascending, and greater than the groups of its operands.
     opcodes : (N,) int array
     users : (N,) int array
         Bit k is set if function k uses the evaluation.
     widths : (N,) int array
         Number of fields of each evaluation.
     fields : int array
-        The result node of each evaluation, then its operand nodes.
+        For each evaluation in turn, the result node, then the operand nodes.
     """
 
     groups: Ints
@@ -124,11 +124,15 @@ def tape_functions(
 ) -> tuple[set[str], list[str], int]:
     """Return declarations, lines and required length of p of functions on tapes.
 
-    The functions are added to a module whose function `prepare` evaluates none of their
-    nodes.
+    For a module of straight-line code: its function `prepare` evaluates no node of
+    these functions.
 
     Parameters
     ----------
+    g : Graph
+    functions : mapping of str to sequence of node
+        By name: the nodes written to out[0], out[1], ...
+    layout : Layout
     known : mapping of int to int
         Nodes with values in p: node -> index.
     calls : mapping of str to sequence of str
@@ -141,7 +145,10 @@ def tape_functions(
 
 
 def _copied(array: str, name: str, first: int, count: int) -> str:
-    """Return the code that copies `count` numbers of `array` to p, from `first` on."""
+    """Return IR that copies the first numbers of `array` to p.
+
+    name : a fresh name. first : index in p of the first number. count : of the numbers.
+    """
     return (
         f"%{name} = getelementptr double, ptr %p, i64 {first}\ncall void "
         f"@llvm.memcpy.p0.p0.i64(ptr %{name}, ptr {array}, i64 {8 * count}, i1 0)"

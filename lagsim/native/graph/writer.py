@@ -34,7 +34,7 @@ LINE_BYTES = 64
 # Functions of more pieces are compiled without optimisation: in less than half the
 # time, and they run 5 % longer (40 links; an arm of seven joints).
 LONG = 6
-# An array of a function, and an index there.
+# Place of a value in memory: the name of an array, and an index in it.
 Place = tuple[str, int]
 NOTHING: Mapping[int, int] = MappingProxyType({})
 
@@ -44,8 +44,9 @@ def evaluation_order(
 ) -> list[int]:
     """Return the nodes to evaluate for `roots`, in order, except those in `places`.
 
-    Sines and cosines come early and side by side: first the functions of angles that
-    depend on no sine or cosine, then the functions of angles that depend on the first.
+    places : nodes with values in memory. Sines and cosines come early and side by side:
+    first the functions of angles that depend on no sine or cosine, then the functions
+    of angles that depend on the first.
     """
     order = g.cone(roots, places)
     depth: dict[int, int] = {}  # others depend on no sine or cosine
@@ -67,6 +68,9 @@ def evaluation_order(
 
 class FunctionWriter(Lines):
     """Writer of the IR of one function, or of the pieces of a long one.
+
+    A place of a value is a pair: the name of an array, such as "p" or "out", and the
+    index in this array.
 
     Attributes
     ----------
@@ -162,9 +166,11 @@ class FunctionWriter(Lines):
         nodes: Sequence[int],
         places: Mapping[int, Place],
     ) -> dict[int, str]:
-        """Write the evaluation of nodes; return the names of all values by node.
+        """Write the evaluation of graph nodes; return the name of each value, by node.
 
-        stores, places : as for `function`. nodes : more nodes, which are not stored.
+        stores : pairs of a node and the place where its value is stored. nodes : more
+        nodes, whose values are not stored. places : nodes that are not evaluated, with
+        the places of their values.
         """
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
@@ -183,7 +189,7 @@ class FunctionWriter(Lines):
         """Return node -> index in p, for values that one piece passes to a later one.
 
         pieces : the nodes of each piece of a function. places : nodes with values in
-        memory.
+        memory already.
         """
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
@@ -204,11 +210,20 @@ class FunctionWriter(Lines):
         at_end: Mapping[int, Sequence[Place]],
         vectors: Sequence[tuple[Sequence[int], Place]] = (),
     ) -> dict[int, str]:
-        """Write the nodes of a piece in order; return the names of the values by node.
+        """Write the evaluation of one piece of a function; return value names by node.
 
-        places, passed : nodes with values in memory, see `function`, and nodes whose
-        values are passed to later pieces. at_end : node -> places where its value is
-        stored. vectors : see `function`.
+        Parameters
+        ----------
+        piece : sequence of node
+            The nodes to evaluate, in this order.
+        places : mapping of node to place
+            Nodes that are not evaluated, with the places of their values.
+        passed : mapping of node to int
+            Nodes whose values one piece stores for later ones, with the index in p.
+        at_end : mapping of node to sequence of place
+            Places where the value of a node of this piece is stored.
+        vectors : sequence of (nodes, place)
+            See `function`.
         """
         here: dict[int, str] = {}
 
@@ -240,11 +255,11 @@ class FunctionWriter(Lines):
         here: dict[int, str],
         operand: Callable[[int], str],
     ) -> None:
-        """Write sines and cosines of the first `nodes` of these kinds, LANES at most.
+        """Write sines and cosines of up to LANES angles side by side.
 
-        here : node -> name of its value, extended by the results. operand : function of
-        a node, which returns the name of its value. places : nodes with values in
-        memory, see `function`.
+        They are those with which `nodes` begins. here : node -> name of its value;
+        extended by the sines and cosines. operand : function that returns the name of
+        the value of a node. places : nodes with values in memory, see `function`.
         """
         g = self.g
         together: list[int] = []
@@ -268,10 +283,11 @@ class FunctionWriter(Lines):
         places: Mapping[int, Place],
         passed: Mapping[int, int] = NOTHING,
     ) -> str:
-        """Return the name of a constant, variable or value in memory; write its load.
+        """Return the name of the value of node n that no operation computes here.
 
-        n : the node. places, passed : as for `function`, and values in scratch memory
-        by index in p.
+        n is a constant, a variable, or has a value in memory, which is loaded. places :
+        nodes with the places of their values. passed : node -> index in p, of values
+        that earlier pieces have stored.
         """
         g = self.g
         if g.ops[n] == CONSTANT:
@@ -316,7 +332,7 @@ class FunctionWriter(Lines):
         )
 
     def load(self, place: Place) -> str:
-        """Write the load of the number at a place; return the name of its value."""
+        """Write the load of the double at a place; return its name."""
         return self.line(f"load double, ptr {self.address(place)}")
 
     def store(self, value: str, place: Place) -> None:

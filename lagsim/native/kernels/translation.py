@@ -809,7 +809,21 @@ class _Function(Folding, ast.NodeVisitor):
 
 
 class _Translation:
-    """The functions found so far, and declarations for the text."""
+    """Translation of kernels, and of the kernels that they call, to one text of IR.
+
+    Attributes
+    ----------
+    statics : mapping of str to object
+        Static values that replace globals of equal names.
+    known : dict
+        Symbol and text of each function found, by function and static arguments.
+    waiting : list of (str, KernelText)
+        Functions that are not translated yet.
+    declared : dict
+        Declarations of the IR text, as keys.
+    exported : frozenset of str
+        Symbols that are visible outside the text.
+    """
 
     def __init__(
         self, functions: Sequence[Callable[..., Any]], statics: Mapping[str, object]
@@ -842,7 +856,7 @@ class _Translation:
         return "\n".join([*self.declared, *defined])
 
     def callee(self, function: FunctionType, *known: int) -> tuple[str, KernelText]:
-        """Return symbol and text of a function, which is queued for translation if new.
+        """Return symbol and text of a kernel that is called; a new one is queued.
 
         known : the values of its static parameters.
         """

@@ -23,10 +23,10 @@ _helpers: list[list[Helper]] = []
 
 @contextlib.contextmanager
 def helped() -> Iterator[None]:
-    """Context manager within which `bring` may start second processes.
+    """Context manager: within it `bring` may start second processes, where possible.
 
     Only for a process with a single thread: a fork copies locks, but not the threads
-    that would release the locks.
+    that would release the locks. The processes are ended on exit.
     """
     if not is_possible():
         yield
