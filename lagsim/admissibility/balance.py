@@ -61,7 +61,7 @@ FAR = 1e3
 
 
 class Rest(Relations):
-    """Residuals of a state at rest, as functions of guesses and multipliers.
+    """Residuals of the equations of rest, as functions of guesses and multipliers.
 
     Parameters
     ----------
@@ -72,10 +72,10 @@ class Rest(Relations):
     held : sequence of Row
         The rows of the active laws, which hold beside the equalities.
     free : tuple of sequence of int
-        Indices of the positions, and of the states, that are guesses.
+        Indices of the positions, and of the first-order states, that are guesses.
     pinned : mapping of str to int
-        For each surface that holds the state: the name of the variable for the share of
-        its upper side, an unknown, and the node that is zero on the surface.
+        The surfaces on which the state is held. Key: name of the variable, an unknown,
+        of the share of the upper side. Value: the node that is zero on the surface.
     """
 
     def __init__(
@@ -243,12 +243,12 @@ def _contracted(rest: Rest, metric: Floats) -> Floats | None:
 
 
 def _downhill(rest: Rest) -> Floats | None:
-    """Return a minimum of the energy below the guess; None if forces have no energy.
+    """Return the x (k,) of a minimum of the energy below the guess, or None.
 
-    Newton's method with absolute curvatures, along the relations and back onto them. A
-    merit function, energy plus penalty for residuals of relations (Nocedal and Wright,
-    chapter 18), determines the step length, along which gradients of relations must not
-    turn by much.
+    None if the forces have no energy. Newton's method with absolute curvatures, along
+    the relations and back onto them. A merit function, energy plus penalty for
+    residuals of relations (Nocedal and Wright, chapter 18), determines the step length,
+    along which gradients of relations must not turn by much.
     """
     point, k, m, x = rest.point, len(rest.positions), rest.relations, rest.x0
     e, g, weights, moved = point.e, point.g, np.zeros(rest.relations), 0.0

@@ -432,9 +432,9 @@ class _Examiner:
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> NewtonResult:
-        """Return the solution of the relations that is nearest to the relations' point.
+        """Return the solution of the relations that is nearest to their point.
 
-        far : whether other starts of the search are tried, too.
+        far : whether other first iterates are tried, too.
         """
         free = relations.free
         if not relations.wanted:
@@ -733,7 +733,9 @@ class _Examiner:
     def _touch(
         self, point: Point, *, velocities: bool, free: Sequence[int] | None = None
     ) -> bool:
-        """Add violated contacts to the equalities; return whether any is new.
+        """Add violated laws to the equalities `touching`; return whether any is new.
+
+        They are contacts and freewheels, and sliders past their limits.
 
         Parameters
         ----------

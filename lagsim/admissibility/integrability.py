@@ -131,8 +131,9 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
 class _Distribution:
     """Velocities that the rows admit around a point, as vector fields on the graph.
 
-    A field is a list of nodes, one for each of (q, t). Near the point, the components
-    in `bound` follow from the other components, which are free.
+    A vector field is a list of graph nodes, one component for each of (q, t). Near the
+    point, the components with the indices `bound` follow from the rows and the other
+    components, which are free.
     """
 
     def __init__(self, point: Point, rows: Sequence[Row]) -> None:
@@ -189,7 +190,10 @@ class _Distribution:
         return span.extend(rest, CAUTION * float(rounding / length))
 
     def _fields(self) -> list[list[int]]:
-        """Return fields that span the velocities on which the forms vanish."""
+        """Return vector fields that span the null space of the rows, as lists of nodes.
+
+        The rows are eliminated with pivots that are not small at the point.
+        """
         g = self.g
         table = [list(form) for form in self.forms]
         numbers = self.scaled.copy()
@@ -220,7 +224,10 @@ class _Distribution:
         return fields
 
     def _bracket(self, a: list[int], b: list[int]) -> list[int]:
-        """Return the Lie bracket [a, b] = Db a - Da b, as nodes."""
+        """Return the Lie bracket [a, b] = Db a - Da b of two vector fields, as nodes.
+
+        D is the Jacobian by (q, t).
+        """
         g = self.g
         along_a = dict(zip(self.variables, a, strict=True))
         along_b = dict(zip(self.variables, b, strict=True))

@@ -113,9 +113,10 @@ class Kinks:
 
     @property
     def positions(self) -> list[int]:
-        """For each surface the node of its expression, relative to the level.
+        """Node of u - level for each surface, in the order of `sides`.
 
-        If a surface has a level at each whole number, the level is the next one below.
+        If a surface has a level at each whole number, the level is the next one below
+        u.
         """
         return [
             self.g.call("sub", x.node, self.g.call("floor", x.node))
@@ -424,9 +425,10 @@ def _root(node: int, level: float, start: Point, end: Point) -> float:
 
 
 def drift(point: Point, rows: Sequence[Row]) -> tuple[Floats, Floats]:
-    """Return accelerations (n,) and rates of first-order states (s,), rounding removed.
+    """Return accelerations (n,) and rates of first-order states (s,) at a point.
 
-    rows : further rows in force, beside the rows of the point's equations.
+    Accelerations within rounding are 0. rows : further rows in force, beside the rows
+    of the point's equations.
     """
     e = replace(point.e, rows=(*point.e.rows, *rows))
     a, terms, _ = accelerations(point.of(e))

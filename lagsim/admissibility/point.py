@@ -126,7 +126,10 @@ class Point:
 
     @cached_property
     def places(self) -> tuple[dict[int, int], frozenset[int]]:
-        """Index of each position and velocity by its node; the set of these nodes."""
+        """Index of each position and velocity, by its graph node, and all these nodes.
+
+        Indices run from 0 to 2 n - 1, positions first.
+        """
         names = (*self.e.q, *self.e.velocities)
         found = {self.g.variable(name): j for j, name in enumerate(names)}
         return found, frozenset(found)
@@ -381,7 +384,7 @@ class _ScaledGradient(NamedTuple):
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
-        """Return the greatest product of |slope| and length over the coordinates.
+        """Return the largest |gradient_j| times length_j over the coordinates j.
 
         lengths : (n,), of all coordinates. The result is -inf if no coordinate of the
         gradient has a known length.
@@ -484,12 +487,12 @@ class Lengths:
         return forms
 
     def _shortest(self, least: float, most: float) -> Floats:
-        """Return the shortest length at each coordinate (n,) that exceeds `least`.
+        """Return the shortest length of the conditions at each coordinate, (n,).
 
-        A length that exceeds `most` times the shortest of its condition belongs to a
-        special direction, as along a rod, and is replaced by the shortest. Affine
-        conditions, which have no length of their own, pass the lengths of their
-        coordinates on to each other.
+        Only lengths that exceed `least` count. A length that exceeds `most` times the
+        shortest of its condition belongs to a special direction, as along a rod, and is
+        replaced by the shortest. Affine conditions, which have no length of their own,
+        pass the lengths of their coordinates on to each other.
         """
         found = np.full(self.point.n, np.inf)
         for form in self.forms:

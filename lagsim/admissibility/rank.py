@@ -73,8 +73,8 @@ class Dependence(NamedTuple):
         Whether the dependence holds at generic admissible states nearby, or at the
         state only; None if no generic state was found.
     contradictions : dict
-        Level -> difference between the row's right-hand side and the one that the
-        others imply.
+        "position", "velocity" or "acceleration" -> difference between the right-hand
+        side of the row's equation for these and the one that the others imply.
     """
 
     name: str
@@ -149,11 +149,12 @@ def analyse(
     ----------
     point : Point
     levels : sequence of str
-        Levels on which contradictions are searched: the levels that the state
+        Some of LEVELS, in this order: in the equations for positions, velocities or
+        accelerations contradictions are searched. They are the ones that the state
         satisfies, and the first one that it violates.
     moved : sequence of ndarray, shape (n,), optional
         Change of positions and of velocities on the way to the state. If given, and the
-        state satisfies all levels, thin sets are searched around it.
+        state satisfies the equations of all levels, thin sets are searched around it.
     double : bool
         Whether the state is a double root, known to half of the digits of `moved`.
     """
@@ -243,14 +244,16 @@ def row_lengths(point: Point) -> Floats:
 def weakest_rows(
     point: Point, rank: int, usual: Sequence[float]
 ) -> tuple[Floats, float]:
-    """Return the combination of rows (m,) that is closest to zero, and its length.
+    """Return the coefficients (m,) of the smallest combination of rows, and its length.
+
+    The coefficients are a left singular vector of the scaled rows, and the length is
+    its singular value.
 
     Parameters
     ----------
     point : Point
     rank : int
-        The number of the singular value to which the combination belongs; 1 for the
-        largest.
+        The number of that singular value; 1 for the largest.
     usual : sequence of float, length m
         Usual lengths of the rows: a row counts as at least this long.
     """
@@ -344,9 +347,10 @@ def _combinations(
 
 
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
-    """Return right-hand sides (m,) of the rows on each level, with error bounds (m,).
+    """Return right-hand sides (m,) of the rows' equations, with error bounds (m,).
 
-    levels : some of position, velocity, acceleration; they are the keys of the result.
+    levels : the equations: some of "position", "velocity", "acceleration", which are
+    the keys of the result.
     """
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
@@ -371,10 +375,11 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
 def _contradictions(
     demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
 ) -> dict[str, float]:
-    """Return the levels on which row i contradicts the row that others imply.
+    """Return the differences between row i's right-hand sides and the implied ones.
 
-    As level -> difference of the right-hand sides. demands : from `_demands`. others :
-    index -> coefficient of a row in the combination that equals row i.
+    Only those beyond rounding, by level ("position", ...). demands : from `_demands`. i
+    : index of the row. others : index -> coefficient of the rows in the combination
+    that equals row i.
     """
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
@@ -393,7 +398,10 @@ def _contradictions(
 
 
 class Neighbourhood:
-    """Random states around a point, at distances of the lengths of its rows.
+    """Random states around a point, for decisions that must hold at generic states.
+
+    Positions vary by the lengths of the relations (see `point.Lengths`), velocities by
+    their own size.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class AtRest(NamedTuple):
         The rows of the active laws.
     multipliers : ndarray, shape (m + held,)
         The multipliers of the m rows that always hold, then of the rows `held`.
-    corner : Corner or None
+    corner : RestCorner or None
         The surfaces on which the state rests; the equations of `point` are then those
         of both sides, with shares as variables.
     on_ridge : bool
@@ -203,9 +203,10 @@ class _Walk:
     here : Point
         The state that the walk has reached; at first the guess.
     sides : dict of int to float
-        The side of each surface on which the walk is.
+        By the number of a surface, the side on which `here` lies: the value of the
+        surface's mode variable, see `Kinks.frozen`.
     levels : dict of int to float
-        The levels of the surfaces on which the state is held.
+        By the number of a surface, the level on which the state is held, if it is.
     on_ridge : bool
         Whether the guess is a balance from which the forces of a side drive the state
         away.
@@ -330,9 +331,10 @@ class _Walk:
         return bool(np.linalg.matrix_rank(J, tol=SAME_RESULT) < rest.relations)
 
     def _with_bounds(self, rest: Rest, x: Floats) -> Floats:
-        """Return x (k,) with shares in [0, 1] that balance the forces; else x itself.
+        """Return a solution x (k,) with shares in [0, 1]; the given x if none is found.
 
-        With more surfaces than directions of motion the shares are not unique.
+        Needed with more surfaces than directions of motion, where the shares that
+        balance the forces are not unique.
         """
         from scipy.optimize import least_squares as bounded  # slow to load
 
@@ -424,9 +426,10 @@ class _Walk:
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key of the walk (see `_mode`) after surface k is left.
+        """Return the key of the walk's position after surface k would be left.
 
-        above : whether surface k is left to its upper side.
+        above : whether to its upper side. The key (see `_mode`) shows whether the walk
+        has been there before.
         """
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}
@@ -468,7 +471,10 @@ class _Walk:
 
 
 def _mode(levels: Mapping[int, float], sides: Mapping[int, float]) -> object:
-    """Return a hashable key of the levels that hold a state and of its other sides."""
+    """Return a hashable key of a walk's position among the surfaces.
+
+    levels : of the surfaces that hold the state. sides : of all surfaces, see `_Walk`.
+    """
     return frozenset(levels.items()), frozenset(sides.items())
 
 
@@ -559,7 +565,7 @@ def _changes(
 
 
 def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
-    """Return the indices of the laws of the named constraints."""
+    """Return the indices of the laws whose constraints have the given names."""
     return {k for k, law in enumerate(laws) if law.constraint in names}
 
 

@@ -223,9 +223,10 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
-    """Return the indices of rows that share coordinates with the rows `asked`.
+    """Return the indices of rows whose lengths influence the lengths of given rows.
 
-    asked : indices of rows, whose lengths are influenced by the lengths of the result.
+    asked : indices of the given rows. The result has the other rows that share a
+    coordinate with one of these directly, or through at most LINKS - 1 rows between.
     """
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
@@ -366,7 +367,11 @@ def _of_gap(name: str, own: Sequence[RelationResiduals]) -> RelationResiduals:
 
 
 def judge_starts(point: Point) -> list[RelationResiduals]:
-    """Return verdicts on start values of definitions, and on rates of steady states."""
+    """Return verdicts on start values of definitions, and of steady states.
+
+    A steady state is a first-order state whose start value is a guess: its rate is to
+    be 0.
+    """
     starts = [(x.node, x) for x in point.e.model.initial if x.node is not None]
     rates = {x.name: x.rate for x in point.e.states}
     starts += [
@@ -494,7 +499,10 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
 
 
 def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
-    """Return rows of named contacts, freewheels, and sliders at limits, by name."""
+    """Return by name the rows of contacts, freewheels, and sliders at their limits.
+
+    names : of the constraints; constraints of other kinds are left out.
+    """
     e, found = point.e, {}
     for law in e.laws:
         if law.constraint in names and law.kind.one_sided:
@@ -509,7 +517,11 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
 def in_force(
     verdicts: Sequence[RelationResiduals], equations: Equations
 ) -> list[RelationResiduals]:
-    """Return the verdicts, with timed equalities that are judged marked as in force."""
+    """Return the verdicts, in which judged timed equalities are set to be in force.
+
+    For these `active` is True, `holds` is whether the start satisfies the equality, and
+    `mode` is "in force". A timed equality has a condition `when`.
+    """
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
         v._replace(active=True, holds=v.satisfied, mode="in force")
@@ -665,7 +677,21 @@ def _sliders(point: Point) -> dict[int, Mode]:
 class _LawValues:
     """Gaps, rates and Delassus matrix of some laws at a state, as numbers.
 
-    The laws are those with the indices `chosen`, r in all.
+    Parameters
+    ----------
+    point : Point
+        The state.
+    chosen : sequence of int
+        Indices of the laws, r in all.
+
+    Attributes
+    ----------
+    rates, rounding : ndarray, shape (r,)
+        Rates of the rows, and their rounding errors.
+    R : ndarray, shape (r, n)
+        The rows.
+    closed : Closed
+        The laws as closed contacts, for the solution of their modes.
     """
 
     def __init__(self, point: Point, chosen: Sequence[int]) -> None:
