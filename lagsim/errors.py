@@ -27,7 +27,10 @@ _UNSEEN = re.compile(f"[{UNSEEN}]")
 
 
 def visible(text: str, *, json: bool = False) -> str:
-    r"""Return a text with invisible letters escaped as in Python or JSON: \u202e."""
+    r"""Return a text with invisible letters as escape sequences, such as \u202e.
+
+    json : whether in the notation of JSON, else of Python.
+    """
     if json:
         return _UNSEEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
     return _UNSEEN.sub(lambda found: ascii(found[0])[1:-1], text)
@@ -129,7 +132,7 @@ class Problem(NamedTuple):
 
     @property
     def whole(self) -> Problem:
-        """The fault; without a hint of its own it has the hint of its code."""
+        """The fault with a hint: its own or, without one, the hint of its code."""
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property
@@ -251,7 +254,7 @@ class InputError(LagsimError):
 def unusable(
     code: ErrorCode, text: str, place: Place | None = None, hint: str = ""
 ) -> InputError:
-    """Return an InputError with a single fault; arguments : see `Problem`."""
+    """Return an InputError with one fault, whose fields are the arguments."""
     return InputError([Problem(code, text, place, hint)])
 
 

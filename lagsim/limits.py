@@ -103,7 +103,10 @@ def without(hint: str) -> str:
 
 @contextmanager
 def lifted(*, really: bool = True) -> Iterator[None]:
-    """Context manager: read files without limits on members, terms and operations."""
+    """Context manager: read files without limits on members, terms and operations.
+
+    really : False to keep the limits.
+    """
     names = ("MEMBERS", "TERMS", "GRAPH_NODES", "WORK", "INERTIAS")
     given = {name: globals()[name] for name in names}
     if really:
@@ -115,12 +118,12 @@ def lifted(*, really: bool = True) -> Iterator[None]:
 
 
 def graph_nodes(size_of_file: int) -> int:
-    """Return the largest number of operations of a model of this size in bytes."""
+    """Return the largest number of graph nodes of a model of this size in bytes."""
     return max(GRAPH_NODES, GRAPH_NODES_PER_BYTE * size_of_file)
 
 
 def work(size_of_file: int) -> int:
-    """Return the largest work of checking a model of this size in bytes."""
+    """Return the budget of operations for checking a model of this size in bytes."""
     return WORK + WORK_PER_BYTE * max(0, size_of_file - USUAL_BYTES)
 
 

@@ -173,8 +173,8 @@ def _whole(
 ) -> Formulation:
     """Return a formulation named `name` of the full equations, without reduction.
 
-    reason : of the choice. projected : whether states are projected. gain : the rate of
-    `baumgarte`.
+    reason : text of the choice for the user. projected : whether states are projected.
+    gain : the rate of `baumgarte`, else 0.
     """
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)

@@ -49,7 +49,8 @@ if TYPE_CHECKING:
 def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """Return the sparse Newton matrix of an implicit method, or None.
 
-    None if the method has no sparse solver, or if a dense matrix is cheaper.
+    name : of the method. None if the method has no sparse solver, or if a dense matrix
+    is cheaper.
     """
     if not hasattr(method(name), "SPARSE"):
         return None
@@ -212,7 +213,9 @@ def _varies(equations: Equations, entries: list[int]) -> str:
 
 
 def coupled(e: Equations) -> list[int]:
-    """Return, for each coordinate, the first coordinate coupled to it by M or a row.
+    """Return, for each coordinate, the least index in its group of coordinates.
+
+    Coordinates that M or a row couples, directly or through others, are a group.
 
     Returns
     -------
@@ -471,10 +474,11 @@ def _check_straight(
     settings: Settings,
     choices: list[Choice],
 ) -> None:
-    """Refuse the method `name` if it needs y' as nodes, but loops solve for q''.
+    """Refuse a method that needs y' as graph nodes, where loops solve for q''.
 
-    The method is also refused if its series would be too long; else a choice is
-    appended.
+    The method is also refused if its Taylor series would be too long; else the form of
+    the series is appended to `choices`. name : of the method. elimination : the
+    solution for q'' on the graph; None where loops solve.
     """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED
@@ -763,9 +767,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _with_switches(
     equations: Equations, settings: Settings
 ) -> tuple[Equations, Switches]:
-    """Return equations and switches.
+    """Return the equations with forces at corners of equalities, and all switches.
 
-    To the equations, forces at corners of equalities are added.
+    settings : names the method; unless it locates events, only switches of the time
+    have sides.
     """
     switches = model_switches(equations, located=locates(settings.method))
     bent = corners(equations, switches)
@@ -780,7 +785,7 @@ def by_loops(plan: Plan) -> Plan:
     """Return a plan in which kernels solve the equations numerically, by loops.
 
     Used during a run when constraints become dependent. A method that needs y' as nodes
-    of the graph is replaced by `ANY`.
+    of the graph, or refuses the equations, is replaced by the method `ANY`.
     """
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
     choices.append(Choice("solve: loops with QR", "the constraints became dependent"))
