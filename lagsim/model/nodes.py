@@ -211,7 +211,9 @@ Entry: TypeAlias = tuple[Scalar, Node]
 
 
 def argument(option: str, value: str) -> Scalar:
-    """Return the scalar of a command line option, such as `--set g=` and `9.8`.
+    """Return the scalar of a command line option.
+
+    option, value : the option's beginning, such as `--set g=`, and the text after it.
 
     Examples
     --------

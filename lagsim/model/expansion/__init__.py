@@ -464,7 +464,7 @@ class Expansion:
         return False
 
     def _join(self, one: _Given) -> _Given | None:
-        """Add the members of an entry to their family; return the entry.
+        """Add the members that an entry declares to its family; return the entry.
 
         None after a fault, as where the family already has a member.
         """
@@ -580,9 +580,10 @@ class Expansion:
         return trees.components(size) if size > 1 else ()
 
     def _has_components(self, family: Family, node: Node) -> bool:
-        """Store the components of a coordinate, from its key `components`.
+        """Store the names of a coordinate's components; return whether they are valid.
 
-        Return whether the declaration is valid.
+        family : the coordinate. node : its entry's value, with the key `components` if
+        it is a vector.
         """
         below = {key.text: value for key, value in entries_of(node)}
         family.letters = ()

@@ -402,7 +402,7 @@ class Shapes(SectionReader):
         return self.x.bound(node, reading, rules)
 
     def _turned(self, node: Node, reading: MemberReading) -> Node:
-        """Return the rotation matrix of a shape, as a node.
+        """Return the rotation of a shape for a member: a matrix or angle as YAML node.
 
         node : the name of a frame, or an expression: an angle in the plane.
         """
@@ -416,7 +416,10 @@ class Shapes(SectionReader):
         return self.x.bound(node, reading)
 
     def _point(self, node: Node, reading: MemberReading) -> Node:
-        """Return the position of a shape as a node: of a point, or of a vector."""
+        """Return a shape's position, a YAML node, for a member.
+
+        node : the name of a point, or a vector.
+        """
         name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
         if name in self.x.points:
             return self.x.denoted(node, self.x.points, reading.indices)[0]

@@ -308,7 +308,11 @@ class FrameReader(SectionReader):
         return self._frame_of(self._called(steps, indices))
 
     def _called(self, steps: Steps, indices: Indices) -> Called:
-        """Return name and subscripts of a frame from its parsed name, for a member."""
+        """Return name and subscripts of the frame that parsed steps name, for a member.
+
+        steps : postfix steps of a name such as `arm(i-1)`. indices : values of the
+        member's indices.
+        """
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault(
@@ -366,7 +370,10 @@ class FrameReader(SectionReader):
         return frame
 
     def _parent(self, called: Called) -> Called:
-        """Return name and subscripts of the frame that is the parent (`on`)."""
+        """Return name and subscripts of the frame that a frame is `on`, or of space.
+
+        called : name and subscripts of the frame.
+        """
         given = self._given[called]
         node = given.below.get("on")
         if node is None:
@@ -384,7 +391,10 @@ class FrameReader(SectionReader):
             return _SPACE
 
     def _frame(self, called: Called) -> Frame | None:
-        """Return a new frame on its parent, which exists; None after a fault."""
+        """Build a frame on its parent, which exists; None after a fault.
+
+        called : name and subscripts of the frame.
+        """
         given, parent = self._given[called], self._made[self._parent(called)]
         if parent is None:
             return None
@@ -456,7 +466,10 @@ class FrameReader(SectionReader):
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
     def _axis(self, given: _DeclaredFrame, name: str) -> Vector:
-        """Return the unit vector of a frame's `axis`, made of parameters only."""
+        """Return the unit vector of a frame's key `axis`, made of parameters only.
+
+        given : the entry of the frame. name : prefix of hidden definitions.
+        """
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
         values = [self._fixed(tree, at, what) for tree, at in parts]
@@ -518,6 +531,8 @@ class FrameReader(SectionReader):
         """Return the frame turned by angles about its own axes, one after the other.
 
         The letters of the key `axes` name the axes; the key `angles` has the angles.
+        called, parent, name : name and subscripts of the frame, its parent, and its
+        name with dots.
         """
         given, axes = self._given[called], self._given[called].below["axes"]
         what = f"the frame `{given.key.text}`"

@@ -250,10 +250,12 @@ class Scope:
         return self._value
 
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
-        """Return the number of components of an expression for a member.
+        """Return the number of components of an expression or relation for a member.
 
         The result is 0 where the expression has a fault of its own, which is reported
-        when the expression is read, and -1 where it depends on a faulty name.
+        when the expression is read, and -1 where it depends on a faulty name. text,
+        parser : the text, and the function that parses it. indices : values of the
+        member's indices.
 
         Raises
         ------
@@ -375,9 +377,9 @@ class Scope:
         return _of(family, token.text, (), token.offset)
 
     def _member(self, token: Token, args: list[Value]) -> Value:
-        """Return the value of a name with the subscripts `args`.
+        """Return the value of a name with subscripts: of a member or a component.
 
-        It is a member of a family, or a component of a vector.
+        token : the name in the text. args : trees of the subscripts.
         """
         name, family = token.text, self.reference(token.text)
         if family is None:
@@ -553,7 +555,13 @@ class Scope:
         self._asked |= {name.text for found in parsed for name in found.names}
 
     def number(self, found: Parsed) -> float:
-        """Return the value of an expression of numbers and parameters."""
+        """Return the value of a parsed expression of numbers and parameters.
+
+        Raises
+        ------
+        ExpressionError
+            If a parameter has no value for ranges and subscripts.
+        """
         for name in found.names:
             self._check_number(name.text, name.offset)
         stack: list[float] = []
@@ -638,9 +646,10 @@ def _referred(family: Family, token: Token, args: list[Value]) -> Value:
 
 
 def _numbered(family: Family, token: Token, member: Member) -> Value:
-    """Return component k of the vector `family`; `member` is (k,), k >= 1.
+    """Return a component of a vector by its number: `G(2)` is the second one of G.
 
-    The family has no subscripts: `G(2)` is the second component of the vector G.
+    family : the vector, which has no subscripts. token : its name in the text. member :
+    (k,), the number of the component, k >= 1.
     """
     count = len(family.letters)
     if not count:
@@ -680,7 +689,7 @@ _RULES: dict[str, Callable[..., Value]] = {
 
 
 def _operation(op: str, args: list[Value], token: Token) -> Value:
-    """Return the result, a tree or a vector, of the operation `op` on values.
+    """Return the tree or vector of the operation `op` on the values `args`.
 
     token : the operator or function in the text, for messages.
     """

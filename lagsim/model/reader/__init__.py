@@ -278,6 +278,8 @@ class File:
     def read(self, sha256: str) -> Model:
         """Return the model of the file.
 
+        sha256 : digest of the text of the file.
+
         Raises
         ------
         InputError

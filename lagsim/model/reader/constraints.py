@@ -293,9 +293,9 @@ class _ConstraintReader:
     def _refuse(
         self, code: ErrorCode, keys: Iterable[str], why: str, hint: str
     ) -> None:
-        """Report keys that a relation of this kind must not have.
+        """Report those of some keys of the constraint that its kind must not have.
 
-        why, hint : the rest of the message, and the hint.
+        code, why, hint : the fault's code, the rest of its message, and its hint.
         """
         for key in keys:
             if key in self.below:
@@ -318,7 +318,10 @@ class _ConstraintReader:
         return g.call("if", condition, g.one, g.zero)
 
     def _limit(self, relation: Relation | None) -> _Bound:
-        """Return the bound of the multiplier of an equality, from its key `limit`."""
+        """Return the bound of an equality's multiplier, from its key `limit`.
+
+        relation : the equality, which must contain velocities; None after a fault.
+        """
         if relation is not None and not has_velocity(relation.node, self.x):
             hint = "write its rate: `x_dot = 0` instead of `x = 0`, so that it can slip"
             self._refuse(NOT_A_VELOCITY, ["limit"], "contains no velocity", hint)
@@ -471,7 +474,11 @@ class _ConstraintReader:
         return found.sliding, None if same else found.resting
 
     def _within(self, key: str, found: Bounds, node: Node) -> None:
-        """Report constant bounds that are negative, or lower at rest."""
+        """Report constant bounds that are negative, or lower at rest than sliding.
+
+        key, node : `friction` or `limit`, and its value in the file. found : graph
+        nodes of the bound at rest and while sliding.
+        """
         x, values = self.x, list[float]()
         for name, part in zip(("static", "dynamic"), found, strict=True):
             if x.graph.depends([part]) <= x.known.keys():

@@ -152,9 +152,10 @@ class Expressions:
     def scalar(
         self, node: Node | None, what: str, *, beside: bool = False
     ) -> Scalar | None:
-        """Return the scalar of an expression; report other nodes, and return None.
+        """Return the scalar of an expression; None for other nodes, which are reported.
 
-        beside : whether a unit may be given beside the expression.
+        node, what : the value in the file, and its name in messages. beside : whether a
+        unit may be given beside the expression.
         """
         if node is None or isinstance(node, Broken):
             return None
@@ -207,7 +208,10 @@ class Expressions:
         return scalar, found
 
     def _check_calls(self, found: Parsed | ParsedRelation, text: str) -> None:
-        """Report calls of tables with a wrong number of arguments."""
+        """Raise an ExpressionError for a table called with a wrong number of arguments.
+
+        found, text : the expression or relation, parsed, and its text.
+        """
         sides = [found] if isinstance(found, Parsed) else [found.left, found.right]
         for op, count, _ in (step for x in sides if x for step in x.postfix):
             table = self.names.tables.get(op)
@@ -297,7 +301,8 @@ class Expressions:
     ) -> float | None:
         """Return the finite value of an expression of parameters; None after a fault.
 
-        bounds, positive : see `within`.
+        node, what : the expression in the file, and its name in messages. bounds,
+        positive : the permitted range, see `within`.
         """
         found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:

@@ -62,7 +62,10 @@ class Faults:
     def add(
         self, code: ErrorCode, text: str, at: Place | Node | None, hint: str = ""
     ) -> None:
-        """Add a fault at a node or place; once for members that share the place."""
+        """Add a fault at a node or place; once for members that share the place.
+
+        code, text, hint : see `Problem`.
+        """
         place = at if at is None or isinstance(at, Place) else at.place
         if self.is_known(code, place):
             return
@@ -74,7 +77,7 @@ class Faults:
         return len(self._problems)
 
     def is_known(self, code: ErrorCode, place: Place | None) -> bool:
-        """Whether this fault was already reported at this place, for another member."""
+        """Whether this fault is already reported at the place, for another member."""
         return self.once is not None and (code, place) in self.once
 
     def may_guess(self) -> bool:
@@ -93,7 +96,10 @@ class Faults:
         return next(alike, "") or nearest(word, among)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
-        """Return a hint that names the most similar candidate; "" without one."""
+        """Return a hint that names the candidate most similar to a word; else "".
+
+        The hint is "" too where no further hint may be searched, see `may_guess`.
+        """
         near = self.guess(word, candidates)
         return f"did you mean `{in_file(near)}`?" if near else ""
 
@@ -120,7 +126,10 @@ class Faults:
 
 
 def _once(problems: Iterable[Problem]) -> list[Problem]:
-    """Merge faults on one unknown name into the first, with the number of others."""
+    """Return faults with those on one unknown name merged into the first of these.
+
+    The text of the merged fault has the number of further places.
+    """
     uses: dict[tuple[str, str], list[Problem]] = {}
     for problem in problems:
         key = (problem.code, problem.text)
@@ -213,7 +222,10 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
 
 
 def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
-    """Return the items of a list; [] for an empty node; other nodes are reported."""
+    """Return the items of a list; [] for an empty node; other nodes are reported.
+
+    what : name of the list in messages.
+    """
     if isinstance(node, Sequence):
         return list(node.items)
     if _is_given(node):
@@ -305,7 +317,10 @@ class Fields:
         return known[0]
 
     def below(self, key: str, known: Collection[str]) -> Fields:
-        """Return the mapping at `key`, see `fields`; an empty one by default."""
+        """Return the mapping at `key`, see `fields`; an empty one without the key.
+
+        known : the keys that the mapping may have.
+        """
         node = self.value(key)
         if node is None:
             return Fields(f"`{key}`", {}, self.place, True, self.faults)

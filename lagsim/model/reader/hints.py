@@ -126,7 +126,9 @@ MODULES = r"Modelica\.Math|np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
 
 
 def spelt_call(name: str, arguments: str) -> str:
-    """Return a call in this language's spelling, or an empty text.
+    """Return a call of another language in lagsim's notation; "" if it is unknown.
+
+    name, arguments : the texts before and within the parentheses.
 
     Examples
     --------
@@ -463,9 +465,10 @@ _LIST = re.compile(r"\[([^\[\]]*)\]")
 def _step(
     text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str]:
-    """Return begin and end of a part of an expression to replace, and the hint.
+    """Return begin and end of a part of a text to replace, and the hint on it.
 
-    fault : the fault that the replacement mends. known, moving : see `of_text`.
+    The hint has the replacement in backquotes. fault : the fault of the text that the
+    replacement mends. known, moving : see `of_text`.
     """
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
@@ -594,7 +597,7 @@ def _special(text: str, offset: int, end: int) -> tuple[int, int, str] | None:
 
 
 def _moves(name: str, moving: Collection[str]) -> bool:
-    """Whether a name is a variable with a rate, or a rate."""
+    """Whether a name is one of `moving`, the variables that have rates, or a rate."""
     return name.removesuffix("_ddot").removesuffix("_dot") in moving
 
 
@@ -697,7 +700,10 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
 
 
 def _called_so(name: str, known: Collection[str]) -> str:
-    """Return the variable that a name in Greek or Latin letters denotes; else ""."""
+    """Return the variable that a name in Greek or Latin letters denotes; else "".
+
+    known : variables of the file.
+    """
     if _is_known(name, known):
         return name
     plain = spelt_out(name).replace("_", "")
@@ -706,7 +712,10 @@ def _called_so(name: str, known: Collection[str]) -> str:
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
-    """Return the two or more variables whose names, joined, are the name; else []."""
+    """Return the two or more variables whose names, joined, are `name`; else [].
+
+    known : variables of the file.
+    """
     if 1 < len(known) <= MOST_PARTS and len(name) <= WINDOW:
         several = sorted(map(re.escape, known), key=len, reverse=True)
         one = f"(?:{'|'.join(several)})(?:_dot)?"
@@ -717,7 +726,10 @@ def _parts(name: str, known: Collection[str]) -> list[str]:
 
 
 def rate_spelling(name: str, moving: Collection[str]) -> str:
-    """Return the rate that another spelling denotes, as `x_dot` for `xdot`; else ""."""
+    """Return the rate that another spelling denotes, as `x_dot` for `xdot`; else "".
+
+    moving : variables that have rates.
+    """
     if len(name) > WINDOW:
         return ""
     name = _typed(name, moving)
@@ -730,7 +742,10 @@ def rate_spelling(name: str, moving: Collection[str]) -> str:
 
 
 def rate_within(text: str, moving: Collection[str]) -> str:
-    """Return the rate that a text denotes, such as `d/dt x`, or an empty text."""
+    """Return the rate that a text denotes, such as `d/dt x`, or an empty text.
+
+    moving : variables that have rates.
+    """
     hint = of_text(text[:WINDOW], parse, moving, moving)
     found = re.match(r"write ((.+)_dd?ot)\b", hint)
     return found[1] if found and found[2] in moving else ""

@@ -160,7 +160,10 @@ class Names:
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
     def declare(self, key: Scalar, kind: NameKind, faults: Faults) -> bool:
-        """Declare a name as a variable of the file; return whether it is valid."""
+        """Declare a key as a variable of the given kind; return whether it is valid.
+
+        A name that is not valid, or declared already, is reported.
+        """
         name, self._known, self._meanings = key.text, {}, {}
         if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
@@ -306,7 +309,10 @@ def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
 
 
 def check_name(key: Scalar, what: str, faults: Faults) -> bool:
-    """Whether a key is valid as a name; if not, a fault is reported."""
+    """Whether a key is valid as a name; if not, a fault is reported.
+
+    what : the kind of thing that it names, such as `a point`, for the message.
+    """
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
         name = name.removeprefix(HIDDEN).partition(".")[0]
@@ -399,7 +405,10 @@ def _owner(name: str, names: Names) -> tuple[str, Place | None]:
 
 
 def _place_of(of: str, owner: Owner, names: Names) -> Place | None:
-    """Return the place of the owner `of` of columns; None if there is no such name."""
+    """Return the place at which a name with columns is declared; None if there is none.
+
+    of : the name. owner : the kind of name that the columns belong to.
+    """
     if owner is Owner.CONSTRAINT:
         whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips
         return names.constraints.get(of, names.constraints.get(whole))

@@ -238,7 +238,7 @@ class _Simulation:
 
 
 def read_output(found: Fields, x: Expressions) -> Output:
-    """Return the columns, plots and options of the section `output`."""
+    """Return the columns, plots and options of the section `output`, in `found`."""
     columns = tuple(x.names.of(NameKind.DEFINITION))
     node = found.value("columns")
     named = items(node, "`columns`", x.faults)
@@ -337,7 +337,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
 def asked_reactions(section: Node | None) -> list[str]:
     """Return the names in the list `reactions` of `output`, valid or not.
 
-    The names are needed before definitions are read.
+    section : the section `output`. The names are needed before definitions are read.
     """
     lists = (v for k, v in entries_of(section) if k.text == "reactions")
     return [name for node in lists for name in texts_of(items_of(node))]
@@ -479,7 +479,7 @@ _Link: TypeAlias = "tuple[tuple[str, str], str, StringLength | None]"
 
 
 def read_scene(found: Fields, x: Expressions) -> Scene:
-    """Return the points, the links between points, and the shapes."""
+    """Return the points, links and shapes of the section `scene`, in `found`."""
     return _SceneReader(found, x).read()
 
 
@@ -575,7 +575,10 @@ class _SceneReader:
         return [(pair, look, length) for pair in pairs]
 
     def _length(self, found: Fields) -> StringLength | None:
-        """Return the length of a string, an expression of parameters, or None."""
+        """Return the length of a string, an expression of parameters; None without one.
+
+        found : the entry of the link.
+        """
         node = found.value("length")
         if node is None:
             return None

@@ -240,7 +240,8 @@ class _UnitCheck:
     ) -> Quantity:
         """Return the quantity of an operation; inconsistent arguments are reported.
 
-        scalar, span : the expression, and the place of the operation in it. power : the
+        scalar, span : the expression, and the place of the operation in it. op, args :
+        the operation, and the quantities of its arguments. power : the value of the
         last argument, if it is a constant.
         """
         if op not in OPERATIONS or op in JOINING:  # a table
@@ -275,7 +276,7 @@ class _UnitCheck:
         b: Quantity,
         text: str,
     ) -> bool:
-        """Report two quantities that do not fit; return whether these fit.
+        """Return whether the units of two quantities fit; if not, report the mismatch.
 
         span : the place in the scalar; None for the whole. text : the message, with {}
         for both units.
@@ -298,7 +299,7 @@ def _is_timed(args: Sequence[Quantity]) -> bool:
 
 
 def _text(of: Quantity) -> str:
-    """Return a unit in the file's notation, or as powers and a scale."""
+    """Return a quantity's unit in the file's notation, or as powers and a scale."""
     unit = of.unit or PURE
     if of.text or not unit:
         return of.text or "a number"

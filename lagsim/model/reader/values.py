@@ -241,7 +241,7 @@ class Unfolded(Graph):
         known: dict[str, Value],
         tables: MappingType[str, Table],
     ) -> Value:
-        """Return value and rounding error of an expression of numbers.
+        """Return value and rounding error of the expression `parsed`, made of numbers.
 
         A single number is exact, as written in the file. known : value and error of
         each name in the expression, except `pi`. tables : the tables by name.
@@ -612,9 +612,9 @@ class Initial(_Numbers):
         faults.add(UNKNOWN_NAME, text, key, hint)
 
     def _rule(self, used: Name, scalar: Scalar) -> bool:
-        """Whether the expression of a start value may contain a name.
+        """Whether the expression of a start value may contain a name; else a fault.
 
-        A rule for `check_by`.
+        used, scalar : the name, and the expression. A rule for `Expressions.check_by`.
         """
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":
