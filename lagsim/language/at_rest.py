@@ -177,8 +177,10 @@ def _points(
 ) -> list[_SlipPoint]:
     """Return test points at which all slips and the rates `held` are 0.
 
-    names : variables of the bound. known : value and error of each parameter; other
-    variables have arbitrary values. Points at which a slip has no value are left out.
+    slips, held : nodes of the slips, and of rates that are 0. names : variables of the
+    bound. velocities : the names among these whose values may be changed. known : value
+    and error of each parameter; other variables have arbitrary values. Points at which
+    a slip has no value are left out.
     """
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
@@ -322,7 +324,10 @@ class _Beside:
         self.steps = self.even = self.near = False
 
     def bounds(self, slips: Sequence[int]) -> Bounds | None:
-        """Return the bound at rest and while sliding; None where it is unclear."""
+        """Return the bound at rest and while sliding; None where it is unclear.
+
+        slips : nodes of the slip, or of its two components.
+        """
         g, node = self.g, self.node
         try:
             versions = self._versions()
@@ -412,7 +417,9 @@ class _Beside:
     ) -> list[bool]:
         """Return, for each direction of slip, whether the sign of an argument changes.
 
-        The signs at slip 0 and at a slip of size `slip` are compared.
+        The signs at slip 0 and at a slip of size `slip` are compared. parts : nodes of
+        the argument in the four versions, see `_versions`. point : the values of other
+        variables.
         """
         found = []
         here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
@@ -490,7 +497,13 @@ class _Beside:
         return found.pop()
 
     def _sign_around(self, part: int) -> float:
-        """Return the sign of an expression at small slips in all directions."""
+        """Return the sign of an expression (a node) at small slips in all directions.
+
+        Raises
+        ------
+        _UnclearError
+            Where the sign differs between directions or points.
+        """
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:
@@ -518,8 +531,9 @@ class _Beside:
     def _least(self, part: int, point: _SlipPoint, speed: float, i: int) -> float:
         """Return the least magnitude of an expression over slips near direction i.
 
-        The slips have size `speed`. The minimum is found by repeated division of the
-        range of directions into thirds.
+        part : node of the expression. point : values of other variables. speed : size
+        of the slips. The minimum is found by repeated division of the range of
+        directions into thirds.
         """
         low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
         for _ in range(48):

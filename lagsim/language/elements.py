@@ -355,7 +355,7 @@ class Elements:
     def without_value(self, arguments: Sequence[float]) -> int | None:
         """Return the first member with a term or slope that is not finite; else None.
 
-        Only for elements whose outputs are totals.
+        arguments : values of the arguments. Only for elements whose outputs are TOTAL.
         """
         everything = frozenset(range(self.count))
         for of in (self, self.derived("slopes", everything)):
@@ -446,7 +446,7 @@ class Elements:
     # Values
 
     def targets(self, output: ElementOutput) -> Ints:
-        """Return the index of the component to which each member adds, (members,)."""
+        """Return the component to which each member adds an output, (members,)."""
         if output.slot == EACH:
             return np.arange(self.members)
         if output.slot == TOTAL:

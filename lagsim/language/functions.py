@@ -443,8 +443,24 @@ def _smooth(
 ) -> Function:
     """Return the row of a monotone library function of one or more arguments.
 
-    slopes : (graph, *arguments, itself) -> node, for each argument. within : bounds of
-    the values. open_end : whether the function is unbounded at the ends of its domain.
+    Parameters
+    ----------
+    name : str
+        Its name here, in the C library and in sympy.
+    value : function
+        The function on floats.
+    slopes : functions
+        (graph, *arguments, itself) -> node of the derivative, for each argument.
+    numpy : str
+        Its name in numpy, if that is another.
+    llvm : bool
+        Whether native code uses LLVM's intrinsic function, not the C library's.
+    within : tuple of float
+        Ends of the domain.
+    open_end : bool
+        Whether the function is unbounded at the ends of its domain.
+    more
+        Other fields of the row.
     """
     arity, own = len(slopes), numpy or name
     operands = ", ".join(f"{{{i}}}" for i in range(arity))

@@ -531,12 +531,11 @@ table_piece2 = table_piece
 
 
 def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
-    """Return the numbers (k,) of the coefficients of the cells at one end of x.
+    """Return the cells at one end of intervals of x, and the distance from their knots.
 
-    The second value encloses x less the lower knot of these cells.
-
-    cells : numbers (2, k) of first and last cells. end : 0 for the first cells, 1 for
-    the last.
+    The first result is (k,), the row of each cell's coefficients; the second encloses x
+    less the lower knot of the cell. axis : data of the table. cells : numbers (2, k) of
+    the first and last cells that x meets. end : 0 for the first cells, 1 for the last.
     """
     m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
     cell = cells[end]

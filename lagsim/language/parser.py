@@ -83,7 +83,10 @@ class Token(NamedTuple):
     def fault(
         self, text: str, hint: str = "", code: ExpressionCode = EXPRESSION_SYNTAX
     ) -> ExpressionError:
-        """Return an ExpressionError with the place of this token."""
+        """Return an ExpressionError at the place of this token.
+
+        text, hint, code : message, hint and code of the fault.
+        """
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
@@ -234,7 +237,10 @@ class Parsed(NamedTuple):
     def build(
         self, g: Graph, scope: Callable[[str], int], tables: Tables | None = None
     ) -> int:
-        """Return the node in `g`; `scope` maps each name to its node.
+        """Return the node of the expression in the graph `g`.
+
+        scope : function that maps each name to its node. tables : by name, functions
+        that build the node of a table's value.
 
         Examples
         --------

@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 
 
 class Builder(Protocol):
-    """Interface of a graph for these functions; see `Graph`."""
+    """Interface of `graph.Graph` for the functions of this module.
+
+    `ops` and `args` have the operation and the arguments of each node; `zero` and `one`
+    are the nodes of the numbers 0 and 1.
+    """
 
     ops: list[str]
     args: list[tuple[int, ...]]

@@ -267,7 +267,10 @@ def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> in
 
 
 def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
-    """Return the node of a table's value at the nodes `args`."""
+    """Return the node of a table's value.
+
+    axes, pieces : data of the table, see the module. args : nodes of its arguments.
+    """
     chosen = [
         g.call("floor", g.call("table.knot", g.data(axis), x))
         for axis, x in zip(axes, args, strict=True)
