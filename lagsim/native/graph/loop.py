@@ -190,12 +190,17 @@ def _sums(w: FunctionWriter, padded: int) -> str:
 def _with_edges(
     g: Graph, r: Recurrence, edges: Sequence[int]
 ) -> tuple[list[int], list[int]]:
-    """Return the nodes of an order whose sums lack their first and last terms.
+    """Return the nodes of an order k, whose first and last terms are computed before.
 
-    Each variable in `edges` holds the two terms a_1 b_(k-1) + a_(k-1) b_1 of one sum,
-    which are computed with the previous order. Returned are the nodes to compute in an
-    order, of which the last ones are the edges of the next order, and the variables of
-    a_1 and b_1 of each sum.
+    r : the recurrence. edges : for each sum of products, a variable with its two terms
+    a_1 b_(k-1) + a_(k-1) b_1, which the code of the order before has computed.
+
+    Returns
+    -------
+    made : list of node
+        The nodes to compute in an order; the last ones are the edges of the next order.
+    firsts : list of node
+        The variables of a_1 and b_1 of each sum.
     """
     parts = zip(r.sums, edges, strict=False)
     made = g.substitute(r.made, {s: g.call("add", s, e) for s, e in parts})

@@ -493,7 +493,7 @@ class Interpreter(Lines):
     def _evaluation(self, kind: OperationKind, at: str) -> int:
         """Write the code of one evaluation; return the number of its fields.
 
-        at : the name of the address of its fields.
+        kind : of the operation. at : the name of the address of its fields.
         """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)

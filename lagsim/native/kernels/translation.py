@@ -631,7 +631,11 @@ class _Function(Folding, ast.NodeVisitor):
         self.visit_Assign(ast.Assign([node.target], value))
 
     def _spread(self, target: ast.Subscript, value: ast.expr) -> None:
-        """Translate an assignment to a slice: a loop that stores each element."""
+        """Translate an assignment to a slice: a loop that stores each element.
+
+        target : the slice. value : the expression, whose arrays are as long as the
+        slice.
+        """
         begin = self._element(target)
         start, stop = self._bounds(target)
         count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
@@ -645,7 +649,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._counted(Value("0", "int"), count, store)
 
     def _bounds(self, target: ast.Subscript) -> tuple[Value, Value]:
-        """Return the first index of an assigned slice, and its end."""
+        """Return the first index of the slice `target`, and its end, exclusive."""
         stretch = target.slice
         if not isinstance(stretch, ast.Slice):
             return self._bound(stretch, "start"), self._bound(stretch, "stop")
@@ -658,7 +662,10 @@ class _Function(Folding, ast.NodeVisitor):
         return start, self._load_size(self._address(memory, field.word + 1))
 
     def _place(self, target: ast.expr) -> str:
-        """Return the address of an array's element, or of a number in a memory."""
+        """Return the address of the target of an assignment.
+
+        target : an element of an array, or a number in a memory.
+        """
         if isinstance(target, ast.Subscript):
             return self._element(target)
         found = self.source.field(target)

@@ -184,7 +184,10 @@ def tapes(module: bytes) -> list[tuple[int, int]]:
 
 
 def _sections(code: bytes) -> dict[int | str, bytes]:
-    """Return the content of each section by its number, of custom sections by name."""
+    """Return the content of each section of a module, by number.
+
+    A custom section has its name in place of the number.
+    """
     reader, found = Reader(code[8:]), dict[int | str, bytes]()
     while reader.rest:
         [key] = reader.take(1)
@@ -195,7 +198,10 @@ def _sections(code: bytes) -> dict[int | str, bytes]:
 
 
 def _segments(linking: bytes) -> list[bytes]:
-    """Return the names of an object's segments of data, in order."""
+    """Return the names of an object's segments of data, in order.
+
+    linking : the content of its section "linking".
+    """
     reader, found = Reader(linking), list[bytes]()
     reader.number()  # version
     while reader.rest:
@@ -209,7 +215,10 @@ def _segments(linking: bytes) -> list[bytes]:
 
 
 def _functions(linking: bytes) -> dict[str, int]:
-    """Return the indices of an object's own functions, from its symbol table."""
+    """Return the index of each function that an object defines, by name.
+
+    linking : the content of its section "linking", which has the symbol table.
+    """
     reader, found = Reader(linking), dict[str, int]()
     reader.number()  # version
     while reader.rest:
