@@ -248,10 +248,10 @@ class _Walk:
         return None
 
     def _decided(self, rest: Rest, x: Floats, *, first: bool) -> _Balance | None:
-        """Return the balance x (k,) if the forces hold the state there; else None.
+        """Return the balance at x (k,) if the forces hold the state there; else None.
 
-        Without a balance the walk leaves a surface. first : whether no surface was met
-        or left before.
+        Without a balance the walk leaves a surface. rest : the equations that x solves.
+        first : whether no surface was met or left before.
         """
         own = self._shares(rest, x)
         off = [max(-w, w - 1.0) for w in own]
@@ -324,7 +324,10 @@ class _Walk:
         return [float(w) for w in x[first : first + len(rest.shares)]]
 
     def _meet_in_a_point(self, rest: Rest, x: Floats) -> bool:
-        """Whether gradients of surfaces and relations are linearly dependent at x."""
+        """Whether gradients of surfaces and relations are linearly dependent at x (k,).
+
+        rest : the equations of the balance.
+        """
         J = rest(x)[1][: rest.relations] / np.sqrt(np.diag(rest.metric))
         lengths = np.linalg.norm(J, axis=1)
         J /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
@@ -393,7 +396,8 @@ class _Walk:
     def _unbalanced(self, rest: Rest) -> Iterator[Point]:
         """Yield the state displaced along the forces that no displacement balances.
 
-        Yield no state if there are no such forces.
+        rest : the equations of the balance, whose solution failed. Yield no state if
+        there are no such forces.
         """
         n, m = self.here.n, rest.relations
         r, J = rest(rest.x0)
@@ -412,14 +416,21 @@ class _Walk:
             yield self._moved(rest, left[m : m + n], left[m + n :])
 
     def _driven(self, rest: Rest) -> Iterator[Point]:
-        """Yield the state displaced along its acceleration on the present surfaces."""
+        """Yield the state displaced along its acceleration on the present surfaces.
+
+        rest : the equations of the balance.
+        """
         rows = [*rest.rows[len(self.here.e.rows) :]]
         rows += [self.kinks.row(k, x, self.sides) for k, x in self.levels.items()]
         a, rates = drift(rest.at(rest.x0), rows)
         yield self._moved(rest, a, rates[rest.states])
 
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
-        """Return the state with q displaced by a (n,), other states by `rates`."""
+        """Return the state `here` with its unknown positions and states displaced.
+
+        rest : names the unknowns. a : (n,), the displacement of q. rates : that of the
+        first-order states which are unknowns.
+        """
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
         s[rest.states] += rates

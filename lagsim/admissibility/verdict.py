@@ -264,8 +264,9 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
 def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]:
     """Return |A| |v| for each row A, over all coordinates coupled to it by inertia.
 
-    Rows are mappings of a coordinate's index to a node. The relative accuracy of a
-    rate, compared with this scale, is CONVERGED at best.
+    rows : the entries of each row: index of a coordinate -> node. The norms are those
+    of scaled coordinates, see `Point.sizes`. A rate that is compared with this size is
+    accurate to CONVERGED at best.
     """
     if not rows:
         return []
