@@ -470,10 +470,10 @@ class Run:
     def _with_breaks(self, decision: Decision | None) -> Decision | None:
         """Return the decision at a located event, joined with that of a break.
 
-        The break is at the time of the event; without one, `decision` is returned, that
-        of the event, or None. All modes are then selected with the branches of t after
-        the break: with the former branches of some switches, and the new ones of t, an
-        expression could have a value that it has on neither side.
+        decision : that at the event, or None. It is returned unless a break is at the
+        time of the event. With a break all modes are selected with the branches of t
+        after the break: with the former branches of some switches, and the new ones of
+        t, an expression could have a value that it has on neither side.
         """
         breaks = self.deciders.breaks
         passed = None if breaks is None else breaks.decide(self.arc, at.DONE)

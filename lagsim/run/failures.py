@@ -223,9 +223,9 @@ class Unmet(Source):
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the ending if constraints are violated at `CHECKS` checks in turn.
+        """Return the ending if constraints are violated at `CHECKS` successive checks.
 
-        None otherwise. code : the kernel's; a check takes place at PAUSED.
+        None otherwise. code : the kernel's return code; a check takes place at PAUSED.
         """
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
@@ -548,7 +548,7 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Return a mask of the speeds that exceed the part FAST of the largest speed.
+    """Return a mask (k,) of the speeds (k,) above the part FAST of the largest one.
 
     All are True if all speeds are 0.
     """

@@ -489,10 +489,11 @@ def carried_out(
 def jumped(
     now: InstantRecord, before: Floats, given: JumpImpulses | None
 ) -> InstantRecord:
-    """Return the record after a jump of velocities, with its rows.
+    """Return the record after a jump of velocities, with the rows before and after.
 
-    before : ndarray, shape (1, k), the columns before the jump, not used if the record
-    has them. given : the impulses of the jump, or None.
+    before : ndarray, shape (1, k), the columns before the jump; the row before an
+    earlier act or jump of this instant, if the record has one, is written instead.
+    given : the impulses of the jump, or None.
     """
     arc, rows = now.arc, now.rows
     if now.after is None and arc.row_time(-1) < arc.t:

@@ -662,9 +662,9 @@ def laws_at(arc: Arc) -> LawsAt:
 def rest_soon(arc: Arc, within: float) -> None:
     """Raise the speed at which slips on discs count as stopped.
 
-    A slip that may stop within a time is then at rest. The speed is raised where
-    switches accumulate: a slip whose direction turns with the switches vanishes at
-    their limit, and friction along the remaining slip would hide the effect of the
+    Slips that may stop within the time `within` are then at rest. The speed is raised
+    where switches accumulate: a slip whose direction turns with the switches vanishes
+    at their limit, and friction along the remaining slip would hide the effect of the
     switches.
 
     Parameters
@@ -672,7 +672,7 @@ def rest_soon(arc: Arc, within: float) -> None:
     arc : Arc
         The arc, in whose memory the speed is raised.
     within : float
-        The time.
+        The time from now.
     """
     here, p = Kinematics(arc, arc.y), arc.system.p
     discs = [k for k, law in enumerate(arc.system.laws) if law.pair >= 0]

@@ -87,10 +87,11 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
 
 
 def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
-    """Return the laws after the velocities of `here.y` are corrected, in place.
+    """Set the rates of stopped laws to 0 in `here.y`; return the laws at this state.
 
-    Corrections of gaps may have changed the rates of stopped laws, which become 0
-    again. stopped : ndarray of int, shape (r,), the numbers of these laws.
+    Corrections of gaps may have changed these rates. The velocities in `here.y` get the
+    least change, in place. stopped : ndarray of int, shape (r,), the numbers of the
+    laws.
     """
     rates = here.rates[stopped]
     if not (np.abs(rates) > here.still[stopped]).any():

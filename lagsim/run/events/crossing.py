@@ -292,8 +292,8 @@ def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
 
     A magnitude within rounding is 0.
 
-    pushed : ndarray, shape (K,), the largest rates of the surfaces by forces. modes :
-    those of all K surfaces.
+    pushed : ndarray, shape (K,), the largest derivatives of the surfaces' rates by the
+    forces, see `_pushes`. modes : those of all K surfaces.
     """
     arc = modes.arc
     slopes = np.abs(modes.rows().J)

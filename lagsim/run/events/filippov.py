@@ -744,8 +744,8 @@ class SurfaceModes:
 
         The value of each is a bound: the largest distance from its level that rounding
         causes in the duration of the run. The rates of these surfaces are rounding on
-        both sides, at other states and at later times. No mode keeps the motion there,
-        other than in `holds`.
+        both sides, at other states and at later times. Unlike the surfaces of `holds`
+        they need no mode.
         """
         arc, span = self.arc, self.arc.settings.duration
         if not arc.system.m:

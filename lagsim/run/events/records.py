@@ -102,9 +102,10 @@ class SurfacesAt(NamedTuple):
     ----------
     levels : mapping of int to float
         The level of each surface that the state is on, by the last phase `sides`.
-    met, off : int, float
-        The surface that was located last, or -1, and the largest distance of its
-        expression from its level.
+    met : int
+        The surface that was located last, or -1.
+    off : float
+        The largest distance of the expression of surface `met` from its level.
     stopped : frozenset of int
         Corners of equalities at which velocities have been stopped.
     selected : Selected or None

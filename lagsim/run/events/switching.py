@@ -517,8 +517,8 @@ class Switching(Source):
     def _beside(self, some: Collection[int], near: Collection[int]) -> list[int]:
         """Return the surfaces of `near` that switch together with surfaces of `some`.
 
-        Their gradients are parallel: several kinks lie at one place. One of them alone
-        was located each time.
+        Their gradients are parallel: several kinks lie at one place, of which the
+        search locates a single one at each switch.
         """
         J = self.modes.rows().J
         return [

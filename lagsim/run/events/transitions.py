@@ -107,8 +107,8 @@ class Transitions(Source):
         """Decide which conditions are true at the start, after all modes are set.
 
         Return the conditions that become true there, see `Truth.become_at_start`, and
-        the truth of all. before : the values of the conditions before the impacts at
-        the start, or None without impacts.
+        the truth of all conditions as bytes, see `Truth.decided`. before : the values
+        of the conditions before the impacts at the start, or None without impacts.
         """
         if not len(arc.state.orientation):
             return NOTHING, b""
@@ -126,10 +126,11 @@ class Transitions(Source):
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
     def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> tuple[Due, bytes]:
-        """Return the events that are due by the state just before, and the truth.
+        """Return the events that are due by the state just before, and the truth there.
 
-        comes_to_rest : function of the arc, whether a law or a surface may hold a rate
-        at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
+        The truth is that of all conditions, as bytes (`Truth.decided`). comes_to_rest :
+        function of the arc, whether a law or a surface may hold a rate at 0 from then
+        on, so that `if(x_dot < 0, 1, 0)` stays 0.
         """
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
@@ -149,9 +150,10 @@ class Transitions(Source):
     ) -> tuple[Due, bytes]:
         """Return the events that are due by the state after all acts, and the truth.
 
-        struck : whether velocities have jumped since the conditions were decided.
-        looked_at : whether the truth of the conditions just before the instant is
-        stored; if not, it is evaluated here.
+        The truth is that of all conditions then, as bytes (`Truth.decided`). struck :
+        whether velocities have jumped since the conditions were decided. looked_at :
+        whether the truth of the conditions just before the instant is stored; if not,
+        it is evaluated here.
         """
         if not len(arc.state.orientation):
             return NOTHING, b""
@@ -289,9 +291,9 @@ class Transitions(Source):
         return after, given, energy
 
     def _set(self, arc: Arc, k: int) -> Ending | None:
-        """Set the modes of event k; return an ending if a mode is not finite.
+        """Set the modes of the file that event k assigns.
 
-        None otherwise.
+        Return the ending of the run if a value assigned is not finite, else None.
         """
         events = arc.equations.model.events
         event, first = events[k], sum(len(x.sets) for x in events[:k])

@@ -283,9 +283,10 @@ class Measures(Extremes):
 
 
 def _merged(sums: Floats, rows: Floats) -> Floats:
-    """Return number, mean and squares (3, columns), updated by rows (k, columns).
+    """Return number, mean and sum of squared deviations, updated by k rows.
 
-    sums : (3, columns), the former values. nan do not count.
+    rows : ndarray, shape (k, columns). sums : ndarray, shape (3, columns), the former
+    values, as is the result. nan do not count.
 
     Source: T. F. Chan, G. H. Golub, R. J. LeVeque, Algorithms for computing the sample
     variance, Amer. Stat. 37 (1983), eq. 2.1.

@@ -85,7 +85,7 @@ class Checkpoints:
 
     @property
     def numbered(self) -> dict[int, Floats]:
-        """Stored states, numbered consecutively: index of the row over the stride."""
+        """Stored states: index of the row divided by the stride -> state."""
         return {k // self.stride: row for k, row in self.states.items()}
 
     @property
