@@ -900,10 +900,10 @@ def least_parts(
 ) -> Floats:
     """Minimize the largest |x_g| over discs g among multipliers x + free y (k,).
 
-    Multipliers are in parts of their bounds. Newton steps follow the central path of
-    the cones |x_g| < s + radii_g (x - x_0) to the least s, as long as the iterates stay
-    inside the cones to rounding (Y. Nesterov, Lectures on Convex Optimization, 2018,
-    section 5.2).
+    x_g| is the norm of the two multipliers of disc g, in parts of their bounds. Newton
+    steps follow the central path of the cones |x_g| < s + radii_g (x - x_0) to the
+    least s, as long as the iterates stay inside the cones to rounding (Y. Nesterov,
+    Lectures on Convex Optimization, 2018, section 5.2).
 
     Parameters
     ----------
@@ -912,7 +912,7 @@ def least_parts(
     free : ndarray, shape (k, d)
         The directions in which x may change.
     discs : ndarray, shape (g, k)
-        For each disc, 1 at its rows and 0 elsewhere.
+        For each of g discs, 1 at its rows and 0 elsewhere.
     radii : ndarray, shape (g, k)
         The derivatives of the radius of each disc by the multipliers.
     pushes : ndarray of bool, shape (k,)

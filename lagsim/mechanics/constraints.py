@@ -370,7 +370,9 @@ def laws_of(
     Parameters
     ----------
     constraints : sequence of Constraint
+        All constraints of the model.
     flow : Flow
+        The variables of the motion, and their rates.
     values : mapping
         The values of the parameters, which determine the pieces of a gap.
     """
@@ -417,7 +419,9 @@ def pieces_of(
     Parameters
     ----------
     c : Constraint
+        The constraint that has the gap.
     flow : Flow
+        The variables of the motion, and their rates.
     values : mapping
         The values of the parameters, which determine the pieces.
     """

@@ -129,6 +129,7 @@ def with_pushes(
     Parameters
     ----------
     e : Equations
+        The equations, without these forces.
     switches : Switches
         The switches of `e`.
     found : mapping

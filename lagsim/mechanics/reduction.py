@@ -147,7 +147,8 @@ def reduced_vector(
 ) -> SparseVector:
     """Return the sparse vector of the entries at the coordinates `left`.
 
-    left : old indices of the remaining coordinates. entries : old index -> node.
+    left : indices of the remaining coordinates among all. entries : index among all
+    coordinates -> node.
     """
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}

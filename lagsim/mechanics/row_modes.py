@@ -155,8 +155,8 @@ def _of_one(
 ) -> RowModes | None:
     """Determine the mode of a single row as `modes` does, in closed form.
 
-    None where no multiplier accelerates the row, or it begins to slide at rest with
-    another bound than it had at rest.
+    None where no multiplier accelerates the row, or where a row at rest begins to slide
+    whose static and dynamic bound differ.
 
     c, rate, roundoff, slip_noise, left : the elements of the arguments of `modes`.
     ahead : see `modes`.
@@ -598,6 +598,7 @@ def _solved_together(
     Returns
     -------
     x : ndarray, shape (k,)
+        The multipliers.
     ratio : float
         The determinant of B relative to that without friction, det(R)^2.
     """
@@ -628,10 +629,10 @@ TAKEN_OVER = 5
 def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowModes:
     """Return modes with the multipliers of redundant limited rows near their bounds.
 
-    The loads of redundant rows are constant in a mode, so that all changes fall on the
-    rows that hold. The smaller the first loads of the rows that hold, the later these
-    reach their bounds. Where all loads grow in proportion, the rows then slip only when
-    no distribution of the loads holds them.
+    The multipliers, or loads, of redundant rows are constant in a mode, so that all
+    changes fall on the rows that hold. The smaller the first loads of the rows that
+    hold, the later these reach their bounds. Where all loads grow in proportion, the
+    rows then slip only when no distribution of the loads holds them.
 
     Parameters
     ----------

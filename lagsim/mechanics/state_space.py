@@ -226,6 +226,7 @@ def _outputs(
     outputs : mapping
         Name -> node.
     inputs : sequence of Input
+        The quantities u.
     motion : ndarray
         Changes of state variables, q'' and lambda, a row for each.
     at : sequence of int

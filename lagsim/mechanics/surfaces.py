@@ -42,9 +42,9 @@ class Surface(NamedTuple):
 
 
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """Return nodes `and`, `or`, `not` of a condition, in order of evaluation.
+    """Return the nodes `and`, `or`, `not` at and below a condition.
 
-    discrete : the node of a condition; the result has the nodes at and below it.
+    discrete : the node of the condition. The nodes are in the order of evaluation.
     """
     found: set[int] = set()
     stack = [discrete]
@@ -143,11 +143,11 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 
 
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
-    """Return the value of a discrete function, as a node of its mode variable.
+    """Return the node of the value of a discrete function, given its mode variable.
 
-    op : the function, or a comparison, whose truth is returned. side : its mode
-    variable. sign : of its expression relative to the side, see `oriented`. Where the
-    expression keeps its level on an interval, the variable is 0, or a whole number
+    op : the function, or a comparison, whose truth is returned. side : the node of its
+    mode variable. sign : of its expression relative to the side, see `oriented`. Where
+    the expression keeps its level on an interval, the variable is 0, or a whole number
     minus 1/2, and the value is the function's at the level.
     """
     if op == "floor":

@@ -53,10 +53,12 @@ if TYPE_CHECKING:
 
 
 def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
-    """Return the condition under which roots and logarithms of a branch have values.
+    """Return the node of the condition under which a branch of an `if` has a value.
 
-    Only functions of the variables `decides`, which decide the branch, and outside
-    nested branches, count; None if there are no such functions.
+    The condition is that the arguments of roots and logarithms below the node `branch`
+    are in their domains. It counts functions of variables in `decides`, on which the
+    condition of the `if` depends, and outside nested branches; None if there are no
+    such functions.
     """
     found = None
     seen: set[int] = set()
