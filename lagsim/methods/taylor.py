@@ -374,7 +374,7 @@ def chosen_step(s: Taylor, c: Floats, t: float) -> float:
 
 
 def safety(s: Taylor) -> float:
-    """Return the part of a step, by the a priori bounds, that is tried."""
+    """Return the factor by which the step of the a priori bounds is shortened."""
     if s.rtol < control.TIGHT:
         return TIGHT_SAFETY
     return HELD_SAFETY if CONSTRAINED else SAFETY

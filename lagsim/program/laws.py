@@ -564,9 +564,10 @@ def take_out(p: Parameters) -> None:
 
 
 def correct(p: Parameters) -> None:
-    """Compute L^T times the Newton step by the rows that hold in p.u (n,).
+    """Store in p.u (n,) the Newton step of positions or velocities, multiplied by L^T.
 
-    On entry p.w holds minus the residuals of these rows.
+    The step makes the residuals of the rows that hold 0 to first order; on entry p.w
+    holds minus these residuals.
     """
     solve_rows(p, 0)
     p.u[:] = 0.0

@@ -25,9 +25,9 @@ INDEPENDENT = 1e-13
 
 
 def is_frictionless(p: Parameters, begin: int, end: int) -> bool:
-    """Whether the forces of rows begin to end - 1, by place, are along these rows.
+    """Whether no sliding friction is in proportion to multipliers of some rows.
 
-    Then S is symmetric: no sliding friction is in proportion to a multiplier.
+    Then their matrix S is symmetric. The rows are those with places begin to end - 1.
     """
     n = p.n
     for k in range(begin, end):

@@ -77,12 +77,13 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 
 
 def satisfied_part(s: Rank, order: float) -> float:
-    """Return the fraction of the last step, from each end, without projection of rows.
+    """Return the fraction of the last step in which rows need no projection.
 
-    Valid if rows are values of polynomials that begin at the nearer end of the step: a
-    residual grows from rounding there to the residual before the projection, as
-    x^order. If the constraints depend on time or velocities, rounding of times and
-    positions adds to the residual, and the fraction is 0.
+    The fraction counts from each end of the step. It is valid if rows are values of
+    polynomials that begin at the nearer end of the step: a residual grows from rounding
+    there to the residual before the projection, as x^order. If the constraints depend
+    on time or velocities, rounding of times and positions adds to the residual, and the
+    fraction is 0.
     """
     if s.fixed_rows == 0.0:
         return 0.0
@@ -439,7 +440,7 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 
 
 def bent(s: Rank, removed: float, left: float) -> float:
-    """Return the error of a step in tolerances, with the curvature of the constraints.
+    """Return the error of a step in tolerances, raised by the constraints' curvature.
 
     left : the error in tolerances after the part off the constraints is removed.
     removed : the relative energy of that part, see `forget_removed`, which is the

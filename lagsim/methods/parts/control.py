@@ -121,9 +121,9 @@ def record_sizes(s: Control, p: Parameters) -> None:
 
 
 def record_measured(s: Control, p: Parameters) -> None:
-    """Update sizes and energy by the accepted state, with known energies of it.
+    """Update sizes and energy by the accepted state, with the energies stored.
 
-    The energies are those of the last call of `store_energies`, as by `set_tolerances`.
+    They are those of the last call of `store_energies`, as by `set_tolerances`.
     """
     record_extents(s)
     if s.spared > 0.0:

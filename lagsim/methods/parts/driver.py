@@ -381,11 +381,11 @@ def jump_along(p: Parameters, i: int) -> float:
 
 
 def is_near(p: Parameters, rates: bool) -> bool:
-    """Whether a state was on the followed surfaces except for their rounding.
+    """Whether the state of the rows in p.rows is on the followed surfaces, to rounding.
 
-    The rows of the surfaces at that state are in p.rows. The number of a table's cell,
-    for example, is not 0 at a point x = 0, and has a rounding that x does not have.
-    rates : whether surfaces of rates are tested, else surfaces of positions.
+    The rounding is that of the surfaces' expressions: the number of a table's cell, for
+    example, is not 0 at a point x = 0, and has a rounding that x does not have. rates :
+    whether surfaces of rates are tested, else surfaces of positions.
     """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
@@ -568,7 +568,11 @@ FREE_STEPS = 6.0
 
 
 def usable_step(s: State, p: Parameters) -> float:
-    """Return the step h to try, with t + h exact; 0 if such a step is too small."""
+    """Return the step h to try, with t + h a double; 0 if such a step is too small.
+
+    It is at most the way to the next end, see `missed.next_end`, and keeps off a loss
+    of rank, see `constraints.clear_of_loss`.
+    """
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)

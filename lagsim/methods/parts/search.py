@@ -532,7 +532,8 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
 def find_located(s: Crossings, p: Parameters) -> int:
     """Search the last step for crossings; return 0 if the buffer is full, else 1.
 
-    The part of the step that counts is searched, once its first event is known.
+    The part of the step before its first event, if any, is searched; after a full
+    buffer the search continues from the crossing last stored.
     """
     if s.sections == 0 or s.searched >= 1.0:
         return 1

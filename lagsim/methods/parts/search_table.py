@@ -450,11 +450,11 @@ def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) ->
 def dip(
     kind: Static, s: SearchTable, p: Parameters, k: int, half: int, least: float
 ) -> float:
-    """Return where row k has a minimum below `least` in half of the stretch.
+    """Return the fraction at which row k has a minimum in half of the stretch.
 
-    Return the end of the half if row k, by the hull of its cubic, is nowhere below
-    `least` and both ends. half : 0 before the middle point, 1 after it. kind : the kind
-    of the row, as in the module docstring.
+    The minimum has to be below `least`. Return the end of the half if row k, by the
+    hull of its cubic, is nowhere below `least` and both ends. half : 0 before the
+    middle point, 1 after it. kind : the kind of the row, as in the module docstring.
     """
     most = min(sampled(s, k, half), sampled(s, k, half + 1), least)
     if lowest(1.0, s, k, half) < most:

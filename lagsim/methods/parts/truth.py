@@ -124,7 +124,7 @@ def error_of_time(s: SearchTable, k: int) -> float:
 
 
 def located_within(s: SearchTable, p: Parameters) -> float:
-    """Return the rounding error of the time of the condition located last, or 0.
+    """Return the rounding error of the time of the condition located last.
 
     0 if no condition is located.
     """
