@@ -101,14 +101,17 @@ def model_text(path: str) -> tuple[str, str]:
 
 
 class Document(NamedTuple):
-    """Root node of a text (None for an empty text, or no YAML), and faults found."""
+    """Root YAML node of a text, and the faults found.
+
+    The root is None for an empty text, or one that is no YAML.
+    """
 
     root: Node | None
     problems: tuple[Problem, ...]
 
 
 def load(text: str, file: str) -> Document:
-    """Parse a YAML text into a document of nodes and faults.
+    """Parse a YAML text into YAML nodes (see `nodes`) and faults.
 
     Parameters
     ----------
@@ -153,7 +156,7 @@ def _span(event: yaml.Event) -> tuple[int, int]:
 
 @dataclass(slots=True)
 class _Open:
-    """Collection whose end has not been reached yet, with the nodes read so far.
+    """Mapping or list whose end has not been reached, with the YAML nodes read so far.
 
     `mapping` and `flow`: whether it is a mapping, and whether in brackets; `start` is
     the offset of its beginning.
@@ -166,7 +169,7 @@ class _Open:
 
 
 class _Builder:
-    """Builder of nodes from YAML events, with a stack instead of recursion."""
+    """Builder of YAML nodes from the parser's events, with a stack of collections."""
 
     def __init__(self, source: SourceText, spoilt: set[tuple[int, int]]) -> None:
         self.source = source
@@ -178,7 +181,7 @@ class _Builder:
         self.nodes = 0
 
     def run(self) -> Node | None:
-        """Return the root node, or None without one; append faults to `problems`."""
+        """Return the root YAML node, None without one; append faults to `problems`."""
         for event in yaml.parse(self.source.text, Loader=_LOADER):
             if isinstance(event, yaml.DocumentStartEvent):
                 self.documents += 1
@@ -204,7 +207,7 @@ class _Builder:
         self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
-        """Add the node that a YAML event begins; return False past a size limit."""
+        """Add the YAML node that an event begins; return False past a size limit."""
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)
         unused, start = "of YAML, which models do not use", _span(event)[0]

@@ -312,7 +312,7 @@ class Shape(NamedTuple):
 
     @property
     def nodes(self) -> list[int]:
-        """All nodes of the shape: sizes, corners, origin and axes."""
+        """All graph nodes of the shape: sizes, corners, origin and axes."""
         corners = [node for corner in self.corners for node in corner]
         return [*self.sizes, *corners, *self.at, *self.axes]
 
@@ -356,7 +356,7 @@ LINKS = ("rod", "spring", "damper", "string", "line")
 
 
 class StringLength(NamedTuple):
-    """Length of a string: the node of an expression of parameters, and its place."""
+    """Length of a string: the graph node of its expression, and its place."""
 
     node: int
     place: Place
@@ -384,7 +384,7 @@ class Scene(NamedTuple):
 
 
 class DrawnExpression(NamedTuple):
-    """Expression that is plotted or drawn: its node, and its text in the file."""
+    """Expression that is plotted or drawn: its graph node, and its text in the file."""
 
     node: int
     text: str
@@ -591,12 +591,18 @@ class Table(NamedTuple):
     sha256: str = ""
 
     def __call__(self, g: Graph, args: list[int]) -> int:
-        """Return the node of the table's value at the nodes `args`."""
+        """Return the graph node of the table's value.
+
+        args : graph nodes of its arguments, one or two.
+        """
         return called(g, self.axes, self.pieces, args)
 
 
 class FirstOrderState(NamedTuple):
-    """First-order state s with s' = `rate`, a node of t, q, q' and all states."""
+    """First-order state s with s' = `rate`.
+
+    `rate` is the graph node of a function of t, q, q' and all states.
+    """
 
     name: str
     rate: int

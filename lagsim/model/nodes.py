@@ -187,14 +187,14 @@ def _escape(raw: str, index: int) -> tuple[int, bool]:
 
 
 class Mapping(NamedTuple):
-    """Keys with their values, in the order of the file."""
+    """YAML node of a mapping: pairs of key and value, in the order of the file."""
 
     entries: tuple[Entry, ...]
     place: Place
 
 
 class Sequence(NamedTuple):
-    """List of nodes."""
+    """YAML node of a list: its items, which are nodes."""
 
     items: tuple[Node, ...]
     place: Place
@@ -228,24 +228,24 @@ def argument(option: str, value: str) -> Scalar:
 
 
 def entries_of(node: Node | None) -> tuple[Entry, ...]:
-    """Return the entries of a mapping; an empty tuple for other nodes."""
+    """Return the entries of a mapping; an empty tuple for other YAML nodes."""
     return node.entries if isinstance(node, Mapping) else ()
 
 
 def items_of(node: Node | None) -> tuple[Node, ...]:
-    """Return the items of a list; another node is a list of one item."""
+    """Return the items of a list; another YAML node is a list of one item."""
     if isinstance(node, Sequence):
         return node.items
     return () if node is None else (node,)
 
 
 def texts_of(nodes: Iterable[Node]) -> list[str]:
-    """Return the texts of the nodes that are scalars."""
+    """Return the texts of those YAML nodes that are scalars."""
     return [node.text for node in nodes if isinstance(node, Scalar)]
 
 
 def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
-    """Yield the scalars at and below a node, each with its path: `forces.x`.
+    """Yield the scalars at and below a YAML node, each with its path: `forces.x`.
 
     name : the path of the node.
     """
@@ -260,7 +260,7 @@ def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
 
 
 def words_below(*roots: Node) -> set[str]:
-    """Return the words of all expressions at and below some nodes."""
+    """Return the words of all expressions at and below some YAML nodes."""
     return {
         word
         for root in roots
@@ -275,15 +275,18 @@ def words_below(*roots: Node) -> set[str]:
 
 
 def value_of(node: Node, keys: tuple[str, ...]) -> Node:
-    """Return the value of the first of `keys` that a mapping has; else the node."""
+    """Return the value of the first of `keys` that a mapping has; else the node itself.
+
+    node : a mapping, such as {value: 2, unit: m}, or a value without further keys.
+    """
     below = {key.text: value for key, value in entries_of(node)}
     return next((below[key] for key in keys if key in below), node)
 
 
 def with_value(node: Node, keys: tuple[str, ...], new: Node) -> Node:
-    """Return the node with the value at one of `keys` replaced by `new`.
+    """Return a mapping with the value that `value_of` returns replaced by `new`.
 
-    The value is the one that `value_of` returns.
+    node, keys : as for `value_of`; a node that is its own value is replaced.
     """
     if not isinstance(node, Mapping) or value_of(node, keys) is node:
         return new

@@ -209,7 +209,7 @@ class Expansion:
         return value._replace(text=name), value
 
     def _sections(self) -> dict[str, Node]:
-        """Return the sections of the file that were expanded, by name, as nodes."""
+        """Return the YAML nodes of the sections that were expanded, by section."""
         given: dict[str, list[_Given]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
@@ -416,7 +416,7 @@ class Expansion:
         return found
 
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
-        """Return an entry of `section` with its family, which is declared; else None.
+        """Declare the family that an entry of `section` names; return the entry.
 
         key, node : the entry's key and value. None after a fault.
         """

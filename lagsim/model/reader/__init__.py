@@ -463,7 +463,7 @@ class File:
         return places(self.node)
 
     def compiled(self, text: str, option: str) -> int:
-        """Return the node of an expression of columns of the table, see `Stated`."""
+        """Return the graph node of an expression of table columns, see `Stated`."""
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.known)
         found = x.compile(argument(option, text), "the expression", Level.OUTPUT)

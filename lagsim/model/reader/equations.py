@@ -66,7 +66,10 @@ class Energies(NamedTuple):
 
 
 def energy_fields(top: Fields) -> Fields:
-    """Return the section `energy` with its keys checked."""
+    """Return the section `energy` with its keys checked.
+
+    top : the sections of the file.
+    """
     found, faults = top.below("energy", ENERGY), top.faults
     given = [k for k in ("kinetic", "potential") if k in found]
     if "energy" not in top:
@@ -236,9 +239,16 @@ def read_relation(
 ) -> tuple[Relation | None, bool | None]:
     """Build a relation, and determine whether it is an equality.
 
-    The relation is None where there is none, or after a fault. Whether it is an
-    equality is None if even that is unknown. what : name for messages. modes : whether
-    modes count as coordinates.
+    node, what : the relation in the file, and its name in messages. modes : whether it
+    may depend on modes alone; otherwise it must contain a coordinate, velocity or
+    state.
+
+    Returns
+    -------
+    relation : Relation or None
+        None without a relation, or after a fault.
+    equality : bool or None
+        Whether it is an equality; None if it could not be parsed.
     """
     found = x.text(node, what, parse_relation)
     if found is None:

@@ -163,7 +163,7 @@ def belongs(key: str) -> str:
 
 
 def kind_of(node: Node) -> str:
-    """Return the description of a node, for messages."""
+    """Return words for the kind of a YAML node in messages, such as `a list`."""
     if isinstance(node, Mapping):
         return "a mapping"
     if isinstance(node, Sequence):
@@ -197,19 +197,19 @@ def quoted_list(names: Iterable[str]) -> str:
 
 
 def _is_given(node: Node | None) -> TypeGuard[Scalar | Mapping | Sequence]:
-    """Whether a node exists and could be read."""
+    """Whether a YAML node exists and could be read."""
     if isinstance(node, Scalar):
         return not node.empty
     return node is not None and not isinstance(node, Broken)
 
 
 def is_mapping(node: Node) -> bool:
-    """Whether a node is a mapping, or empty, which counts as `{}`."""
+    """Whether a YAML node is a mapping, or empty, which counts as `{}`."""
     return isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
 
 
 def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
-    """Return the entries of a mapping, except keys `x-...`; [] for an empty node.
+    """Return the entries of a mapping, except keys `x-...`; [] for an empty YAML node.
 
     what : name in messages. Other nodes are reported.
     """

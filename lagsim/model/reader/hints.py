@@ -828,7 +828,7 @@ _INSTEAD = (
 
 
 def of_lines(node: Node, what: str) -> str:
-    """Return a hint for a node that should be a mapping with one line per entry.
+    """Return a hint for a YAML node that should be a mapping with a line per entry.
 
     what : name of the mapping in messages.
     """
@@ -846,7 +846,7 @@ def of_lines(node: Node, what: str) -> str:
 
 
 def as_list(node: Node, what: str = "") -> str:
-    """Return a hint that spells a node as a list.
+    """Return a hint that spells a YAML node as a list.
 
     what : the name of the node in messages.
     """
@@ -867,7 +867,7 @@ def as_list(node: Node, what: str = "") -> str:
 
 
 def node_text(node: Node) -> str:
-    """Return the text of a scalar, or the items of a list with commas; else `...`."""
+    """Return the text of a scalar, the items of a list with commas, else `...`."""
     if isinstance(node, Sequence):
         return ", ".join(map(node_text, node.items))
     return node.text if isinstance(node, Scalar) else "..."

@@ -230,7 +230,7 @@ class Unfolded(Graph):
         super().__init__()
 
     def constant(self, x: float) -> int:
-        """Return the node of the number `x`, a variable with the number as its name."""
+        """Return the graph node of a variable whose name is the number `x`."""
         exact = float(x).is_integer()
         self.numbers[repr(x)] = x, 0.0 if exact else UNIT_ROUNDOFF * abs(x)
         return self.variable(repr(x))
