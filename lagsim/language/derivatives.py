@@ -70,8 +70,8 @@ def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
     """Return the derivatives of the sum of weight * node over `weights`, as nodes.
 
-    weights : node -> weight; the weights count as constant. The result maps each of
-    `variables` that matters to a derivative.
+    weights : node -> weight; the weights count as constant. The result maps the
+    variables on which the sum depends, among `variables`, to derivatives.
     """
     return _Reverse(g, g.cone(weights), variables).gradient(weights)
 

@@ -338,7 +338,10 @@ class Elements:
         return self._with(outputs, self.size, more)
 
     def magnitudes(self) -> Elements:
-        """Return elements for the sums of |addend| over the addends of all terms."""
+        """Return elements whose results are, for each result, the sum of |addend|.
+
+        The addends are those of all members' terms, see `evaluate.addends`.
+        """
         g, outputs = self.graph, []
         for o in self.outputs:
             node = g.sum(g.call("abs", n) for n in addends(g, o.node))

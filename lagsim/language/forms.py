@@ -374,7 +374,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Return a node as a sum of integer multiples of other nodes: node -> integer."""
+    """Return a node as a sum of integer multiples of others: other node -> integer."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -522,7 +522,10 @@ class _Form:
         return {_product(m, k): g.call("mul", c, d)}
 
     def single(self, a: Sum) -> tuple[Monomial, int]:
-        """Return `a` as one monomial: a sum becomes an atom, without common factors."""
+        """Return the sum `a` as one monomial and its constant factor.
+
+        A sum of several terms becomes the product of their common factor and an atom.
+        """
         if len(a) == 1:
             return next(iter(a.items()))
         common, inverse = _shared(a)
@@ -765,7 +768,7 @@ class Collected:
                 yield g.constant(sign), n
 
     def _sums_of_products(self, node: int) -> set[int]:
-        """Return the sums, at and below a node, that contain products."""
+        """Return the sums, at and below a node, that have products among the terms."""
         g = self.g
         sums, stack = set[int](), [node]
         while stack:
@@ -851,7 +854,10 @@ class Collected:
         return self._still[key]
 
     def _powers(self, factors: Sequence[int]) -> tuple[float, dict[int, int]]:
-        """Return a product as a number, and the exponent of each factor by its node."""
+        """Return a product as a number times powers: factor node -> integer exponent.
+
+        factors : the nodes of the factors, which may be products.
+        """
         g = self.g
         number, powers = 1.0, dict[int, int]()
         waiting = [(n, 1) for n in factors]

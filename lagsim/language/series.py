@@ -180,7 +180,10 @@ class Coefficients:
         self._extended.update(cone)
 
     def factors(self, variable: int) -> tuple[int, int]:
-        """Return the nodes a_k and b_k of the sum of the variable, see `inner`."""
+        """Return the nodes a_k and b_k of the sum that a variable represents.
+
+        variable : from `inner`.
+        """
         a, b, rated = self.sums[variable]
         self.extend((a, b))
         k = self.g.variable(K)

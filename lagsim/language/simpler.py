@@ -542,7 +542,7 @@ def cardinal_sine(g: Builder, x: int) -> int:
 def remainder(g: Builder, x: int, y: int) -> int:
     """Return the node of mod(x, y), which has the sign of y.
 
-    It contains `floor`, at whose jumps it jumps.
+    The expression contains `floor`, and jumps where `floor` does.
     """
     whole = g.call("floor", g.call("div", x, y))
     return g.call("sub", x, g.call("mul", y, whole))

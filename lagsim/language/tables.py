@@ -364,7 +364,10 @@ def written(g: Builder, n: int) -> Written:
 
 
 def arguments(g: Builder, n: int) -> tuple[int, ...]:
-    """Return the arguments of a node; of a table's operation without the data."""
+    """Return the argument nodes of an operation, without data for a table's operation.
+
+    n : the node of the operation.
+    """
     return written(g, n).args if g.ops[n].startswith("table.") else g.args[n]
 
 
@@ -384,10 +387,11 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table that ends a run in a cell, and the x at which it ends.
+    """Return the table beyond whose end a run may not go, and the x of that end.
 
-    knot : node of the knot number. cell : number of the cell. None if no table ends
-    there.
+    knot : node of the knot number of a table. cell : number of the cell in which its
+    argument lies. None if the cell is within the table, or the table goes on beyond its
+    ends.
     """
     if g.ops[knot] != "table.knot":
         return None
