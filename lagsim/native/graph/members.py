@@ -49,7 +49,7 @@ class MemberColumn(NamedTuple):
 
 
 def columns(of: Elements) -> dict[int, MemberColumn]:
-    """Return the memory of each column of the table, by its index.
+    """Return the memory layout of each column of the table of members, by its index.
 
     SHARED, the column of arguments that all members share, has a single position.
     """
