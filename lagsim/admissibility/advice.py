@@ -166,7 +166,10 @@ def _is_of_degrees(value: float) -> bool:
 
 
 def _summed(g: Graph, node: int) -> Sequence[int]:
-    """Return the terms of the sum, or of a multiple of a sum, that a node is."""
+    """Return the terms of a sum, or of a multiple of a sum, as nodes.
+
+    node : the sum.
+    """
     op, args = g.ops[node], g.args[node]
     if op == "mul":
         factors = [g.value(a) for a in args]

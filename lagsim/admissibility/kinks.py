@@ -70,7 +70,7 @@ class KinkCrossing(NamedTuple):
     Attributes
     ----------
     side : int
-        The number of the side in the list of switches.
+        The number of the surface in the list of switches.
     level : float
     part : float
         The fraction of the path up to the surface.
@@ -377,7 +377,7 @@ class Kinks:
     def _away(
         self, point: Point, k: int, sides: Mapping[int, float]
     ) -> tuple[float, float]:
-        """Return d^2 u/dt^2 of a surface's expression u, and the sum of its |terms|.
+        """Return d^2 u/dt^2 of surface k's expression u, and the sum of its |terms|.
 
         If u depends on first-order states, du/dt is returned in place of d^2 u/dt^2.
 

@@ -135,7 +135,7 @@ class Point:
         return found, frozenset(found)
 
     def array(self, nodes: Sequence[int]) -> Floats:
-        """Return the values of `nodes`."""
+        """Return the values of graph nodes at the state, shape (nodes,)."""
         return np.array(evaluate(self.g, nodes, self.values), dtype=float)
 
     @cached_property
@@ -150,7 +150,7 @@ class Point:
         return {name: (x, errors.get(name, 0.0)) for name, x in self.values.items()}
 
     def rounding(self, nodes: Sequence[int]) -> Floats:
-        """Return bounds of the rounding errors of the values of `nodes`.
+        """Return bounds of the rounding errors of the values of graph nodes, (nodes,).
 
         The bounds include the effect of the errors of the variables.
         """
@@ -231,9 +231,10 @@ class Point:
     def jacobian_entries(
         self, rows: Sequence[Row], *, rounded: bool = False
     ) -> Entries:
-        """Return the entries of A that do not vanish identically.
+        """Return the entries of the rows' gradients A that do not vanish identically.
 
-        rounded : whether entries within rounding count as 0.
+        rows : the m rows of A (m, n). rounded : whether entries within rounding count
+        as 0.
         """
         return self._entries([row.A.entries for row in rows], rounded=rounded)
 
@@ -328,9 +329,10 @@ def implied_conditions(rows: Iterable[Row], *, velocities: bool) -> list[Conditi
 
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
-    """Return the derivatives of a node by positions and velocities.
+    """Return the derivatives of a node by positions and velocities, as nodes.
 
-    As index among positions, then velocities -> node.
+    The result maps an index, of positions first and then velocities, to a derivative
+    that does not vanish identically.
     """
     places, variables = point.places
     found = slopes(point.g, node, variables)

@@ -215,7 +215,11 @@ def _of_row(row: Row, position: Residual, velocity: Residual) -> RelationResidua
 
 
 def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Residual]:
-    """Return the residuals of pairs of nodes (residual, scale) at a point."""
+    """Return residuals of relations at a point, compared with their terms.
+
+    pairs : for each relation, the graph nodes of its residual and of the size of its
+    terms.
+    """
     nodes = [node for node, _ in pairs]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found = (values, point.array([scale for _, scale in pairs]), rounding)
