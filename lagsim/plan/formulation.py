@@ -364,7 +364,7 @@ PER_COMPONENT = 16
 
 
 def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
-    """Return the number of operations of one evaluation of `nodes`.
+    """Return the number of operations of one evaluation of graph nodes.
 
     loops : whether the operations of a dense solve are added. Expressions of parameters
     alone are not counted, since they are computed once.

@@ -582,9 +582,11 @@ def many_slopes(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Whether the derivatives that the method needs are too many to compile.
+    """Whether tapes are needed since a method's derivatives are too many to compile.
 
-    choices : the decision on them, with its reason, is appended.
+    name : of the method. elimination : the solution for q'' and lambda; None where
+    loops solve. choices : the decision on the derivatives, with its reason, is
+    appended.
     """
     n, m = len(equations.q), len(equations.rows)
     sparse = None if elimination is None else newton_of(name, equations)
@@ -607,11 +609,12 @@ def repeats(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Whether tapes save the time to compile, since equal operations repeat.
+    """Whether the model runs from tapes because its operations repeat.
 
-    As in a string or a net, where q'' of each member takes the same operations: an
-    instruction of a tape evaluates all of one kind and level. choices : if so, the
-    choice is appended.
+    In a string or a net, q'' of each member takes equal operations, and one instruction
+    of a tape evaluates all operations of one kind and level: a tape then saves the time
+    to compile. If so, the choice is appended to `choices`. name : of the method.
+    elimination : the solution for q'' and lambda; None where loops solve.
     """
     if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
         return False
