@@ -151,7 +151,15 @@ HIGHER = 16.0
 
 
 class Held(NamedTuple):
-    """Largest force on each coordinate (n,), and displacement by this force (n,)."""
+    """Forces on coordinates, and the displacements that these forces would cause.
+
+    Attributes
+    ----------
+    forces : ndarray, shape (n,)
+        The largest force on each coordinate.
+    reach : ndarray, shape (n,)
+        The largest displacement of each coordinate by this force.
+    """
 
     forces: Floats
     reach: Floats

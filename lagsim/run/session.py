@@ -81,7 +81,17 @@ class StartError(LagsimError):
 
 
 class Case(NamedTuple):
-    """Case of a simulation: equations, report on an admissible start, settings."""
+    """Case of a simulation: equations, an admissible start, and settings.
+
+    Attributes
+    ----------
+    equations : Equations
+        Complete equations of motion.
+    examined : StartReport
+        The start, with the verdicts on its relations.
+    settings : Settings
+        Settings of the simulation.
+    """
 
     equations: Equations
     examined: StartReport
@@ -161,6 +171,12 @@ class Session(NamedTuple):
 
     Attributes
     ----------
+    case : Case
+        Equations, start and settings.
+    plan : Plan
+        Formulation, solution and method.
+    system : System
+        Compiled functions of the plan.
     longest_step : float
         Largest step of a method with adaptive steps; 0 for no limit. With a limit, the
         ranges of the coordinates over the steps are recorded, too.

@@ -78,7 +78,18 @@ class Outcome(Enum):
 class Statistics(NamedTuple):
     """Operation counts of a run, and its smallest step.
 
-    `smallest_step` is None after a few steps only. An arc is counted at its start.
+    Attributes
+    ----------
+    steps, rejections : int
+        Numbers of accepted and of rejected steps.
+    evaluations : int
+        Number of evaluations of y', or of its series.
+    factorisations : int
+        Number of factorisations of matrices.
+    smallest_step : float or None
+        None after a few steps only.
+    arcs : int
+        Number of arcs; an arc is counted at its start.
     """
 
     steps: int = 0
@@ -92,13 +103,31 @@ class Statistics(NamedTuple):
 class Trajectory(NamedTuple):
     """Result of a run, without its rows, which were passed to the observers.
 
-    `reason` states in words why the run ended; `end` is the time reached;
-    `events` has at most the first 10,000 events, and `listed` received all of them;
-    `event_counts` is the number of events of each kind, listed in `events` or not;
-    `choices` are the choices made during the run; `extents` holds the least and the
-    greatest value of components of the state over the steps, if they were recorded.
-    `largest_energy` is the largest kinetic energy, or change of the potential energy,
-    at the ends of steps.
+    Attributes
+    ----------
+    outcome : Outcome
+        How the run ended.
+    reason : str
+        Why the run ended, in words.
+    start, end : float
+        Time at the start, and the time reached.
+    rows : int
+        Number of rows.
+    statistics : Statistics
+        Counts of operations.
+    events : sequence of Event
+        At most the first 10,000 events.
+    listed : EventList or None
+        Has received all events.
+    event_counts : mapping of str to int
+        Number of events of each kind, listed in `events` or not.
+    warnings, choices
+        The cautions, and the choices made during the run.
+    extents : mapping
+        Least and greatest value of components of the state over the steps, by name, if
+        they were recorded.
+    largest_energy : float
+        Largest kinetic energy, or change of the potential energy, at the ends of steps.
     """
 
     outcome: Outcome
@@ -145,7 +174,15 @@ NOWHERE = Located()
 
 
 class Ending(NamedTuple):
-    """End of a run; `about` is a text on its cause: constraints, switches, a mode."""
+    """End of a run.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        How the run ends.
+    about : str
+        A text on the cause: constraints, switches, a mode.
+    """
 
     outcome: Outcome
     about: str = ""

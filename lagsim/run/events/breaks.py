@@ -122,7 +122,16 @@ _NEW, _CLEAR, _SPLIT, _READY = range(4)
 
 
 class Cell(NamedTuple):
-    """A time interval with the state of each surface in it; a pause has no states."""
+    """A time interval, with the state of each surface in it.
+
+    Attributes
+    ----------
+    lo, hi : float
+        The ends of the interval.
+    states : sequence of int
+        For each surface its side, or HIDDEN, OPEN or CROSSED; empty for a pause of the
+        search at `lo`.
+    """
 
     lo: float
     hi: float

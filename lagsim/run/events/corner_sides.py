@@ -40,6 +40,15 @@ MOST = 6
 class CornerSides:
     """The corners of equalities that a state is on, and their sides, on trial.
 
+    Parameters
+    ----------
+    arc : Arc
+        The arc that has ended, at that state.
+    modes : SurfaceModes
+        The modes of all surfaces, in which the sides are tried.
+    surfaces : SurfacesAt
+        The surfaces at the instant.
+
     Attributes
     ----------
     corners : dict of int to float

@@ -524,9 +524,10 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the sides of the open surfaces determine the side of surface k.
 
-        On each side of the open surfaces, and at their levels, where laws may hold the
-        motion, the expression of k may have another value, at a level or not, and at
-        another level.
+        They do if on all sides of the open surfaces, and at their levels, where laws
+        may hold the motion, the expression of k is off its levels, or at a level that
+        its rate leaves, and if its level or the sign of its rate depends on these
+        sides.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)

@@ -38,7 +38,24 @@ PROBE = 2.0**-26
 
 
 class MassAndRows:
-    """The mass matrix M (n, n), and rows of equalities and laws (L, n), at a state."""
+    """The mass matrix, and the rows of equalities and laws, at a state.
+
+    Parameters
+    ----------
+    n, laws : int
+        Numbers of coordinates and of laws.
+    numbers : ndarray
+        M (n, n), then the rows of the equalities and of the laws, each (n,).
+
+    Attributes
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix.
+    equalities, rows : ndarray, shape (E, n) and (L, n)
+        The rows of the equalities, and of the laws.
+    slopes : ndarray, shape (L, n)
+        The sizes of the elements of `rows`.
+    """
 
     def __init__(self, n: int, laws: int, numbers: Floats) -> None:
         self._made_of = n, laws, numbers

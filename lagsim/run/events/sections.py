@@ -23,6 +23,13 @@ DIRECTIONS = {"both": 0.0, "up": 1.0, "down": -1.0}
 class Sections:
     """Rows of the sections of a run, located by its compiled kernels.
 
+    Parameters
+    ----------
+    model : Model
+        The model, whose output names the sections and strobes.
+    columns : int
+        Number of leading columns of a row that are stored.
+
     Attributes
     ----------
     names : list of str

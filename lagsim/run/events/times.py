@@ -46,6 +46,13 @@ class _Ahead(Source):
     A resumed run computes its breaks again and skips the breaks that it has passed.
     Where an event sets modes on which breaks depend, the breaks after this event are
     computed again.
+
+    Parameters
+    ----------
+    arc : Arc
+        The first arc of the run.
+    nodes : iterable of int
+        The expressions on which the breaks depend.
     """
 
     DERIVED: tuple[str, ...] = ("_coming",)

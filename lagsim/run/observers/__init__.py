@@ -73,6 +73,15 @@ class Keep:
 class Relay:
     """Distribution of rows to a store and other observers, with the time it takes.
 
+    Parameters
+    ----------
+    store : Store
+        Receives all rows first.
+    others : sequence of Observer
+        Receive the rows that the store has accepted.
+    interrupt : Interrupt
+        Receives the request to end the run where the store is full.
+
     Attributes
     ----------
     seconds : float

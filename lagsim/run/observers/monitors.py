@@ -456,6 +456,11 @@ def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
 class ResidualMonitor:
     """Monitor of energy - work, and of each constraint's residual over its scale.
 
+    Parameters
+    ----------
+    columns : sequence of str
+        Names of a row's columns.
+
     Attributes
     ----------
     first_energy : float
