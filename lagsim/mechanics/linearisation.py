@@ -184,6 +184,11 @@ class Linearisation:
     The expression graph is evaluated in Python, without compilation, which suffices for
     some tens of states; switches are in their branches at each state.
 
+    Parameters
+    ----------
+    equations : Equations
+        The equations of motion, with values of the parameters.
+
     Attributes
     ----------
     nodes : int

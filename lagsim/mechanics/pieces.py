@@ -144,7 +144,10 @@ class Piece(NamedTuple):
 
 
 class _Pieces:
-    """Decomposition of nodes into the minimum, or the maximum, of other nodes."""
+    """Decomposition of nodes into the minimum, or the maximum, of other nodes.
+
+    g, values, moving : as of `pieces`.
+    """
 
     def __init__(
         self, g: Graph, values: Mapping[str, float], moving: Collection[str]

@@ -89,7 +89,9 @@ class Roots(NamedTuple):
 
     Attributes
     ----------
-    floors
+    graph : Graph
+        Expression graph of the model.
+    floors : mapping of int to str
         The expression of a surface (node) -> the name of its floor.
     """
 
@@ -605,7 +607,15 @@ def _passed(
 
 
 class _Finder:
-    """Search for switches below nodes, not below the conditions of time switches."""
+    """Search for switches below nodes, not below the conditions of time switches.
+
+    Parameters
+    ----------
+    g, nodes
+        The graph, and the expressions.
+    moving, speeds
+        The names of variables that change along the motion, and of velocities.
+    """
 
     def __init__(
         self,

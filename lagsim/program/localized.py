@@ -166,7 +166,17 @@ def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
 
 
 class _Search:
-    """Search for the indicators of all localized terms in some expressions."""
+    """Search for the indicators of all localized terms in some expressions.
+
+    Parameters
+    ----------
+    g, nodes
+        The graph, and the expressions.
+    moves : collection of str
+        The names of the variables that vary in time.
+    values : mapping of str to float
+        The values of the parameters, on which exponents may depend.
+    """
 
     def __init__(
         self,

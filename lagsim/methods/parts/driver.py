@@ -544,7 +544,11 @@ def tabulate(
 
 
 def exchange_lengths(p: Parameters) -> None:
-    """Exchange two sets of scales of constraint rows: the run's and the plan's."""
+    """Exchange two sets of scales of constraint rows: the run's and the plan's.
+
+    The plan's are p.usual_lengths and p.usual_reference; `tabulate` uses these, so that
+    the columns of a row do not depend on the steps before.
+    """
     p.reference, p.usual_reference = p.usual_reference, p.reference
     for i in range(p.m if p.loops > 0 else 0):
         k = p.lengths[i]

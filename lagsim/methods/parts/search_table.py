@@ -508,11 +508,11 @@ def end_of(
 
     The point is located by the ITP method: the secant, moved toward the middle, with no
     more evaluations than bisection needs, but for one. The iteration ends at two
-    neighbouring numbers, and the larger one is returned.
+    neighbouring numbers, and the larger one is returned. kind : the kind of the row.
 
     Source: I. F. D. Oliveira and R. H. C. Takahashi, An enhancement of the bisection
     method average performance preserving minmax optimality, ACM Trans. Math. Softw. 47
-    (2020). kind : the kind of the row.
+    (2020).
     """
     at_low = value_at(kind, s, p, k, low) - least
     at_high = value_at(kind, s, p, k, high) - least
