@@ -183,17 +183,17 @@ class Independent(Span):
         self.alone = (lengths > 0.0) & ~(self.units != 0.0)[:, shared].any(axis=1)
 
     def takes(self, row: int) -> bool:
-        """Add column `row` to the span if it is independent; return whether it is.
+        """Add column `row` of Y to the span if it is independent of the columns there.
 
-        A column that shares no element with another column is independent; it is not
-        stored.
+        Return whether it is. A column that shares no element with another column is
+        independent; it is not stored.
         """
         if self.regular or self.alone[row]:
             return True
         return self.extend(self.units[row], DEPENDENT_ROWS)
 
     def adds(self, row: int) -> bool:
-        """Return whether column `row` is independent of the span, without adding it."""
+        """Whether column `row` of Y is independent of the span, which is unchanged."""
         return bool(np.linalg.norm(self.outside(self.units[row])) > DEPENDENT_ROWS)
 
 

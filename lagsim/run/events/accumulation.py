@@ -187,7 +187,7 @@ class Accumulation:
     def limit(self) -> float | None:
         """Return the time at which events accumulate if it is near the last event.
 
-        None where this time is farther from the last event than `SHORT` allows, and
+        None where this time is farther from the last event than `SHORT` allows, or
         where the intervals of the last window do not shrink.
         """
         end = self.end()

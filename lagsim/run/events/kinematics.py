@@ -515,7 +515,11 @@ class Kinematics:
         self.closed = self._closed()
 
     def strikes(self, k: int) -> bool:
-        """Whether the rate of law k must jump if the law is closed."""
+        """Whether law k, if closed, is struck: whether its rate has to jump.
+
+        Beyond rounding, the rate of a one-sided law is negative, or that of an equality
+        not 0.
+        """
         rate, still = self._rates_and_still[0][k], self._rates_and_still[1][k]
         if self.table.is_one_sided[k]:
             return rate < -still

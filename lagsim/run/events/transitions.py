@@ -337,7 +337,10 @@ def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
 
 
 def _chatter(rounds: Sequence[Round]) -> Ending:
-    """Return the ending of a run that the located events of some rounds cause."""
+    """Return the ending of a run whose events act without end at one instant.
+
+    rounds : the rounds of acts of these events, see `ActsAt`; their names are reported.
+    """
     about = quoted(name for names, *_ in rounds for name in names)
     return Ending(Outcome.EVENTS_CHATTER, about)
 
