@@ -273,7 +273,7 @@ ALIKE = 1e-4
 
 
 def evaluation_cost(system: System, method: str) -> float:
-    """Return the cost of an evaluation of y' by a method, in operations."""
+    """Return the cost of one evaluation of y' by a method, in operations."""
     operations = float(system.operations)
     if system.plan.method == SERIES and method != SERIES:
         operations /= SERIES_LENGTH
@@ -281,7 +281,7 @@ def evaluation_cost(system: System, method: str) -> float:
 
 
 def own_cost(system: System, trajectory: Trajectory) -> float:
-    """Return the cost of a run, in operations: that of its evaluations of y'."""
+    """Return the cost of a run, in operations: the cost of its evaluations of y'."""
     return trajectory.statistics.evaluations * evaluation_cost(
         system, system.plan.method
     )
@@ -349,7 +349,10 @@ class Allowance:
         return self.steps(other, operations)
 
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
-        """Subtract the cost of a repeat `other`, whose run is `trajectory`."""
+        """Subtract the cost of the repeat `other` from the budget.
+
+        trajectory : the result of the repeat.
+        """
         made = trajectory.statistics
         price = made.evaluations * other.evaluation + ARC * made.arcs
         self.left = max(0.0, self.left - price)
@@ -428,9 +431,9 @@ def tightened(plan: Plan, times: float) -> Plan:
 
 
 def steps_of(trajectory: Trajectory) -> tuple[float | None, ...]:
-    """Return the counts of steps and the shortest step of a run.
+    """Return the counts of steps and the shortest step of a run, to compare runs.
 
-    Runs with equal values are taken to have equal steps.
+    Two runs with equal results are taken to have equal steps.
     """
     made = trajectory.statistics
     return made.steps, made.rejections, made.smallest_step
@@ -530,7 +533,7 @@ class Attempt(Evidence):
 
 
 def _means(plan: Plan) -> str:
-    """Return a text with the method of a plan, and its tolerance or step."""
+    """Return a text with the method of a plan, and its tolerance or step size."""
     own = f"step {plan.step:.3g}" if plan.rtol is None else f"rtol {plan.rtol:.2g}"
     return f"{plan.method} at {own}"
 
@@ -765,7 +768,7 @@ class Attempts:
         return other if other.relative < LESS * bar.relative else bar
 
     def _is_outlier(self, run: Attempt) -> bool:
-        """Whether a third run, a tighter repeat, shows that the run is wrong.
+        """Whether a second, tighter repeat shows that the run is wrong.
 
         If the run has passed over a feature, both repeats agree far better with each
         other than with the run. If motions diverge exponentially, the differences are
@@ -828,10 +831,11 @@ class Attempts:
         return evidence.end(found, "a repeat has none"), again
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
-        """Return a session for a second attempt at a run; None if there is none.
+        """Return a session for a second attempt at a run, by other means; None if none.
 
-        The session has another method, tolerance or formulation, or shorter steps.
-        first : the attempt that failed the audit, with this finding.
+        It has another method, tolerance or formulation, or shorter steps.
+
+        first : the attempt that failed the audit. finding : the reason.
         """
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)

@@ -265,7 +265,10 @@ class RestCurve:
         return BranchPoint(y, tangent, float(sign), steady, stability_of(steady)[0])
 
     def aside(self, place: BranchPoint) -> Floats:
-        """Return the direction (k + 1,) of the second branch at a branch point."""
+        """Return the direction (k + 1,) of the second branch at a branch point.
+
+        place : the branch point.
+        """
         _, J = self._scaled(place.y)
         _, _, V = np.linalg.svd(J)
         plane = V[-2:]
@@ -319,9 +322,10 @@ class RestCurve:
         )
 
     def _margins(self, place: BranchPoint) -> list[float]:
-        """Return, for each contact, its multiplier if it is in force, or else its gap.
+        """Return the distance of each contact from a change, at a point of the curve.
 
-        The result has an entry for each law; inf for laws that are no contacts.
+        It is the multiplier of a contact in force, else the gap. The result has an
+        entry for each law; inf for laws that are no contacts.
         """
         values, names = place.steady.values, {row.name for row in self._held}
         found = []
@@ -345,8 +349,8 @@ class RestCurve:
     def _edge(self, here: BranchPoint, there: BranchPoint) -> Special | None:
         """Return the point between two points at which a contact opens or closes.
 
-        None where no contact does so, or where the curve leaves the range of the
-        parameter before.
+        None if no contact does so, or if the curve leaves the range of the parameter
+        before.
         """
         # At the first point a contact may open or close by its rounding.
         begins = not self.holds(here)
@@ -365,8 +369,9 @@ class RestCurve:
     def followed(
         self, first: BranchPoint, interrupt: Interrupt | None = None
     ) -> Iterator[BranchPoint]:
-        """Generate the points of the curve from `first` on, to the ends of the range.
+        """Generate the points of the curve from `first` on, along its tangent.
 
+        The last point is at an end of the range, or where a contact opens or closes.
         After an interrupt no further points are generated.
         """
         here, step = first, FIRST
@@ -411,9 +416,11 @@ class RestCurve:
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
 
     def _next(self, here: BranchPoint, step: float) -> tuple[BranchPoint | None, int]:
-        """Return the point after a step (None on failure), and the iterations.
+        """Return the point of the curve after a step, and the number of iterations.
 
-        The failure is that of Newton's method. step : length along the tangent.
+        The point is None if Newton's method fails.
+
+        here : the point before. step : length along the tangent.
         """
         found = self.returned(here.y + step * here.tangent, here.tangent)
         if found is None:
@@ -566,7 +573,7 @@ class Branches:
                 self._cross(curve, interrupt)
 
     def _cross(self, curve: RestCurve, interrupt: Interrupt | None) -> None:
-        """Follow the curves beyond the contacts that open or close along a curve."""
+        """Follow the curves that begin where contacts open or close along a curve."""
         edges, curve.edges = curve.edges, []
         for edge in edges:
             if not self._is_new_contact(curve, edge):
@@ -638,7 +645,7 @@ class Branches:
 
     @property
     def record(self) -> dict[str, Any]:
-        """The entries `vary`, `branches` and `points` of the document."""
+        """The entries `vary`, `branches` and `points` of the document of equilibria."""
         pairs = zip(self.branches, self.curves, strict=True)
         return {
             "vary": {"name": self.name, "from": self.ends[0], "to": self.ends[1]},
@@ -654,9 +661,9 @@ class Branches:
 
 
 def _alone(found: Sequence[Special]) -> list[Special]:
-    """Return the special points without the folds at which branches meet.
+    """Return special points without folds that are branch points as well.
 
-    At such a fold the branch point is listed.
+    The branch points stay in the list.
     """
     meets = [x.place.y for x in found if x.kind == BRANCH]
     return [

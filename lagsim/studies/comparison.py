@@ -73,7 +73,7 @@ def within(t: Floats, pairs: Floats) -> Flags:
 
 
 def on_grid(rows: Floats, settings: Settings) -> Floats:
-    """Return one row for each output time, and the last row.
+    """Return the rows of a run at output times, one for each, and the last row.
 
     At the time of an impact the row is that after the impact. rows : (k, columns), the
     first column is the time.
@@ -109,7 +109,10 @@ def partners(mine: Floats, theirs: Floats) -> Floats:
 
 
 def nearest_times(times: Floats, among: Floats) -> Floats:
-    """Return the index of the nearest time in `among` for each time, shape (k,)."""
+    """Return, for each time, the index of the nearest time in `among`, shape (k,).
+
+    times : (k,). among : (l,), ascending.
+    """
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))
 
@@ -278,7 +281,7 @@ def _spacing(t: Floats) -> float:
 
 
 def _turns(t: Floats, near: float) -> Ints:
-    """Return for each row the number of earlier rows with its time, shape (k,).
+    """Return, for each row, how many of the rows before have its time, shape (k,).
 
     t : (k,), ascending. near : the largest difference of equal times.
     """

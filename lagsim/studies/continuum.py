@@ -87,7 +87,7 @@ class Continuum:
         self._weights = 1.0 / lengths[self._rows]
 
     def _slopes(self, z: Floats) -> Floats:
-        """Return the derivatives (m, k) of the equations of rest at unknowns (k,)."""
+        """Return the derivatives (m, k) of `_equations` by the unknowns z (k,)."""
         return np.asarray(self._rest.looked_at(z * self._sizes)[1] * self._sizes)
 
     def _equations(self, z: Floats) -> Floats:
@@ -200,9 +200,11 @@ class Continuum:
         return np.asarray(self._slopes(z)[self._rows] * self._weights[:, None])
 
     def _projected(self, z: Floats) -> Floats | None:
-        """Return the nearest unknowns that meet equations and active limits.
+        """Return the unknowns nearest to z at which equations and active limits hold.
 
-        These hold to rounding; None if they cannot be solved. z : scaled unknowns (k,).
+        Both hold to rounding; None if they cannot be solved.
+
+        z : (k,), scaled unknowns.
         """
         active = np.flatnonzero(np.abs(self._limits(z)) <= ACTIVE)
         for _ in range(PROJECTIONS):

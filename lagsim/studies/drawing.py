@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 
 def event_tables(made: Attempt) -> Iterator[Made]:
-    """Yield name and content of the tables of events and sections, if there are any.
+    """Yield name and content of the tables of events and sections of a run.
 
-    Events that the run has written itself are not among these.
+    A table of events that was written during the run is left out.
     """
     events = made.trajectory.listed
     if made.session.lists_events and isinstance(events, EventStore):
@@ -91,7 +91,10 @@ def other_files(made: Attempt) -> Iterator[Made]:
 
 
 def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
-    """Return the data that all pictures of a run share."""
+    """Return the data that all pictures of a run share.
+
+    rows : the thinned rows. form : the file format.
+    """
     from lagsim.outputs.units import units
 
     equations, trajectory = made.session.equations, made.trajectory
@@ -175,7 +178,7 @@ def _ready() -> None:
 
 
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
-    """Yield name and content of each picture, as bytes; runs in the second process.
+    """Yield each picture as bytes: name, line break, content; in the second process.
 
     content : the pickled data of the pictures.
 

@@ -250,7 +250,7 @@ class _Bounds(NamedTuple):
 
 
 def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bounds:
-    """Return the bounds of rows at the times t (k,).
+    """Return the bounds of errors in rows at the times t (k,).
 
     Parameters
     ----------
@@ -275,10 +275,12 @@ def _stride(rows: int, columns: int) -> int:
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
-    """Return the names of the columns to store.
+    """Return the names of the columns that a golden stores.
 
     At most MOST_COLUMNS are selected, evenly spaced. Accelerations, constraint forces
     and residuals are stored only if fewer other columns exist.
+
+    columns : of the table.
     """
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or made(x, FORCE, RESIDUAL)]
@@ -291,7 +293,10 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 
 
 def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
-    """Return the least bounds (k, columns) of errors: tolerance plus rounding."""
+    """Return the least bound of the error in each cell: tolerance plus rounding.
+
+    base : the motion. rows : (k, columns), like the result.
+    """
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations)
     alone = scales(base.columns, rows.T, of)
@@ -361,7 +366,10 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
 
 
 def _roundings(case: Case, base: SampledMotion, rows: Floats) -> Floats:
-    """Return the rounding errors (k, columns) of the definitions in each row."""
+    """Return the rounding errors of the definitions in each row, (k, columns).
+
+    They are 0 for other columns. rows : (k, columns).
+    """
     model = case.model
     shown = [d for d in model.definitions if d.name in base.columns]
     found = np.zeros_like(rows)
@@ -504,7 +512,7 @@ def table(golden: Golden) -> bytes:
 
 
 def certain(value: float, bound: float) -> str:
-    """Return the shortest decimal that differs from a value by at most `bound`/10."""
+    """Return the shortest decimal that differs from `value` by at most `bound`/10."""
     if not (bound > 0.0 and math.isfinite(value)):
         return repr(value)
     last = math.floor(math.log10(DIGITS * bound))
@@ -517,7 +525,7 @@ def certain(value: float, bound: float) -> str:
 
 
 def _inputs(model: Model) -> dict[str, Document]:
-    """Return the parameters, start values and expressions stored in a golden."""
+    """Return the inputs that a golden stores: parameters, start values, expressions."""
     return {
         "parameters": model.parameter_values,
         "initial": {x.name: x.value for x in model.initial},
@@ -670,7 +678,10 @@ def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Sampled
 
 
 def judge(case: Case, motion: SampledMotion, golden: Golden) -> Verdict:
-    """Compare a motion with the golden of its model, and return the verdict."""
+    """Compare a motion of the case with its golden, and return the verdict.
+
+    motion : with rows at the times of the golden, see `run`.
+    """
     about, model = golden.about, case.model
     pairs = dict(_pairs(case, motion, golden))
     known = about.get("columns", golden.columns)

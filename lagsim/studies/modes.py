@@ -248,9 +248,11 @@ class Small:
         return space, FrequencyResponse(frequencies, columns)
 
     def _effects(self, inputs: Sequence[str], space: StateSpace) -> list[Caution]:
-        """Return warnings on parameters that move neither a state nor an output.
+        """Return warnings on inputs that are parameters without effect.
 
-        inputs : among which these parameters are.
+        Such a parameter moves neither a state nor an output.
+
+        inputs : names. space : the state space from the inputs.
         """
         found, forces = list[Caution](), [x.on for x in self.setting.model.forces]
         for name in inputs:
@@ -352,9 +354,9 @@ def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
 
 
 def _followers(model: Model, name: str) -> dict[str, float]:
-    """Return the changes of parameters per unit change of a parameter, by name.
+    """Return the changes of parameters per unit change of the parameter `name`.
 
-    The parameter `name` itself has 1; parameters that do not follow it are left out.
+    The parameter itself has 1; parameters that do not follow it are left out.
     """
     if not model.stated.depends_on([name]):
         return {name: 1.0}

@@ -62,7 +62,10 @@ def drawings(
     *,
     plots: bool = True,
 ) -> dict[str, Callable[[], bytes]]:
-    """Return the functions that draw the pictures and the page, by file name."""
+    """Return the functions that draw the pictures and the page, by file name.
+
+    Each returns the content of its file. plots : whether there are pictures.
+    """
     found: dict[str, Callable[[], bytes]] = {}
     if plots:
         found[f"modes.{form}"] = partial(picture, small, form)
@@ -168,7 +171,10 @@ def _label_peaks(
 
 
 def _stands_out(values: Floats, k: int) -> float:
-    """Return the height of the maximum at index k above the higher adjacent minimum."""
+    """Return how far a maximum is above the higher of the minima beside it.
+
+    values : (n,). k : the index of the maximum.
+    """
     higher = np.flatnonzero(values > values[k])
     left = higher[higher < k].max(initial=0)
     right = higher[higher > k].min(initial=len(values) - 1)

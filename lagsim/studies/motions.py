@@ -78,7 +78,8 @@ class SampledMotion:
         times : ndarray, shape (k,)
         near : float
             The largest difference of equal times. A pair of equal times is an impact,
-            and matches the nearest impact of this motion, whose time is a result.
+            whose time is a result of a run: it matches the nearest impact of this
+            motion.
         ends : bool
             Whether the last of the times is an end, which matches the end of this
             motion: if an event ends a run, the time of the end is a result.
@@ -253,8 +254,9 @@ class Near(NamedTuple):
     rows : list of int
         Indices of rows of the motion.
     events : list of (int, float, float)
-        The index of an entry of `rows`, the time of an event near that row, and the
-        distance from that time at which columns have their values before and after it.
+        For each event near a row: the index of that row in `rows`, the time of the
+        event, and the distance from this time at which columns have their values before
+        and after the event.
     """
 
     rows: list[int]
@@ -320,7 +322,10 @@ def kept_rows(
 
 
 def _count_within(t: Floats, times: Floats, reach: Floats) -> NDArray[np.intp]:
-    """Return the number of events near each row (k,), see `pairs_within`."""
+    """Return the number of events near each row, shape (k,).
+
+    Arguments : see `pairs_within`.
+    """
     first = np.searchsorted(t, times - reach)
     after = np.searchsorted(t, times + reach, side="right")
     size = len(t) + 1

@@ -30,7 +30,7 @@ class RangeOption(NamedTuple):
     may_be_equal: bool = False
 
     def ends(self, given: Iterable[float | str]) -> tuple[float, float] | None:
-        """Return the smaller and the larger end, or None if there is no such range.
+        """Return the smaller and the larger end; None if `given` is no such range.
 
         Examples
         --------

@@ -104,7 +104,10 @@ def _record(folder: Path) -> Document:
 
 
 def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
-    """Return a label for each result: the folder, with the parameters that differ."""
+    """Return a label for each result: its folder, with the parameters that differ.
+
+    records : the contents of run.json.
+    """
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
@@ -148,7 +151,7 @@ def title(runs: Sequence[OverlaidRun]) -> str:
 
 
 def _order(runs: Sequence[OverlaidRun]) -> tuple[str, list[float]]:
-    """Return the quantity that distinguishes runs, and its values, for their colours.
+    """Return name and values, one for each run, of the quantity that colours show.
 
     It is the only parameter that differs, or the only start value that differs, or else
     the number of the run.

@@ -127,7 +127,9 @@ def responses(
 
 
 def _evenly(count: int, most: int) -> list[int]:
-    """Return at most `most` evenly spaced integers of range(count), with both ends.
+    """Return evenly spaced integers of range(count), both ends included.
+
+    most : their largest number.
 
     Examples
     --------
@@ -188,7 +190,7 @@ def _table(changes: _Changes, table: Table) -> Document:
 
 
 class _Changes:
-    """Runs of changed models, each compared with a golden."""
+    """Changes of single numbers of a model, whose runs are compared with a golden."""
 
     def __init__(
         self, case: Case, golden: Golden, base: SampledMotion, compiled: Compiled
@@ -248,7 +250,7 @@ class _Changes:
     # Runs with rounding errors alone
 
     def _against_rounding(self, case: Case) -> float:
-        """Return the largest change of the motion, relative to its rounding errors.
+        """Return the largest change of the motion as a multiple of its rounding errors.
 
         case : the changed case.
         """
@@ -274,7 +276,10 @@ class _Changes:
         return exact, np.maximum.accumulate(apart, axis=0) + own
 
     def _exact_rows(self, case: Case) -> Floats:
-        """Return rows of a case at the tightest tolerance, more closely spaced."""
+        """Return rows (k, columns) of a case, at the tightest tolerance.
+
+        They are more closely spaced than the rows of the golden.
+        """
         plan, settings = self.base.plan, case.settings
         if plan.rtol is not None:
             atol = None if plan.atol is None else plan.atol * TIGHTEST_RTOL / plan.rtol
@@ -288,7 +293,7 @@ class _Changes:
 
 
 def _apart(rows: Floats, others: Floats) -> Floats:
-    """Return |rows - others| (k, columns); 0 in rows where `rows` has ended (nan)."""
+    """Return |rows - others|, in the shape of `others`; 0 where `rows` has ended."""
     count = min(len(rows), len(others))
     found = np.zeros_like(others)
     found[:count] = np.abs(rows[:count] - others[:count])

@@ -104,7 +104,7 @@ class Setting(NamedTuple):
 
     @property
     def start(self) -> Instant:
-        """The nearest admissible state to the start; without one, the stated state."""
+        """The admissible state nearest to the start; without one, the stated state."""
         at = self.report.state
         return Instant(at.t, at.q, at.v, at.s)
 
@@ -323,7 +323,7 @@ def _unsteady(point: Point) -> list[RelationResiduals]:
 
 
 def _judged_states(point: Point) -> list[RelationResiduals]:
-    """Return verdicts on the rates of first-order states, which are to be zero."""
+    """Return verdicts on whether the rates of first-order states are 0."""
     found = []
     for state in point.e.states:
         value, *terms = point.array([state.rate, *addends(point.g, state.rate)])
@@ -470,9 +470,9 @@ class Search:
         return turning(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
-        """Return the rest to which a search from the start of the file leads.
+        """Return the rest to which a search from the start leads; None without one.
 
-        ways : see `find_rest`; by default all. None if there is none near.
+        ways : of the search, see `find_rest`; by default all.
         """
         return self._found(self._point, ways or (Way.NEAR, Way.CORNER, Way.FAR))
 
@@ -488,7 +488,7 @@ class Search:
             return None
 
     def others(self, count: int) -> Iterator[AtRest | None]:
-        """Generate the rests found from `count` other starts, two from each start.
+        """Generate the rests found from `count` random starts, by two searches each.
 
         None takes the place of a rest where a search fails.
         """
@@ -535,7 +535,7 @@ class Search:
         return float(np.max(np.abs(self.unwound(q) - q0) / sizes, initial=0.0))
 
     def unwound(self, q: Floats) -> Floats:
-        """Return positions q (n,) with each angle within half a turn of the start."""
+        """Return positions q (n,) whose angles are within half a turn of the start."""
         turns = np.rint((q - self._point.q) / TURN) * self.angles
         return np.asarray(q - TURN * turns)
 
@@ -577,10 +577,10 @@ class Search:
     def _held(
         self, state: Instant, forces: Mapping[str, float], free: Sequence[str]
     ) -> Steady | None:
-        """Return the nearest rest with rows in force; None if none is found.
+        """Return the nearest rest that friction holds; None if none is found.
 
-        state : a rest with these rows. forces : name of each row -> its multiplier
-        there. free : coordinates that no force depends on.
+        state : a rest that friction holds. forces : multiplier of each row in force
+        there, by the name of the row. free : coordinates that no force depends on.
         """
         q0 = self._point.q
         sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
@@ -825,8 +825,9 @@ def with_start(
 ) -> str:
     """Return the text of the model file with the nearest stable rest as its start.
 
-    Without a stable rest it is the nearest rest. Comments are kept. given : values that
-    replace those of parameters in the file.
+    Without a stable rest it is the nearest rest. Comments are kept.
+
+    found : the rests. given : values that replace values of parameters in the file.
 
     Raises
     ------

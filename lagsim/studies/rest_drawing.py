@@ -130,11 +130,11 @@ def _diagram(model: Model, record: dict[str, Any], shown: str | None) -> Picture
 def with_specials(
     places: Sequence[dict[str, Any]], specials: Sequence[dict[str, Any]], name_of: str
 ) -> list[dict[str, Any]]:
-    """Return the points of a branch, with special points where stability changes.
+    """Return the points of a branch with special points inserted, for drawing.
 
-    A special point is inserted between two points if the way over it is hardly longer.
-    name_of : the coordinate that is drawn. places, specials : points of the branch and
-    special points, as in documents.
+    A special point is inserted where stability changes, between two points whose
+    distance over the special point is hardly longer. name_of : the coordinate that is
+    drawn. places, specials : points of the branch and special points, as in documents.
     """
 
     def at(point: dict[str, Any]) -> complex:

@@ -132,7 +132,10 @@ class Digest:
         self.sha, self.size = hashlib.sha256(), 0
 
     def grow(self, path: Path, size: int) -> bool:
-        """Extend the part to `size` bytes of a file; return whether it has these."""
+        """Extend the part to `size` bytes of a file.
+
+        path : the file; whether it has that many bytes is returned.
+        """
         with files.opened(path) as file:
             file.seek(self.size)
             for block in _blocks(file, size - self.size):
@@ -187,7 +190,7 @@ class Restart:
         self.stand = stand
 
     def _found(self, table: TablePart) -> Path | None:
-        """Return the path of a file that begins with the rows of `table`, or None."""
+        """Return the path of a file that begins with a part of a table, or None."""
         for name in (PART, RESTART_TABLE, "{}"):
             path, digest = self.folder / name.format(table.name), Digest()
             with contextlib.suppress(OSError):
@@ -278,7 +281,7 @@ class Restart:
                 (self.folder / RESTART_TABLE.format(name)).unlink()
 
     def _synced(self, name: str, writer: TableWriter) -> TablePart:
-        """Flush a table to the disk and return the part that it has then."""
+        """Flush a table to the disk; return its part up to now, for a checkpoint."""
         size = writer.synced()
         digest = self._digests.setdefault(name, Digest())
         digest.grow(self.folder / PART.format(name), size)
@@ -370,7 +373,7 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
-    """Return the name of an object that is regenerated, not stored; else None.
+    """Return the name of an object that is regenerated, not stored; None for others.
 
     names : identity of an object -> its name.
     """

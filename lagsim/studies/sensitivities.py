@@ -126,10 +126,16 @@ class Derivative(NamedTuple):
 
 
 class _Difference(NamedTuple):
-    """Differences of highest order at one step, with their errors.
+    """Derivatives by differences of highest order at one step, with their errors.
 
-    `values` is nan in rows marked in `lost`, which are not differentiable. `truncation`
-    and `rounding` are errors of each column, relative to its largest value.
+    Attributes
+    ----------
+    values : ndarray, shape (k, columns)
+        The derivatives; nan in rows marked in `lost`.
+    lost : ndarray of bool, shape (k,)
+        Rows that are not differentiable.
+    truncation, rounding : ndarray, shape (columns,)
+        Errors of each column, relative to its largest value.
     """
 
     values: Floats
@@ -151,7 +157,7 @@ class _Difference(NamedTuple):
 
 @dataclass
 class _Runs:
-    """Rows of the runs at multiples of a step, each computed once.
+    """Runs at values of a name that differ by multiples of a step, each computed once.
 
     Attributes
     ----------
@@ -164,9 +170,8 @@ class _Runs:
         See `Sensitivities.trial`.
     order : int
         The order of central differences.
-    known : dict
-        Runs by their offset: the number of steps, and the power of FACTOR by which the
-        first step is multiplied.
+    known : dict of (int, int) to Trial
+        Runs by their offset: (j, power) for j steps of size unit*FACTOR**power.
     """
 
     study: Sensitivities
@@ -192,7 +197,7 @@ class _Runs:
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
         """Return the rows of runs at several offsets, shape (offsets, k, columns).
 
-        offsets : numbers of steps. power : see `trial`.
+        offsets : numbers of steps. power : of FACTOR in the step, see `trial`.
         """
         return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
 
@@ -208,13 +213,13 @@ class _Runs:
 def _judged(
     estimates: Sequence[Floats], rows: Sequence[Floats], step: float, apart_at: float
 ) -> _Difference:
-    """Return the difference of the highest order, with errors by comparison of orders.
+    """Return the derivatives of the highest order, with errors by comparison of orders.
 
     Parameters
     ----------
     estimates : sequence of ndarray, shape (k, columns)
         The derivatives by differences of two to four orders, the highest first.
-    rows : sequence of ndarray
+    rows : sequence of ndarray, shape (k, columns)
         The rows of all runs.
     step : float
         The step of the differences.
@@ -336,7 +341,7 @@ class Sensitivities:
         return self._start
 
     def trial(self, name: str, value: float, held: bool) -> Trial:
-        """Return the run with one value replaced.
+        """Return the run in which the parameter or start value `name` is `value`.
 
         Parameters
         ----------
@@ -533,7 +538,7 @@ def _truncated(found: _Difference) -> bool:
 
 
 def _central(runs: _Runs, power: int) -> _Difference:
-    """Return the central difference with the step unit * FACTOR**power."""
+    """Return the derivatives by central differences, step unit * FACTOR**power."""
     h = runs.unit * FACTOR**power
     offsets = range(1, runs.order // 2 + 1)
     above, below = (runs.rows([s * j for j in offsets], power) for s in (1, -1))
@@ -547,7 +552,7 @@ def _central(runs: _Runs, power: int) -> _Difference:
 
 
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
-    """Return the one-sided difference on the side that can be used.
+    """Return the derivatives by differences on the side that can be used.
 
     The order is 6, or that of the central differences if lower. sides : whether runs
     above, and below, can be used. power : see `_Runs.trial`.

@@ -65,7 +65,7 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
 
 
 def _exceeds(amplification: Amplification, z: complex) -> bool:
-    """Return the result of `exceeds`; numpy may warn of overflows."""
+    """Return `exceeds(amplification, z)`; numpy may warn of overflows."""
     grows = max(0.0, z.real)
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
     found = amplification(z)
@@ -282,7 +282,7 @@ class _StepCheck(NamedTuple):
     Attributes
     ----------
     h : float
-        The step.
+        The step, or the mean step of a method with step control.
     span : float
         The length of the run in time.
     module : module
@@ -385,10 +385,10 @@ class _StepCheck(NamedTuple):
         return [Caution(FAST_MODE_DAMPED, text)]
 
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
-        """Return the part of the energy of a mode that numerical damping removes.
+        """Return the fraction of a mode's energy that numerical damping removes.
 
-        h : the step. left : the time during which it is removed; by default that of the
-        run.
+        h : the step. eigenvalue : of the mode. left : the time during which it is
+        damped; by default the length of the run.
         """
         size = self.module.amplification(h * eigenvalue)
         if size <= 0.0:

@@ -107,7 +107,10 @@ def read_results(path: Path) -> StoredTable:
 
 
 def thinned(columns: Mapping[str, Floats]) -> Thinning:
-    """Return columns (rows,) with fewer rows for a picture; the time `t` is first."""
+    """Return the rows of columns, thinned for a picture.
+
+    columns : arrays (rows,) by name, with the time `t` first.
+    """
     from lagsim.run.observers.thinning import Thinning
 
     thin = Thinning(tuple(columns), paths=())
@@ -241,7 +244,7 @@ def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
 
 
 def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
-    """Return the stripped cells of a line; None if the line is not valid CSV."""
+    """Return the stripped cells of a line of CSV; None if the line is not valid CSV."""
     try:
         cells = next(csv.reader([line.decode(encoding).rstrip("\r\n")], strict=True))
     except (UnicodeDecodeError, csv.Error, StopIteration):
@@ -292,7 +295,13 @@ _PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
 
 
 def _joined(arrays: dict[str, Any]) -> StoredTable:
-    """Return arrays of columns as a table; they must be numbers of equal length."""
+    """Return arrays (rows,) by name as a table with a column for each.
+
+    Raises
+    ------
+    _FaultError
+        If an array is not of numbers, or the lengths differ.
+    """
     if "t" not in arrays:
         raise _FaultError("there is no column `t`, the time")
     many = np.shape(arrays["t"])

@@ -188,7 +188,7 @@ class Patience:
         self.begin()
 
     def begin(self) -> None:
-        """Start the clock of a run."""
+        """Start the clock of a run, to which the limit `seconds` applies."""
         self._end = min(time.perf_counter() + self.seconds, self.until)
 
     @property
@@ -207,7 +207,7 @@ class Patience:
 
 
 class _Ended(Interrupt):
-    """Request of an end, made by another interrupt or when the last time has passed."""
+    """Request of an end, by another interrupt or because the last time has passed."""
 
     def __init__(self, other: Interrupt | None) -> None:
         super().__init__()
@@ -306,7 +306,7 @@ class Compiled:
         return None
 
     def compile(self, case: Case, plan: Plan) -> Session:
-        """Compile a case by its plan, for later cases, too."""
+        """Compile a case by its plan; return the session, kept for later cases."""
         self.known.append(case.ready(plan))
         return self.known[-1]
 
@@ -328,12 +328,12 @@ class Compiled:
 
 
 class Form:
-    """Model derived once, with the sessions compiled for its values and settings.
+    """Equations of a model for some structure, with the sessions compiled for these.
 
     Attributes
     ----------
     structure : dict of str to str
-        The values on which ranges and subscripts of the file depend.
+        The structure: values on which ranges and subscripts of the file depend.
     equations : Equations
     """
 
@@ -382,7 +382,10 @@ class Form:
 
 
 def structural_values(model: Model, texts: Texts) -> dict[str, str]:
-    """Return the values on which ranges and subscripts of the file depend."""
+    """Select the values on which ranges and subscripts of the file depend.
+
+    texts : expressions of values by name.
+    """
     names = model.stated.structural()
     return {name: text for name, text in texts.items() if name in names}
 
@@ -413,7 +416,10 @@ class Forms:
         self.known: list[Form] = []
 
     def form(self, texts: Texts) -> Form:
-        """Return a new form for some values, without sessions."""
+        """Return a new form of the equations for some values, without sessions.
+
+        texts : expressions of values by name.
+        """
         return Form(pickle.loads(self._model), texts, self._options, self._who)
 
     def session(

@@ -110,7 +110,7 @@ class _Process(ProcessPoolExecutor):
     """
 
     def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
-        """Submit a call to the worker process, which is started at the first call."""
+        """Submit a call to the worker process, which starts at the first call."""
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
@@ -152,11 +152,11 @@ def processes(most: int) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def standing(most: int) -> Iterator[Hired]:
-    """Context manager: a crew of processes that several studies use in turn.
+    """Context manager: processes that several studies use in turn.
 
-    Its value is a function that a study calls in place of `processes`. The processes
-    start at the first call, and keep the functions that they compile from one study to
-    the next.
+    It yields a function that a study calls in place of `processes` to have a crew. The
+    processes start at the first call, and keep the functions that they compile from one
+    study to the next.
 
     most : the number of processes.
     """
@@ -193,7 +193,7 @@ def _watch(stop: connection.Connection) -> None:
 def _wait_for_what_is_kept(parent: int) -> None:
     """Wait while files are being written, for GRACE_SECONDS at most.
 
-    Return earlier when the process with the number `parent` ends.
+    The wait ends earlier if the parent process ends, whose handle is `parent`.
     """
     until, keeping = time.monotonic() + GRACE_SECONDS, time.process_time()
     while time.monotonic() < until and time.process_time() < keeping + LEAVE_SECONDS:
@@ -319,7 +319,7 @@ def _by_others(
     interrupt: Interrupt,
     hired: Hired,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
-    """Yield the results of workers, in pieces of `size` items."""
+    """Yield items with their results, computed by workers in pieces of `size` items."""
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []
     for k, results in completed_pieces(

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 def about_inputs(run: Evidence) -> list[Caution]:
-    """Return warnings on inputs that have no effect, and on a changed start."""
+    """Return warnings on inputs without effect, and on a start that was changed."""
     case, plan = run.session.case, run.plan
     changes, settings, name = case.examined.changes, case.settings, plan.method
     moved = (f"{x} from {old!r} to {new!r}" for x, (old, new) in changes.items())

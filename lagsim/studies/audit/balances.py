@@ -152,9 +152,9 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
 
 
 def _since(times: Floats, sizes: Floats, bound: float) -> float | None:
-    """Return the first of `times` (k,) at which `sizes` (k,) exceed a bound.
+    """Return the first time at which a size exceeds a bound; None if there is none.
 
-    None if there is none.
+    times, sizes : (k,).
     """
     off = np.flatnonzero(sizes > bound)
     return float(times[off[0]]) if len(off) else None
@@ -271,15 +271,17 @@ class Energy:
         self.cut = [op in CUT for op in ops]
 
     def sides(self, state: Floats) -> list[float]:
-        """Return a number for each switch, which differs between sides of the switch.
+        """Return the side of each switch at a state, as a number.
 
-        state : (1 + 2 n,).
+        Numbers of a switch differ between its sides.
+
+        state : (1 + 2 n,), time, coordinates and velocities.
         """
         values = zip(self._values(self.switches, state), self.cut, strict=True)
         return [math.copysign(1.0, x) if cut else float(x) for x, cut in values]
 
     def sides_of_rows(self, states: Floats) -> Floats:
-        """Return the numbers of `sides` for states in rows, shape (switches, k).
+        """Return the sides of all switches at states, see `sides`, (switches, k).
 
         states : (k, 1 + 2 n).
         """

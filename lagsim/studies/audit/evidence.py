@@ -39,7 +39,9 @@ FAR = 100.0
 
 
 class Evidence:
-    """Evidence for the warnings of a run: monitors of its rows, its end, its error bar.
+    """Evidence for the audit and the warnings of a run: monitors, result and error bar.
+
+    The monitors are observers of the rows.
 
     A repeat is audited too, since a repeat that is not valid is no reason to reject the
     run.
@@ -188,7 +190,7 @@ def inertia_roots(equations: Equations, start: Instant) -> Floats:
 def _changed(
     equations: Equations, row: Row, state: Mapping[str, float], values: Floats, h: float
 ) -> float:
-    """Return a bound of the residual of a constraint after a step of size h.
+    """Return a bound of the residual of a constraint that one step of size h can cause.
 
     The step satisfies the linearised rate of the constraint with positions and time of
     half a step before.

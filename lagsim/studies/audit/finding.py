@@ -130,7 +130,9 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
 def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
     """Return the error of energy - work that the error bar of the state implies.
 
-    row : time, coordinates, velocities and more. inf if the error bar is unknown.
+    It is inf if the error bar is unknown.
+
+    balance : the energy balance. row : time, coordinates, velocities and more.
     """
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
@@ -146,7 +148,7 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
 
 
 def _another_motion(run: Evidence) -> Finding | None:
-    """Return the finding that the repeat followed another motion; None if not."""
+    """Return the finding that run and repeat are different motions; None if not."""
     bar = run.bar
     if isinstance(bar, str):
         return None

@@ -141,7 +141,7 @@ def formulation_solvers(case: Case, method: str) -> tuple[list[Own], dict[str, s
 
 
 def least(solve: Callable[[], Trial]) -> Trial:
-    """Repeat a solve several times, and return the result with the least time."""
+    """Return the result with the least time, of several calls of `solve`."""
     best = solve()
     spent = best.seconds
     for _ in range(1, MOST_REPEATS):

@@ -211,7 +211,7 @@ def curve_style(colour: int, turn: int = 0, kind: int = 0) -> Look:
 
 
 def drawable_errors(errors: Iterable[float]) -> Array:
-    """Return errors for a logarithmic axis; errors below LEAST are set to LEAST."""
+    """Return errors for a logarithmic axis, of which none is below LEAST."""
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
@@ -315,9 +315,9 @@ def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
 
 
 def _name(key: Key, keys: Iterable[Key]) -> str:
-    """Return the name of a method; with its formulation if there are several.
+    """Return the name of a curve: the method, with its formulation if it has several.
 
-    keys : all methods with formulations in the chart.
+    key : method and formulation. keys : all methods with formulations in the chart.
     """
     method, formulation = key
     alone = sum(name == method for name, _ in keys) == 1
@@ -348,7 +348,7 @@ def _about_costs(document: Document, found: ChartedCurves) -> list[str]:
 
 
 def _gaps(rows: Mapping[Key, Sequence[Row]], found: ChartedCurves) -> Iterator[str]:
-    """Yield texts on settings without an answer, with adjacent settings joined.
+    """Yield texts on settings of solvers without an answer; adjacent ones are joined.
 
     Curves that were left out for their cost are not considered.
     """
@@ -440,7 +440,7 @@ def _round(planes: Sequence[Axes]) -> None:
 
 
 def _varied(document: Document) -> PlottedColumn:
-    """Return the parameter that varies, with its unit and values."""
+    """Return the parameter that varies over a map, with its unit and values."""
     vary = document["vary"]
     return PlottedColumn(vary["name"], vary["unit"], np.array(vary["values"], float))
 
@@ -517,7 +517,7 @@ def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) ->
 def _grid(
     part: SubFigure, count: int, most: int, side: str, **alike: Any
 ) -> list[Axes]:
-    """Return `count` panels, in rows of at most `most` and at least two.
+    """Return `count` new panels of a figure, in rows of two or more, up to `most`.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ class Subject:
     def _linearise(self, motion: Floats) -> None:
         """Compute eigenvalues along a motion, and excite each mode at the start.
 
-        motion : rows (t, q, q', s).
+        motion : (k, columns), rows (t, q, q', s).
         """
         n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)
@@ -279,8 +279,9 @@ class Subject:
 def _rate(t: Floats, balance: Floats) -> float | None:
     """Return the exponential rate of the energy that no force explains.
 
-    It is a bound if the energy has decayed completely; None if it is unknown. t : (k,).
-    balance : energy less work (k,), relative to the energy of the motion.
+    It is a bound if the energy has decayed completely; None if it is unknown.
+
+    t : (k,). balance : energy less work (k,), relative to the energy of the motion.
     """
     last = max(1, int(len(t) * LAST))
     middle = float(np.mean(t[-last:])) - float(t[0])
@@ -395,9 +396,9 @@ def csv_columns(name: str | None) -> list[str]:
 def methods_for(
     case: Case, wish: MapOptions
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
-    """Return methods with fixed steps, methods with step control, and refused ones.
+    """Return the methods of a map: with fixed steps, with step control, and refused.
 
-    The refused ones are documents with method and reason.
+    Refused methods are documents with method and reason.
 
     Raises
     ------
@@ -507,7 +508,7 @@ class _Map:
         self.borders = {name: list[Any]() for name in self.fixed}
 
     def _steps(self) -> list[float]:
-        """Return the steps of the cells, in the requested range or around borders."""
+        """Return the step sizes of the cells, in the stated range or around borders."""
         subjects = [self.subject]
         for value in (self.values[0], self.values[-1]):
             if value is not None:
@@ -770,7 +771,7 @@ def _equilibrium(subject: Subject) -> Document:
 
 
 def _positions(rest: Steady) -> dict[str, float]:
-    """Return the positions and first-order states of a rest; 0 within rounding."""
+    """Return positions and first-order states of a rest by name; 0 within rounding."""
     names = [*rest.equations.q, *(x.name for x in rest.equations.states)]
     values = np.concatenate([rest.state.q, rest.state.s])
     size = np.max(np.abs(rest.state.q), initial=0.0)
@@ -779,7 +780,7 @@ def _positions(rest: Steady) -> dict[str, float]:
 
 
 def _is_start(rest: Steady, subject: Subject) -> bool:
-    """Whether the start of the model is at a rest."""
+    """Whether a rest is the start of the model."""
     start, at = subject.case.start, rest.state
     far = np.abs(np.concatenate([at.q - start.q, at.s - start.s]))
     size = np.max(np.abs(np.concatenate([at.q, at.s])), initial=0.0)

@@ -137,9 +137,12 @@ def _solved(
 
 
 def _drifts(columns: Sequence[str], rows: Floats) -> bool:
-    """Whether energy less work changes by more than UNEXPLAINED of the kinetic energy.
+    """Whether energy less work drifts in rows by more than UNEXPLAINED.
 
-    The kinetic energy is the largest of the rows; where it is no column, the energy.
+    The drift is relative to the largest kinetic energy of the rows, or to the largest
+    energy if there is no column of the kinetic energy.
+
+    rows : (k, columns).
     """
     residuals = ResidualMonitor(columns)
     residuals.add(rows)
@@ -151,7 +154,10 @@ def _drifts(columns: Sequence[str], rows: Floats) -> bool:
 def _by_own(
     case: Case, names: Iterable[str], patience: Patience
 ) -> Iterator[ReferenceSolution]:
-    """Yield solutions by the named methods that can handle the model."""
+    """Yield solutions by methods of lagsim, as far as these can handle the model.
+
+    names : of the methods.
+    """
     steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
     for name in names:
         with contextlib.suppress(InputError):
@@ -245,7 +251,7 @@ class Reference:
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """Sort key: larger for a reference that is known longer and more accurately."""
+        """Sort key of references: larger for rows known longer and more accurately."""
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
         whole = self.horizon is None and level in WHOLE
         return whole, int(self.known / level), -self.floor
@@ -370,7 +376,8 @@ def make_reference(
 def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Reference:
     """Return a solution as a reference that no second solution has confirmed.
 
-    between : further rows, from which the ranges of columns are determined too.
+    first : the solution. between : further rows (k, columns) of it, from which the
+    ranges of columns are determined too.
     """
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
@@ -381,7 +388,9 @@ def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Refer
 
 
 def _known(apart: Floats) -> int:
-    """Return the number of rows before the horizon; all if no horizon can be found.
+    """Return the number of rows before the horizon of two solutions.
+
+    It is the number of all rows if no horizon can be found.
 
     apart : (rows,), the largest difference of both solutions up to each row.
     """
@@ -486,7 +495,10 @@ class BenchOptions(NamedTuple):
 
 
 def curves(rows: Iterable[Row]) -> dict[Key, list[Row]]:
-    """Return the rows of each method and formulation, from loose to tight settings."""
+    """Return the rows of work_precision.json by (method, formulation).
+
+    The rows of each are sorted from loose to tight settings.
+    """
     found = defaultdict(list)
     for row in rows:
         found[row["method"], row["formulation"]].append(row)
@@ -543,7 +555,7 @@ def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[fl
 
 
 def longest(case: Case, rtol: float) -> float:
-    """Return the time limit of a solve, a multiple of the time of `auto`.
+    """Return the time limit of a solve in s, a multiple of the time that `auto` needs.
 
     rtol : the tolerance of `auto`.
     """
@@ -652,7 +664,7 @@ class PrecisionCurve:
         return before < STALLED and 2 * min(self.errors[-2:]) > before
 
     def _row(self, value: float, patience: Patience) -> Row:
-        """Solve at one setting; return the row of work_precision.json."""
+        """Solve at the setting `value`; return the row of work_precision.json."""
         solver, row = self.solver, dict[str, Any].fromkeys(COLUMNS)
         row |= {"method": solver.method, "formulation": solver.formulation}
         row |= {"setting": solver.setting, "value": value, "reason": ""}

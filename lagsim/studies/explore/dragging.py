@@ -283,13 +283,13 @@ class ConstrainedStart:
     def _beside(
         self, place: _Place, x: Point, target: Floats, met: frozenset[int]
     ) -> Point | None:
-        """Return a state beside a dead point that is nearer to a target; else None.
+        """Return a state beside the dead point x that is nearer to a target; else None.
 
         At a dead point no step to first order moves the place, as where a coordinate is
         largest on a circle. Of two directions that lead equally near to the target, the
         one in which the forces pull is used.
 
-        met : gaps that stay closed.
+        place : the place that is moved. target : (d,). met : gaps that stay closed.
         """
         far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
@@ -318,7 +318,7 @@ class ConstrainedStart:
         return frozenset(np.flatnonzero(gaps <= SATISFIED * np.abs(scales)).tolist())
 
     def _step(self, J: Floats, way: Floats, x: Point) -> tuple[Floats, frozenset[int]]:
-        """Return the step towards a place, and the closed gaps that it keeps closed.
+        """Return a step that moves a place, and the closed gaps that it keeps closed.
 
         A closed gap that the step would make negative is held; the others may open. The
         step ends where it closes the first open gap, to first order, so that it does
@@ -391,9 +391,11 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
 
 
 def _solved(held: Sequence[Condition], x: Point) -> Point:
-    """Return the state at which conditions on positions hold, reached by least changes.
+    """Return the state at which conditions on positions hold, nearest to x.
 
-    All steps are measured in the metric of the first state x. held : the conditions.
+    It is found by steps that are least in the metric of the first state x.
+
+    held : the conditions.
     """
     metric = x.mass_matrix if held else None
     for _ in range(MOST_CORRECTIONS) if held else ():
@@ -434,7 +436,10 @@ def _jacobian(asked: Sequence[Condition], x: Point) -> Floats:
 
 
 def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:
-    """Return the values (m, n) at x of m rows: index of a coordinate -> node."""
+    """Return sparse rows of nodes as a matrix (m, n) of their values at x.
+
+    rows : m rows, each as {index of a coordinate: node}.
+    """
     found = np.zeros((len(rows), x.n))
     places = [(i, j) for i, row in enumerate(rows) for j in row]
     values = x.array([node for row in rows for node in row.values()])
@@ -444,5 +449,8 @@ def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:
 
 
 def _scaled(J: Floats, L: Floats) -> Floats:
-    """Return J L^-T: derivatives (d, n) by coordinates in which M is the identity."""
+    """Return J L^-T, derivatives (d, n) by coordinates in which M is the identity.
+
+    J : (d, n). L : (n, n), the Cholesky factor of M.
+    """
     return np.asarray(np.linalg.solve(L, J.T).T)

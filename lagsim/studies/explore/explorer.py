@@ -488,7 +488,7 @@ class Explorer:
         return self._around
 
     def _ended(self, outcome: Outcome, reason: str) -> str:
-        """Return the text of a failure, or "" for a complete run."""
+        """Return the text of a failed run by outcome and reason; "" if complete."""
         if outcome.complete:
             return ""
         code = str(outcome.value) if outcome.failed else ""
@@ -500,7 +500,7 @@ class Explorer:
 
 
 class _Limits(threading.Thread):
-    """Ends of the sliders that count members of families, found in a thread.
+    """Thread that finds the ends of sliders for numbers of members of families.
 
     Within the ends the file can be read with each number. The number is fixed in a file
     that lists a value for each member.
@@ -510,7 +510,7 @@ class _Limits(threading.Thread):
     content : bytes
         The pickled Model.
     given : list of Slider
-        The sliders without these ends.
+        All sliders, without the ends to be found.
     """
 
     def __init__(self, content: bytes, given: list[Slider]) -> None:
@@ -534,9 +534,11 @@ class _Limits(threading.Thread):
 
 
 def _limited(model: Model, x: Slider) -> Slider:
-    """Return a slider for a number of members, with the ends found by trial.
+    """Return a slider for a number of members of families, with its ends.
 
-    Within these ends the model can be read with each number.
+    The ends are found by trial: within these the model can be read with each number.
+
+    x : the slider without ends.
     """
     reason = ""
 
@@ -623,7 +625,7 @@ class _Alone:
 
 
 def packed(header: Document, columns: Sequence[Floats]) -> bytes:
-    """Return a motion as bytes: a header, then the columns of its rows.
+    """Return a motion as bytes for the page: a header, then the columns of its rows.
 
     Layout, little-endian: the length of the header as uint32; the header in JSON, with
     spaces appended so that these two parts take a multiple of 8 bytes; then each column
@@ -651,7 +653,7 @@ def _failure(code: str, reason: str) -> LagsimError:
 def _sliders(
     model: Model, vary: Mapping[str, tuple[float, float] | None]
 ) -> list[Slider]:
-    """Return the sliders of a model: the names of `vary`, or all that have numbers.
+    """Return the sliders of a model: for the names of `vary`, or for all numbers.
 
     Raises
     ------
@@ -723,7 +725,7 @@ def _angles(session: Session) -> set[str]:
 
 
 def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
-    """Return the ends of the slider of a start value.
+    """Return the ends of the slider `x` of a start value.
 
     Parameters
     ----------

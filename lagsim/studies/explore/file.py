@@ -110,7 +110,7 @@ LIVE = "`lagsim explore` without -o integrates it"
 
 
 class Node(int):
-    """Node of the model's graph in the data, before it gets its final number."""
+    """Node of the model's graph in the data of a page, until nodes are renumbered."""
 
 
 def page_in_a_file(explorer: Explorer) -> bytes:
@@ -203,7 +203,7 @@ def _refuse(session: Session) -> None:
 
 
 def _features(session: Session) -> Iterator[str]:
-    """Yield the names of the features of the model that a page cannot compute."""
+    """Yield the names of the features of a model for which there can be no page."""
     case, system = session.case, session.system
     model, settings = case.model, case.settings
     for event in model.events:
@@ -295,7 +295,7 @@ def _shapes_of_rows(e: Equations) -> Iterator[Document]:
 
 
 def _steps(parsed: Parsed) -> list[Any]:
-    """Return an expression in postfix for the script of the page."""
+    """Return an expression in postfix notation, as data for the script of the page."""
     return [
         payload if kind in ("number", "name") else [kind, payload]
         for kind, payload, _ in parsed.postfix
@@ -421,7 +421,7 @@ def _columns(session: Session, frames: Frames, about: Mapping[str, str]) -> Docu
 
 
 def _places(model: Model) -> Document:
-    """Return the text of the model file, and the places of its numbers."""
+    """Return the text of the model file, and the places of its numbers in the text."""
     text, spans, added = model.stated.places()
     given = list(spans.values())
 
@@ -617,7 +617,9 @@ def _nodes_in(x: Any) -> Iterator[int]:
 def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
     """Yield lists of nodes of one operation, operands before the nodes that use these.
 
-    A list has nodes of one level, one above the highest level of the operands.
+    Nodes of a list have one level: 1 more than the highest level of their operands.
+
+    cone : the nodes to be grouped.
     """
     g = session.equations.graph
     level = dict[int, int]()

@@ -62,7 +62,7 @@ class RefusedError(Exception):
 
 
 def require(status: HTTPStatus, *, unless: bool) -> None:
-    """Raise RefusedError with a status unless the condition `unless` holds."""
+    """Raise RefusedError with an HTTP status, unless the condition `unless` is true."""
     if not unless:
         raise RefusedError(status)
 
@@ -74,7 +74,7 @@ class Server(ThreadingHTTPServer):
     ----------
     explorer : Explorer
     port : int
-        0 for a free one.
+        Number of the port; 0 for a free port.
 
     Attributes
     ----------
@@ -168,9 +168,10 @@ class Server(ThreadingHTTPServer):
                 self._closed = time.monotonic()
 
     def wait(self, known: int) -> int:
-        """Wait for news after number `known`; return the number of the last news.
+        """Wait until there is news of the model file after number `known`.
 
-        It ends after SIGN seconds at most; the number is then `known`.
+        The number of the last news is returned, after SIGN seconds at the latest; it is
+        then `known`.
         """
         with self._told:
             if self._news == known:
@@ -202,7 +203,7 @@ class _Reader(io.RawIOBase):
         return True
 
     def readinto(self, room: Any) -> int:
-        """Read bytes into a buffer, and return their number."""
+        """Read bytes of the connection into the buffer `room`; return their number."""
         left = self.until - time.monotonic()
         if left <= 0.0:
             raise TimeoutError

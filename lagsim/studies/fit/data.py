@@ -186,14 +186,16 @@ def _check_times(record: Record) -> None:
 def matched(
     model: Model, records: Sequence[Record], given: Mapping[str, str]
 ) -> tuple[Model, list[Match]]:
-    """Return the model with a column for each match, and the matches.
+    """Match columns of the data with expressions; return model and matches.
+
+    The model has a column of rows for the expression of each match.
 
     Parameters
     ----------
     model : Model
     records : sequence of Record
     given : mapping of str to str
-        Column of the data -> `EXPRESSION` or `EXPRESSION:SD`.
+        Stated matches: column of the data -> `EXPRESSION` or `EXPRESSION:SD`.
 
     Raises
     ------
@@ -242,7 +244,10 @@ def columns_of(model: Model) -> list[str]:
 
 
 def _measurable(model: Model) -> dict[str, str]:
-    """Return the names that a column of equal name measures, with their units."""
+    """Return the names that a column of the data measures if it has that name.
+
+    The result maps each name to its unit.
+    """
     every: list[Coordinate | FirstOrderState | Definition] = [*model.coordinates]
     every += [*model.states, *model.definitions]
     moving = [d.name for d in model.definitions if d.level is Level.POSITION]
@@ -252,7 +257,10 @@ def _measurable(model: Model) -> dict[str, str]:
 
 
 def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
-    """Return the expression and the standard deviation of `EXPRESSION[:SD]`."""
+    """Return the expression and the standard deviation in a text `EXPRESSION[:SD]`.
+
+    column : the column, for messages. faults : to which faults are added.
+    """
     expression, colon, after = text.partition(":")
     if not colon:
         return expression.strip(), 0.0
@@ -267,7 +275,10 @@ def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
 
 
 def _check_cells(column: str, records: Iterable[Record], faults: Problems) -> None:
-    """Add a fault for each text in a matched column, and if it has no numbers."""
+    """Add a fault for each text in a column of the records, or if it has no numbers.
+
+    faults : to which the faults are added.
+    """
     for record in records:
         if column not in record.columns:
             continue

@@ -86,6 +86,8 @@ def _decomposed(
 ) -> tuple[Floats, tuple[Floats, Floats, Floats], Flags]:
     """Return the singular value decomposition of a Jacobian with columns of length 1.
 
+    J : (n, p). error : relative error of J.
+
     Returns
     -------
     norms : ndarray, shape (p,)
@@ -104,9 +106,9 @@ def _decomposed(
 
 
 def determined(J: Floats) -> Floats:
-    """Return a Jacobian without the combinations of columns that are rounding errors.
+    """Return a Jacobian (n, p) without its parts along small singular values.
 
-    A step along such a combination would have an arbitrary size.
+    These parts are rounding errors, along which a step would have an arbitrary size.
     """
     norms, (U, sizes, Vt), kept = _decomposed(J)
     if kept.all():
@@ -115,7 +117,7 @@ def determined(J: Floats) -> Floats:
 
 
 def undetermined(J: Floats, error: float) -> Floats:
-    """Return an orthonormal basis of the changes that J does not determine.
+    """Return an orthonormal basis of the changes of values that alter no residual.
 
     Parameters
     ----------
@@ -132,9 +134,11 @@ def undetermined(J: Floats, error: float) -> Floats:
 
 
 def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]]:
-    """Return a basis of the span of `kernel` (d, p), each vector with few names.
+    """Return the combinations that span `kernel` (d, p), each of few names.
 
-    A direction maps names to relative changes, of which the largest is 1.
+    Each maps names to relative changes, of which the largest is 1.
+
+    names : (p,), of the columns of `kernel`.
     """
     rest = kernel.copy()
     for k in range(len(rest)):

@@ -108,12 +108,12 @@ class StoppedError(Exception):
 
 
 def _least(results: Sequence[tuple[Floats, float, bool]]) -> tuple[Floats, float, bool]:
-    """Return the result (values, cost, convergence) with the least cost."""
+    """Return the result of least cost, of tuples (values, cost, convergence)."""
     return min(results, key=lambda one: one[1])
 
 
 class Jacobian(NamedTuple):
-    """Derivatives of residuals by names, in units of the columns and scales.
+    """Derivatives of residuals by varied names, in units of column / scale of the name.
 
     Attributes
     ----------
@@ -388,7 +388,7 @@ class Fit:
     def jacobian(self, x: Floats, how: dict[str, Any]) -> Jacobian:
         """Return the derivatives of the residuals by the varied names, at x (p,).
 
-        how : ROUGH or ACCURATE, options of `Sensitivities.by`.
+        how : ROUGH or ACCURATE, sets of options of `Sensitivities.by`.
         """
         runs, key = self.at(x), len(how)
         if key not in self._jacobians:
@@ -424,10 +424,11 @@ class Fit:
         return Jacobian(J, lost, max(one.error for one in found))
 
     def _cost(self, x: Floats, weights: Floats) -> Floats:
-        """Return residuals in standard deviations, shape (n,), at x (p,).
+        """Return the residuals at x (p,) in standard deviations, shape (n,).
 
-        They are inf if a run cannot begin or ends early. weights (m,) : the inverse
-        standard deviation of each column.
+        Least squares minimise these. They are inf if a run cannot begin or ends early.
+
+        weights : (m,), the inverse standard deviation of each column.
         """
         try:
             raw = self.raw(x)
@@ -442,9 +443,11 @@ class Fit:
         return np.asarray(r)
 
     def _per_row(self, weights: Floats) -> Floats:
-        """Return the weights (m,) of the columns for each measurement, shape (n,).
+        """Return the weight of each measurement, shape (n,): the weight of its column.
 
-        They are 0 for measurements that do not count.
+        It is 0 for measurements that do not count.
+
+        weights : (m,), by columns.
         """
         return np.where(self.counts, weights[self.of], 0.0)
 
@@ -692,7 +695,10 @@ class Fit:
         return best[0], len(same), len(results), best[2]
 
     def _drawn(self, random: np.random.Generator) -> Floats:
-        """Return random start values of the varied names, shape (p,)."""
+        """Return random start values of the varied names, shape (p,).
+
+        random : the generator.
+        """
         return np.array([drawn_start(one, random) for one in self.names])
 
     def _restarts(self, weights: Floats, loss: str) -> Iterator[Floats]:

@@ -98,7 +98,10 @@ def _clock(text: str) -> float:
 
 
 def _known(label: str, number: str, records: int, faults: Problems) -> bool:
-    """Whether a record with this number, from 1, exists; add a fault if not."""
+    """Whether a record with a number exists; add a fault if not.
+
+    label : for the message. number : text of the number, from 1. records : how many.
+    """
     if number.isdecimal() and 1 <= int(number) <= records:
         return True
     message = f"{label}: there is no data file {number or '``'}"
@@ -151,7 +154,7 @@ def parse_names(texts: Sequence[str], own: Sequence[Collection[str]]) -> list[Va
 def _bounds(text: str) -> tuple[float, float]:
     """Return (a, b) of the text `a:b`; -inf or inf where a or b is missing.
 
-    For other texts the numbers are nan.
+    Both are nan for any other text.
     """
     low, colon, high = text.partition(":")
     try:
@@ -183,8 +186,8 @@ def concerned(
 def start_within(low: float, high: float, value: float) -> float:
     """Return a value inside bounds, of which at least one is finite.
 
-    It is the middle or, with one finite bound, beside that bound by the size of the
-    bound or of `value`.
+    It is the middle of two bounds. With one finite bound its distance from the bound is
+    the size of the bound or of `value`.
     """
     if math.isfinite(low) and math.isfinite(high):
         return 0.5 * (low + high)
@@ -204,7 +207,7 @@ def near_bounds(one: Varied) -> tuple[float, float]:
 
 
 def drawn_start(one: Varied, random: np.random.Generator) -> float:
-    """Return a random start value of a name.
+    """Return a random start value of a varied name, for a fit from another start.
 
     It is between the bounds, or from half to double of the value.
     """

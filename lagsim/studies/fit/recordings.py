@@ -30,7 +30,7 @@ WORTH_SECONDS = 0.5
 
 
 class Setup(NamedTuple):
-    """Properties that all runs of a fit have in common.
+    """Settings that all runs of a fit share.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Setup(NamedTuple):
     guesses: Collection[str] = ()
 
     def clock(self, values: Mapping[str, float]) -> float:
-        """Return the difference of the clocks of data and run.
+        """Return the difference of the clocks of record and run; 0 without one.
 
         values : values of the names, among these `t0` if it is this difference.
         """
@@ -64,10 +64,10 @@ class Setup(NamedTuple):
 
 
 class Recording(Sensitivities):
-    """Runs at the times of a record, whose clock may differ from the runs' by t0.
+    """Runs with rows at the times of a record, and their derivatives.
 
-    If `t0` is a name of the fit, it is this difference, and no parameter of the model:
-    data at time t are compared with the run at t - t0.
+    If `t0` is a name of the fit, it is the difference of the clocks of record and run,
+    and no parameter of the model: data at time t are compared with the run at t - t0.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class Recording(Sensitivities):
         return variant._replace(values=at, times=self.times - clock)
 
     def trial(self, name: str, value: float, held: bool) -> Trial:
-        """Return the run with one value replaced.
+        """Return the run in which the parameter or start value `name` is `value`.
 
         The run is unusable if t0 moves times of the data outside of the run. held : see
         `Sensitivities.trial`.

@@ -62,7 +62,7 @@ def patterned(raw: Floats, data: Floats, groups: Iterable[Flags]) -> bool:
 
 
 def parts_of(times: Floats, fewest: int) -> Iterator[Flags]:
-    """Yield marks (n,) of the measurements in growing first parts of the time.
+    """Yield marks (n,) of the measurements in growing first parts of the records.
 
     The whole time is left out.
 

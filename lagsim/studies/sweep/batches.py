@@ -81,7 +81,7 @@ DONE = Outcome.DONE.word
 
 
 def form_of(session: Session) -> int:
-    """Return a number that is equal for sessions with equal compiled functions."""
+    """Return an integer that identifies the compiled functions of a session."""
     watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())
 
@@ -255,7 +255,7 @@ class Batch:
         return found
 
     def _plain(self, numbers: Sequence[int]) -> Values:
-        """Return parameters, starts and swept values of runs with these numbers.
+        """Return parameters, starts and swept values of some runs, see `_judged`.
 
         For models in which no expression depends on the swept names. numbers : indices
         of the runs.
@@ -274,7 +274,7 @@ class Batch:
         return parameters, starts, np.array(swept).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
-        """Return parameters, starts and swept values of runs with these numbers.
+        """Return parameters, starts and swept values of some runs, see `_judged`.
 
         For models with expressions that depend on the swept names: the model is bound
         to the values of each run; nan if that fails, or if the run may begin at another
@@ -340,7 +340,10 @@ class Batch:
 
 
 def satisfied(session: Session, rows: Floats) -> Flags:
-    """Return marks (k,) of rows (k, columns) that satisfy all constraints."""
+    """Return marks (k,) of the rows in which all constraints are satisfied.
+
+    rows : (k, columns).
+    """
     names, held = session.columns.names, session.equations.rows
     off = [names.index(RESIDUAL.of(row.name)) for row in held]
     scales = [names.index(f"scale:{row.name}") for row in held]
@@ -480,7 +483,7 @@ class Judged(NamedTuple):
 
 
 class Judge:
-    """Runs with rows and their repeats, judged as `Attempts` judges a plain run.
+    """Judgement of the runs of a batch, by their rows and repeats, as by `Attempts`.
 
     A run is plain if its audit has no finding, and its error is so small that neither
     the horizon nor the motion of coordinates at rest matters.

@@ -103,7 +103,10 @@ def values_of(found: SweepRows, column: str) -> Array:
 
 
 def _along(found: SweepRows, axis: Axis) -> tuple[NDArray[np.int64], PlottedColumn]:
-    """Return the order in which the values of an axis ascend, and the sorted values."""
+    """Return the order of the values of an axis, and the sorted values as a column.
+
+    The order has the indices of the values, ascending in value.
+    """
     values = np.array(axis.values)
     order = np.argsort(values, kind="stable")
     name = letters_of(found.model).name(axis.name)
@@ -112,7 +115,10 @@ def _along(found: SweepRows, axis: Axis) -> tuple[NDArray[np.int64], PlottedColu
 
 
 def _column(found: SweepRows, name: str, values: Array) -> PlottedColumn:
-    """Return a column with its name and unit as written in pictures."""
+    """Return values (runs,) of a sweep as a column with name and unit for pictures.
+
+    name : such as `theta` or `theta.max`.
+    """
     column, _, part = (name, "", "") if name in found.columns else name.rpartition(".")
     if part not in {"", *PARTS}:
         return PlottedColumn(name, "", values)
@@ -127,8 +133,10 @@ def _panels(
 ) -> Picture:
     """Draw the last values of columns over the first swept name.
 
-    With one swept name, a band shows the range of each run. missing : whether runs have
-    no result.
+    With one swept name, a band shows the range of each run.
+
+    names : of the columns. missing : whether runs have no result. more : arguments of
+    `Picture`.
     """
     shown, grid = found.grid.axes[:ABREAST], found.grid
     banded = len(grid.axes) == 1 and not found.work.ends

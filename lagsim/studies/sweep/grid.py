@@ -108,7 +108,7 @@ class Grid(NamedTuple):
         return tuple(len(axis.texts) for axis in self.axes)
 
     def at(self, numbers: Any) -> Iterator[tuple[Axis, Any]]:
-        """Yield each axis with the indices of its values in given runs.
+        """Yield each axis with the index of its value in each of some runs.
 
         numbers : the index of a run, or an array of such indices.
         """
@@ -201,7 +201,7 @@ def parse_axes(model: Model, arguments: Iterable[str]) -> Grid:
 
 
 def _values(model: Model, name: str, text: str) -> list[str]:
-    """Parse the values of a swept name, `a:b:n` or `v1,v2,...`, into texts."""
+    """Parse the values of a swept name, `a:b:n` or `v1,v2,...`, into expressions."""
     if ":" not in text:
         return [part.strip() for part in _COMMA.split(text)]
     first, _, rest = text.partition(":")

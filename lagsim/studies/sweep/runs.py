@@ -88,7 +88,7 @@ class Runs:
     def made(
         self, numbers: Sequence[int], interrupt: Interrupt
     ) -> Iterator[list[SweepRow]]:
-        """Yield the rows of runs in lists: a single row, or those of a batch.
+        """Make runs; yield their rows in lists: a single row, or the rows of a batch.
 
         numbers : indices of the runs. After an interrupt there are fewer rows.
         """
@@ -159,7 +159,10 @@ class Runs:
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
-        """Execute a run, and write its folder of results."""
+        """Execute a run, write its folder of results, and return the attempt.
+
+        number : index of the run. extremes : observer of its columns.
+        """
         from lagsim.outputs.results import MANIFEST, open_results
 
         clock, work = Stopwatch(), self.work

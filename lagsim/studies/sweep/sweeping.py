@@ -213,7 +213,7 @@ def table(found: SweepRows) -> bytes:
 
 
 def identity(found: SweepRows) -> dict[str, Any]:
-    """Return the data that determine the rows; equal for sweeps with equal rows."""
+    """Return the data by which a sweep is recognised: all that determine its rows."""
     model, work = found.model, found.work
     return {
         "lagsim": __version__,
@@ -277,7 +277,10 @@ def draw_chart(found: SweepRows) -> bytes:
 
 
 def made_of(found: SweepRows, *, plots: bool) -> Iterator[Made]:
-    """Yield name and content of the files of a sweep other than sweep.json."""
+    """Yield name and content of each file of a sweep other than sweep.json.
+
+    plots : whether sweep.png is among these.
+    """
     yield TABLE, table(found)
     if plots:
         yield CHART, attempted(CHART, partial(draw_chart, found))
@@ -375,8 +378,8 @@ def sampled(
 def _uniform(seed: int, place: int, count: int) -> Floats:
     """Return uniform random numbers in the open interval (0, 1), shape (count,).
 
-    place : the number of the axis. Seed and axis determine the numbers on every
-    machine.
+    place : index of the axis. The numbers depend on seed and axis alone, and are equal
+    on every machine.
     """
     raw = np.random.Philox(key=seed + (place << 64)).random_raw(count)
     return np.asarray(((raw >> np.uint64(11)) + 0.5) * 2.0**-53)
