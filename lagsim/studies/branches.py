@@ -182,7 +182,7 @@ class RestCurve:
         return np.append(y[:count], y[-1])
 
     def scaled(self, other: RestCurve, y: Floats) -> Floats:
-        """Return a point y of another curve in the scales of this curve.
+        """Return a point y (k + 1,) of another curve in the scales of this curve.
 
         Both curves have equal active rows.
         """
@@ -278,9 +278,9 @@ class RestCurve:
         return np.asarray(other / np.linalg.norm(other))
 
     def beyond(self, edge: Special) -> RestCurve | None:
-        """Return the curve on the other side of a point at which a contact changes.
+        """Return the curve of rests beyond a point `edge` where a contact changes.
 
-        None where friction of that contact then holds a range of positions.
+        It is None if friction of that contact then holds a range of positions.
         """
         assert edge.law is not None
         own = self._e.laws.index(edge.law)
@@ -410,7 +410,7 @@ class RestCurve:
         return edge.place
 
     def _leaves(self, first: BranchPoint) -> bool:
-        """Whether the curve leaves the range at once, from a point at an end of it."""
+        """Whether the curve leaves the range at once, from `first` at an end of it."""
         value, rate = self.value(first.y), float(first.tangent[-1])
         low, high = self.ends
         return (value >= high and rate > 0.0) or (value <= low and rate < 0.0)
@@ -445,7 +445,7 @@ class RestCurve:
         return self.place(found[0] if found else y, here.tangent)
 
     def specials(self, here: BranchPoint, there: BranchPoint) -> Iterator[Special]:
-        """Generate the special points between two points of the curve."""
+        """Generate the special points between two neighbouring points of the curve."""
         tests: list[tuple[str, Callable[[BranchPoint], bool]]] = [
             (FOLD, lambda x: x.tangent[-1] > 0.0),
             (BRANCH, lambda x: x.sign > 0.0),
@@ -588,7 +588,10 @@ class Branches:
                 self._both_ways(other, other.start, interrupt)
 
     def _is_new_contact(self, curve: RestCurve, edge: Special) -> bool:
-        """Whether no other branch ends at the point `edge` where a contact changes."""
+        """Whether no branch but that of `curve` ends at the point `edge`.
+
+        A contact opens or closes at that point.
+        """
         at, value = edge.place.steady.state, curve.value(edge.place.y)
         room = SAME_PLACE * (self.ends[1] - self.ends[0])
         for own, other in self.points:

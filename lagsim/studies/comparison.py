@@ -60,7 +60,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Return marks of the times (rows,) that lie in an interval of `pairs` (k, 2).
+    """Return marks (rows,) of the times t (rows,) in an interval of `pairs` (k, 2).
 
     Examples
     --------
@@ -148,8 +148,8 @@ def range_or_size(
 ) -> Floats:
     """Return the range of each column or, if negligible, the size of its values.
 
-    A range is negligible below `least` times the size. All arrays have one entry for
-    each column.
+    A range is negligible below `least` times the size. The arrays `ranges`
+    and `sizes` have one entry for each column.
     """
     return np.where(ranges > least * sizes, ranges, sizes)
 

@@ -48,7 +48,7 @@ PLACE = marker_pen("o", 4.0, PENS[2]["color"], "none")
 
 
 def summary_texts(verdict: Verdict, letters: Letters) -> list[str]:
-    """Return the texts on how many columns differ, and on the first in time."""
+    """Return texts on a picture: how many columns differ, which is first in time."""
     first = verdict.first
     if first is None:
         return ["no column differs"]

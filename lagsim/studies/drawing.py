@@ -53,7 +53,7 @@ def event_tables(made: Attempt) -> Iterator[Made]:
 def drawings(
     made: Attempt, form: str = "png", draw: Draw | None = None
 ) -> Iterator[Made]:
-    """Yield name and content of the page and the pictures of a run.
+    """Yield name and content of the page and the pictures of the run `made`.
 
     Parameters
     ----------
@@ -115,7 +115,10 @@ def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
 
 
 def _page(made: Attempt, frames: Frames) -> bytes | None:
-    """Return the page that plays the motion; None if the model has nothing to draw."""
+    """Return the page that plays a motion; None if the model has nothing to draw.
+
+    frames : the observer that has stored the frames of the run `made`.
+    """
     from lagsim.outputs.animation import film, page, record
     from lagsim.outputs.units import units
 

@@ -330,6 +330,8 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     The size is the distance by which each force alone would move the coordinate. A
     coordinate rests if it moves no farther than the rounding of its forces moves it;
     the range of such a motion is no scale of errors.
+
+    base : the motion. rows : (k, columns).
     """
     e, n = case.equations, len(case.equations.q)
     sizes, rounding = np.zeros((2, rows.shape[1]))
@@ -353,7 +355,10 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
-    """Raise an InputError if columns have values or bounds that are not finite."""
+    """Raise an InputError if columns have values or bounds that are not finite.
+
+    names : of the columns. rows, bounds : (k, columns).
+    """
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
         # Where a row has no value, bounds may have none anywhere.
@@ -577,7 +582,8 @@ def document(golden: Golden) -> bytes:
 def _lines(name: str, entries: Document, depth: int) -> bytes:
     """Return a JSON object as text with one line for each entry, for human readers.
 
-    depth : the depth at which an entry is written on one line.
+    name : key of the object. entries : its content. depth : the depth at which an entry
+    is written on one line.
     """
     margin = depth * b"  "
     lines = (
@@ -589,7 +595,7 @@ def _lines(name: str, entries: Document, depth: int) -> bytes:
 
 
 def store(name: str, golden: Golden, folder: Path) -> tuple[int, list[Caution]]:
-    """Write the golden of a model to its folder, in place of an older one.
+    """Write the golden of the model `name` to a folder, in place of an older one.
 
     Returns
     -------

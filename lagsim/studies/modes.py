@@ -68,7 +68,7 @@ class FrequencyResponse(NamedTuple):
 
     @property
     def columns(self) -> dict[str, Floats]:
-        """The columns of response.csv."""
+        """The columns (k,) of response.csv by name."""
         found = {"frequency": self.frequencies}
         for name, values in self.pairs.items():
             found[f"{name}.amplitude"] = np.abs(values)
@@ -322,7 +322,7 @@ class Small:
 
 
 def tables(small: Small, response: FrequencyResponse | None = None) -> dict[str, bytes]:
-    """Return modes.csv and, with a response, response.csv."""
+    """Return the contents of modes.csv and, with a response, response.csv by name."""
     rows = ([row[name] for name in small.columns] for row in small.rows)
     found = {"modes.csv": table_of(small.columns, rows)}
     if response is not None:
@@ -376,7 +376,7 @@ def _followers(model: Model, name: str) -> dict[str, float]:
 
 
 def matrices_of(space: StateSpace) -> Document:
-    """Return the matrices with their names as a document."""
+    """Return the matrices A, B, C, D of a state space, with names, as a document."""
     return {
         key: value.tolist() if isinstance(value, np.ndarray) else list(value)
         for key, value in space._asdict().items()

@@ -153,6 +153,8 @@ def _label_peaks(
     """Label the largest peaks, and the deepest valleys, with their frequencies.
 
     The peak at an undamped mode is infinite; its label has the frequency of the mode.
+
+    f, amplitude : (k,). undamped : frequencies of undamped modes.
     """
     logs = np.log(np.maximum(amplitude, 1e-300))
     for values, below in ((logs, False), (-logs, True)):

@@ -230,7 +230,10 @@ def picture(
 def _bands(
     table: StoredTable, columns: Sequence[str], rows: Thinning
 ) -> dict[str, Band]:
-    """Return the band of one standard deviation of each column that has one."""
+    """Return the bands of one standard deviation of columns, by name.
+
+    A column without standard deviations has none. rows : the thinned rows of the table.
+    """
     found = {}
     for name in columns:
         if DEVIATION.of(name) in table.columns:

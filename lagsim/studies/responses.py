@@ -200,7 +200,10 @@ class _Changes:
         self._exact: tuple[Floats, Floats] | None = None
 
     def of_parameter(self, name: str, size: float) -> Response:
-        """Return the response to a change of a parameter."""
+        """Return the response to a change of the parameter `name`.
+
+        size : of the parameter, to which the change is relative.
+        """
         value = {p.name: p.value for p in self.case.model.parameters}[name]
 
         def changed(by: float) -> Model:
@@ -209,7 +212,10 @@ class _Changes:
         return self._response(changed, OF_PARAMETER * size)
 
     def of_start(self, name: str, size: float) -> Response:
-        """Return the response to a change of a start value."""
+        """Return the response to a change of the start value `name`.
+
+        size : of the start value, to which the change is relative.
+        """
         value = {x.name: x.value for x in self.case.model.initial}[name]
 
         def changed(by: float) -> Model:
@@ -218,7 +224,10 @@ class _Changes:
         return self._response(changed, OF_START * size)
 
     def of_point(self, table: str, point: int) -> Response:
-        """Return the response to a change of one value of a table."""
+        """Return the response to a change of one value of a table.
+
+        point : the index of the value.
+        """
         model = self.case.model
 
         def changed(by: float) -> Model:

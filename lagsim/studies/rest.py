@@ -529,7 +529,7 @@ class Search:
         return size or 2.0 * far or 1.0
 
     def distance(self, q: Floats) -> float:
-        """Return the largest change of a coordinate from the start."""
+        """Return the largest change of a coordinate from the start, at q (n,)."""
         q0 = self._point.q
         sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
         return float(np.max(np.abs(self.unwound(q) - q0) / sizes, initial=0.0))

@@ -186,7 +186,10 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
 
 
 def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
-    """Return the indices of equally spaced rows, and their spacing."""
+    """Return the indices of equally spaced rows, and their spacing.
+
+    t : (rows,), the times. column : name of the column, for messages.
+    """
     apart = np.diff(t)
     if not (apart >= 0.0).all():
         raise unusable(NO_SPECTRUM, "the times of the rows do not go forward")
@@ -240,9 +243,12 @@ def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ..
 
 
 def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
-    """Return the peak of the parabola through the logarithms of three amplitudes.
+    """Return the peak near index k, between the frequencies of the spectrum.
 
-    These are the amplitudes k - 1, k and k + 1.
+    It is the maximum of the parabola through the logarithms of the amplitudes k - 1, k
+    and k + 1.
+
+    frequency, amplitude : (n,).
     """
     a, b, c = np.log(np.maximum(amplitude[k - 1 : k + 2], TINY))
     off = 0.5 * (a - c) / (a - 2 * b + c)

@@ -101,7 +101,10 @@ class Balance(NamedTuple):
 
 
 def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
-    """Return the balance of each group; [] if the energy is no sum over groups."""
+    """Return the balance of each decoupled group; [] if there are no groups.
+
+    monitor : the energies and states of the rows.
+    """
     e, g = equations, equations.graph
     found = groups(e) if len(e.q) > 1 and len(monitor.passed) > 1 else []
     if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):

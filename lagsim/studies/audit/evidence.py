@@ -270,7 +270,8 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     A constraint holds to the rounding error of its residual, and a residual r changes
     the energy by lambda r. The largest constraint forces bound the multiplier.
 
-    state : rounding errors (size,) of the state variables.
+    balance : of the energy, with its worst row. state : rounding errors (size,) of the
+    state variables.
     """
     e, row, found = run.equations, balance.worst_row, 0.0
     assert row is not None

@@ -105,7 +105,7 @@ class Own:
         self.names = self.system.columns.names
 
     def solve(self, value: float, patience: Patience) -> Trial:
-        """Solve once with the tolerance or the step `value`.
+        """Solve once with the tolerance or the step `value`, within a time limit.
 
         The result has the rows at the output times, and the last one; no rows if the
         solve fails, exceeds its time limit, or has values that are not finite.
@@ -206,7 +206,10 @@ def state_sizes(own: Own, rows: Floats) -> Floats:
 
 
 def scipy_refusal(own: Own) -> str:
-    """Return the reason why scipy's solvers cannot handle a model; "" if they can."""
+    """Return the reason why scipy's solvers cannot handle a model; "" if they can.
+
+    own : the solver of lagsim for the model.
+    """
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the model's switches"
@@ -270,7 +273,10 @@ class Scipy:
         return derivative
 
     def solve(self, value: float, patience: Patience) -> Trial:
-        """Solve once with the tolerance `value`; no rows if that fails."""
+        """Solve once with the tolerance `value`, within a time limit.
+
+        The result has no rows if that fails.
+        """
         from scipy.integrate import solve_ivp
 
         y = self.own.system.begin(self.own.case.start)

@@ -185,7 +185,7 @@ class CostCurve(NamedTuple):
 
 
 def look_of(method: str, formulation: str = "none") -> Look:
-    """Return the style of a method, which is equal in all charts."""
+    """Return the style of a method in a formulation, which is equal in all charts."""
     if method in SCIPY:
         line: Pen = {"color": GREY, "linewidth": 0.7}
         return Look(line, marker_pen(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
@@ -474,7 +474,7 @@ def _within(step: float | None, across: Scale) -> bool:
 
 
 def _strips(part: SubFigure, document: Document) -> None:
-    """Draw a strip of verdicts over steps for each method."""
+    """Draw a strip of verdicts over steps for each method in a part of a chart."""
     across, steps = cell_borders(document["steps"])
     methods = document["methods"]["fixed"]
     panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
@@ -537,7 +537,10 @@ def _grid(
 
 
 def _maps(part: SubFigure, document: Document) -> None:
-    """Draw a map over the parameter and the step for each method."""
+    """Draw a map of verdicts over parameter and step for each method.
+
+    part : the part of a chart.
+    """
     varied = _varied(document)
     across, columns = cell_borders(varied.values.tolist())
     up, steps = cell_borders(document["steps"])
@@ -638,7 +641,7 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
 
 
 def _step_shown(document: Document, name: str) -> tuple[float, str]:
-    """Return the step at which eigenvalues are shown, and its origin.
+    """Return the step at which eigenvalues of a method are shown, and its origin.
 
     The step is the stability border if there is one. If a parameter varies, the border
     is interpolated at the value of the file.

@@ -222,7 +222,7 @@ class Subject:
         )
 
     def run(self, name: str, step: float | None, steps: int = 0) -> MapCell:
-        """Run a number of steps of a method, and judge the run.
+        """Run the model by the method `name` for a number of steps, and judge the run.
 
         With `step` None the method chooses its steps, and the run has the duration of
         the model.
@@ -456,6 +456,8 @@ def measure(
     ----------
     case : Case
         The case of the file; the model is bound to other values of the parameter.
+    wish : MapOptions
+        Methods, and ranges of steps and of the parameter.
 
     Returns
     -------
@@ -780,7 +782,7 @@ def _positions(rest: Steady) -> dict[str, float]:
 
 
 def _is_start(rest: Steady, subject: Subject) -> bool:
-    """Whether a rest is the start of the model."""
+    """Whether a rest is the start of the subject's model."""
     start, at = subject.case.start, rest.state
     far = np.abs(np.concatenate([at.q - start.q, at.s - start.s]))
     size = np.max(np.abs(np.concatenate([at.q, at.s])), initial=0.0)

@@ -516,10 +516,10 @@ def is_answer(row: Row) -> bool:
 
 
 def front(rows: Sequence[Row], cost: str, floor: float) -> list[int]:
-    """Return the answers that are Pareto-optimal in error and a cost.
+    """Return the indices of rows that are Pareto-optimal in error and a cost.
 
-    The cost is `seconds` or `evaluations`. Errors below `floor`, which the reference
-    cannot resolve, count as equal.
+    Only answers count, see `is_answer`. The cost is `seconds` or `evaluations`. Errors
+    below `floor`, which the reference cannot resolve, count as equal.
     """
     found = [k for k, row in enumerate(rows) if is_answer(row)]
     points = [(max(rows[k]["error"], floor), rows[k][cost]) for k in found]
@@ -648,7 +648,10 @@ class PrecisionCurve:
     given_up: int = 0
 
     def rows(self, patience: Patience) -> Iterator[tuple[float, Row]]:
-        """Yield a row for each setting, with the fraction of the settings done."""
+        """Yield a row for each setting, with the fraction of the settings done.
+
+        patience : time limits of the solves.
+        """
         for done, value in enumerate(self.values, start=1):
             if value in self.chosen or not self._is_over(patience):
                 yield done / len(self.values), self._row(value, patience)
@@ -702,6 +705,13 @@ def measure(
     progress: Callable[[float], None] | None = None,
 ) -> Document:
     """Solve the model by every applicable solver, at every setting.
+
+    Parameters
+    ----------
+    case : Case
+        The case of the file.
+    wish : BenchOptions
+        Methods, tolerances, steps and time limit.
 
     Returns
     -------

@@ -161,7 +161,10 @@ def page_in_a_file(explorer: Explorer) -> bytes:
 
 
 def _sliders(explorer: Explorer) -> list[Any]:
-    """Return the sliders of the page; the number of members of a family has none."""
+    """Return the sliders of a page in a file, as data for its script.
+
+    The number of members of a family has no slider there.
+    """
     found = []
     for x in explorer.document["sliders"]:
         if not x["whole"]:

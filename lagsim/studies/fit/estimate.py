@@ -106,7 +106,7 @@ def _decomposed(
 
 
 def determined(J: Floats) -> Floats:
-    """Return a Jacobian (n, p) without its parts along small singular values.
+    """Return a Jacobian J (n, p) without its parts along small singular values.
 
     These parts are rounding errors, along which a step would have an arbitrary size.
     """

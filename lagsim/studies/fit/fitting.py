@@ -483,10 +483,10 @@ class Fit:
     def _minimised(
         self, x: Floats, weights: Floats, loss: str, held: Floats
     ) -> tuple[Floats, float, bool]:
-        """Minimise the cost and the changes of the combinations `held` (d, p).
+        """Minimise the cost from x (p,), with some combinations of names held.
 
-        These changes are added to the residuals. Other parameters and results : see
-        `_solve`.
+        The changes of the combinations `held` (d, p) are added to the residuals. Other
+        parameters and results : see `_solve`.
         """
         from scipy.optimize import least_squares  # slow to load
 
@@ -623,7 +623,7 @@ class Fit:
         return np.array(sizes)
 
     def _check_first(self, x: Floats) -> None:
-        """Raise an InputError if a run ends early or a name changes no column."""
+        """Raise an InputError if a run at x (p,) ends early or a name has no effect."""
         raw = self.raw(x)
         if not np.all(np.isfinite(raw)):
             self._refuse_early()
@@ -659,6 +659,8 @@ class Fit:
         """Fit from x (p,) and from `starts` random starts; return the best fit.
 
         Where the residuals of the least cost follow a pattern, other starts are tried.
+
+        weights : (m,), the inverse standard deviation of each column.
 
         Returns
         -------
@@ -761,7 +763,7 @@ class Fit:
         return found
 
     def _active(self, x: Floats) -> dict[str, str]:
-        """Return the names that are at a bound: label -> `lower` or `upper`."""
+        """Return the names at a bound at x (p,): label -> `lower` or `upper`."""
         found = {}
         for one, value in zip(self.names, x.tolist(), strict=True):
             close = 1e-8 * one.scale

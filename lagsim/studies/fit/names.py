@@ -184,7 +184,7 @@ def concerned(
 
 
 def start_within(low: float, high: float, value: float) -> float:
-    """Return a value inside bounds, of which at least one is finite.
+    """Return a value between `low` and `high`, of which at least one is finite.
 
     It is the middle of two bounds. With one finite bound its distance from the bound is
     the size of the bound or of `value`.
@@ -196,7 +196,7 @@ def start_within(low: float, high: float, value: float) -> float:
 
 
 def near_bounds(one: Varied) -> tuple[float, float]:
-    """Return bounds of a name within a factor NEAR of its start value.
+    """Return bounds of a varied name within a factor NEAR of its start value.
 
     A name with the start value 0 keeps its bounds.
     """

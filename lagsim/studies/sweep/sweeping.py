@@ -432,7 +432,7 @@ _FAR = (
 
 
 def _normal(uniform: Floats) -> Floats:
-    """Transform uniform random numbers to the standard normal distribution."""
+    """Transform uniform random numbers (count,) to the standard normal distribution."""
     q = uniform - 0.5
     r = 0.180625 - q * q
     found = q * np.polyval(_MIDDLE[0], r) / np.polyval(_MIDDLE[1], r)
