@@ -105,7 +105,8 @@ def sheet(
     Parameters
     ----------
     height : float
-        Height of the panels with their labels, in inches.
+        Height of the panels with their labels, in inches. Panels are added by the
+        caller.
     subject : str
         The subject in the title.
     timed : bool
@@ -462,7 +463,7 @@ def side_of(name: str) -> str:
 def _values(
     data: PlotData, wanted: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
-    """Return abscissae and ordinates to draw; nan where a logarithm is undefined.
+    """Return abscissae and ordinates of a curve; nan where a logarithm is undefined.
 
     x, name : the columns. timed : whether the abscissa is time.
     """

@@ -106,7 +106,7 @@ class Results:
         return self._begun(name)
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a whole file; if this fails, remove it and raise."""
+        """Write the file `name` at its temporary path; remove it and raise if that fails."""
         try:
             _write(self.part(name), content)
         except BaseException:
@@ -114,7 +114,7 @@ class Results:
             raise
 
     def drop(self, name: str) -> None:
-        """Remove a temporary file of the run."""
+        """Remove the temporary file of `name`, which `commit` then does not place."""
         self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
@@ -161,7 +161,7 @@ class Results:
         self._place(self._begun("first", manifest))
 
     def commit(self, manifest: bytes) -> None:
-        """Place all files, remove obsolete files of the last run, then place run.json.
+        """Place all files, remove obsolete files of the last run, place the manifest.
 
         A file is obsolete if the earlier run.json lists it and this run has not written
         it.

@@ -119,7 +119,7 @@ def without_noise(
 
 
 def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
-    """Return the two columns that the picture of a section shows.
+    """Return the names of the two columns that the picture of a section shows.
 
     These are the first two columns that vary on the section; if only one varies, time
     comes first. Energies and columns of constraints are not considered. Arguments are

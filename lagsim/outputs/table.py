@@ -211,7 +211,7 @@ def guarded(text: str) -> str:
 
 
 def unguarded(cell: str) -> str:
-    """Return the text of which a field is the result of `guarded`."""
+    """Return the text from which `guarded` has made the field `cell`."""
     return cell[1:] if cell.startswith("'") and guarded(cell[1:]) == cell else cell
 
 
@@ -331,7 +331,7 @@ class PackedWriter(Writer):
         self._pack(self._path, self._units, self.rows, self._blocks)
 
     def _blocks(self) -> Iterator[Floats]:
-        """Yield the rows in blocks."""
+        """Yield the rows that were written, in blocks (k, columns)."""
         many = max(1, BLOCK // self._width)
         self._file.seek(0)
         for start in range(0, self.rows, many):
@@ -341,7 +341,7 @@ class PackedWriter(Writer):
 
 
 def check_format(form: TableFormat, *, show_units: bool) -> None:
-    """Refuse options that a packed table does not have, or a missing pyarrow.
+    """Refuse the option `show_units` of a packed table, and Parquet without pyarrow.
 
     Raises
     ------

@@ -217,7 +217,10 @@ def _consistent(
 
 
 def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Return the terms of the sum `node` with a known unit other than `wanted`."""
+    """Return the terms of the sum `node` with a known unit other than `wanted`.
+
+    dimensions : the units of nodes.
+    """
     graph, below, terms = dimensions.graph, [node], list[int]()
     while below:
         k = below.pop()

@@ -717,9 +717,9 @@ def record(film: Film) -> dict[str, Any]:
 
 
 def _packed(values: Floats, kind: str = "<f4") -> str:
-    """Return an array as base64 text, row by row.
+    """Return an array of numbers as base64 text, row by row.
 
-    kind : numpy's dtype, such as `<f4`.
+    values : the array. kind : numpy's dtype in the text, such as `<f4`.
     """
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
