@@ -268,7 +268,10 @@ def _report(found: Mapping[int, PendingRun | Done], paths: Sequence[str]) -> Non
 
 
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:
-    """Return the summary: a line for each model, and the number of complete runs."""
+    """Return the summary of several runs: a line for each model, and a closing line.
+
+    The closing line has the number of complete runs. names : of the models.
+    """
     rows = [HEADS, *((name, *_row(found.get(k))) for k, name in enumerate(names))]
     complete = sum(x.code == 0 for x in found.values())
     head = coloured("done", "32" if complete == len(names) else "31")

@@ -389,6 +389,9 @@ def experiment(
     After an interrupt `measure` ends early. If it returns remarks in place of a result,
     no file is written. The chart is left out after a signal, or if drawing fails. With
     `as_json` the document is printed; it is appended to `documents` if that is given.
+
+    command : the name of the command. folder : of the results. manifest : the file name
+    of the document.
     """
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
@@ -459,7 +462,8 @@ def parse_range(
 ) -> tuple[float, float] | None:
     """Parse a range A:B; return its ends, the smaller first, or None after a problem.
 
-    option : name of the option in the message. expected : the permitted ranges.
+    problems : to which a problem is added. option : name of the option in the message.
+    text : the range. expected : the permitted ranges.
     """
     found = expected.ends(text.split(":"))
     if found is None:

@@ -214,7 +214,10 @@ def _between(
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the summary that the command prints at its end."""
+    """Return the summary that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     rows, reference = document["rows"], document["reference"]
     counts = (len(rows), "solve"), (len(curves(rows)), "method")
     refused = [x for x in document["refused"] if x["formulation"] == "auto"]

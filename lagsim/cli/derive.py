@@ -75,7 +75,10 @@ def command(
 def _refuse(
     model: str, form: EquationFormat, options: dict[str, bool], output: Path | None
 ) -> None:
-    """Raise an error for options that do not fit the format, and for a bad file."""
+    """Raise an error for options that do not fit the format, and for a bad file.
+
+    options : whether each option is set, by name. output : the file, or None.
+    """
     meant = {
         EquationFormat.text: ("ascii", "substitute", "solve", "gauss", "expand"),
         EquationFormat.python: (),

@@ -139,7 +139,10 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the summary that the command prints at its end."""
+    """Return the summary that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     found = document["equilibria"]
     name = document["model"]["name"]
     lines = [f"{name}: {counted(len(found), 'position')} of rest"]

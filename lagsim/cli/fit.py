@@ -163,7 +163,10 @@ def _matched(match: list[str] | None) -> dict[str, str]:
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the lines that the command prints at its end."""
+    """Return the lines that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     done = document["complete"]
     head = coloured(document["outcome"], "32" if done else "31")
     name, freedom = document["model"]["name"], document["degrees_of_freedom"]

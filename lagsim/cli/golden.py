@@ -247,7 +247,7 @@ def _task(
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
-    """Raise an error if two models would have one golden file."""
+    """Raise an error if the goldens of two models would be one file."""
     first: dict[tuple[Path, str], str] = {}
     problems = Problems()
     for task in tasks:

@@ -123,7 +123,15 @@ def command(
 def _wish(
     responses: list[str] | None, frequencies: str | None, matrices: Path | None
 ) -> tuple[list[tuple[str, str]], tuple[float, float] | None]:
-    """Parse the options: pairs of input and output, and the range of frequencies."""
+    """Parse the options of the command.
+
+    Returns
+    -------
+    pairs : list of (str, str)
+        Inputs and outputs of frequency responses.
+    between : (float, float) or None
+        The range of frequencies in Hz.
+    """
     problems, pairs = Problems(), []
     for text in responses or ():
         pair = pair_of(text)
@@ -160,7 +168,10 @@ def _write_matrices(path: Path, space: StateSpace) -> None:
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the summary that the command prints at its end."""
+    """Return the summary that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     about = {k: x for k, x in document["about"].items() if abs(x) > TINY and k != "t"}
     where = [f"{name} = {x:.6g}" for name, x in about.items()]
     if len(where) > MOST_NAMED:

@@ -261,7 +261,10 @@ class Job:
         overrides: Mapping[str, str],
         options: Mapping[str, str],
     ) -> int:
-        """Run the model; return the exit code.
+        """Run a model; return the exit code.
+
+        text, file : the text and the name of the model file. overrides : values of
+        `--set`. options : options of the run by key of `simulation`.
 
         Raises
         ------
@@ -528,6 +531,12 @@ def _keep(
 
     Parameters
     ----------
+    relay : Relay
+        The observers of the run.
+    writer, listed : Writer, EventsWriter or None
+        Writers of the table of rows, and of the table of events.
+    restart : callable
+        Creates the storage of checkpoints.
     at_once : bool
         Whether the run itself continues from a checkpoint: checkpoints are then stored
         from the beginning.
@@ -592,7 +601,8 @@ MOST_NAMES = 2
 def summary(made: Attempt, document: Document, folder: Path) -> str:
     """Return the summary of a run that is printed at its end.
 
-    document : the content of run.json. folder : the folder of the results.
+    made : the run. document : the content of run.json. folder : the folder of the
+    results.
     """
     colour = "32" if document["complete"] else "31"
     head = (

@@ -141,7 +141,10 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Map
 
 
 def _summary(document: Document, files: str) -> str:
-    """Return the summary that the command prints at its end."""
+    """Return the summary that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     methods = sum(map(len, document["methods"].values()))
     head = headline(document, (methods, "method"))
     lines = [f"{head}, {counted(len(document['cells']), 'run')}"]

@@ -272,7 +272,10 @@ def _code(document: Mapping[str, Any]) -> int:
 
 
 def _summary(found: SweepRows, document: Mapping[str, Any], files: str) -> str:
-    """Return the summary that the command prints at its end."""
+    """Return the summary that the command prints at its end.
+
+    files : text on the files that were written.
+    """
     runs, complete = document["runs"], document["complete"]
     head = f"{coloured('done', '32' if complete == runs else '31')}: "
     head += (
