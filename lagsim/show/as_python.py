@@ -69,7 +69,10 @@ DATA = (
 
 
 def as_python(equations: Equations, version: str) -> str:
-    """Return the text of the module; see `derive --format python` in docs/derive.md."""
+    """Return the text of the Python module of `derive --format python`.
+
+    It is described in docs/derive.md. version : of lagsim, for the head of the module.
+    """
     e, g = equations, equations.graph
     model = e.model
     flow = e.flow

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def as_mathml(content: Content) -> str:
-    """Return the equations of a derivation, its constraints, then its definitions.
+    """Return the equations, constraints and definitions of a derivation as MathML.
 
     Equations are those of coordinates and first-order states. Friction and limits,
     which are no equations, are left out.

@@ -112,7 +112,7 @@ class Outline:
         return self.signs[key].format(*names)
 
     def show(self, q: str, order: int = 0) -> str:
-        """Return the typeset name of a coordinate or its derivative."""
+        """Return the typeset name of the coordinate q, or of a derivative of it."""
         return self.names.show(PrintedName(q, order))
 
     def _phrase(self, key: str) -> str:
@@ -438,7 +438,10 @@ class Outline:
                                     subsequent_indent="  ")  # fmt: skip
 
     def _equals(self, left: str, right: Any, tail: str = "") -> None:
-        """Write left = right, broken before a sign where it is too long."""
+        """Write left = right, broken before a sign where it is too long.
+
+        left : a text. right : an expression. tail : the text after the formula.
+        """
         head = f"  {left} = " if left else "  "
         self._broken_row(head, self.write.terms(right), tail)
 
@@ -493,7 +496,10 @@ class Outline:
             self.lines.append(f"  {head}[ {cells} ]")
 
     def _derivatives(self, k: Part) -> list[str]:
-        """Return the labels `g`, `dg/dt` and of the second rate of a constraint."""
+        """Return labels of a constraint: of its function, its rate, its second rate.
+
+        k : the entry of the constraint in the document.
+        """
         one_sided = k["kind"] == "one-sided"
         if on_velocities(k):
             return ["rate" if one_sided else "", "d/dt of it"]

@@ -410,7 +410,7 @@ def not_finite() -> InputError:
 
 
 def too_long(text: str) -> InputError:
-    """Return the error for equations that are too long to be displayed."""
+    """Return the error for equations too long to be displayed, with a text."""
     hint = "`--format python` takes them as they are"
     return unusable(TOO_LONG, text, hint=hint)
 
