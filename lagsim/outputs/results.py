@@ -106,7 +106,7 @@ class Results:
         return self._begun(name)
 
     def write(self, name: str, content: bytes) -> None:
-        """Write the file `name` at its temporary path; remove it and raise if that fails."""
+        """Write the file `name` at its temporary path; if this fails, remove it."""
         try:
             _write(self.part(name), content)
         except BaseException:
