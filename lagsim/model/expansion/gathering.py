@@ -114,7 +114,7 @@ def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -
 
 
 def has(tree: Tree, *ops: str) -> bool:
-    """Whether a tree contains an operation of the given names."""
+    """Whether a tree contains an operation with one of the given names."""
     return tree.op in ops or any(has(a, *ops) for a in tree.args)
 
 
@@ -190,7 +190,7 @@ _MOST_INNER = 16
 
 
 def _unrolled(tree: Tree) -> Tree:
-    """Return a tree in which sums over short ranges of numbers are written out."""
+    """Return a tree with sums over short ranges between numbers written out."""
     if tree.op == OVER:
         first, last, term = tree.args
         if not first.op == last.op == "number":

@@ -130,9 +130,10 @@ class _Extended(Parser):
         return True
 
     def _name_frame(self, top: Pending | None) -> None:
-        """Store the steps of the first argument of a function of frames.
+        """Move the steps of a frame's name from the output to its open function.
 
-        top : the innermost open operation, if it is such a function.
+        top : the innermost open operation; no other operation than a function of frames
+        is changed.
         """
         if isinstance(top, _OfFrame) and not top.frame:
             top.frame = self._cut(top.begin)
@@ -185,11 +186,15 @@ def tokens(text: str) -> list[Token]:
 
 
 def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Parsed:
-    """Parse the tokens of a text, or of a part of it that `end` closes.
+    """Parse the tokens of a text, or of a part of it.
 
-    An ExpressionError has the place of the first fault.
+    part : the tokens, the last one of kind `end`. conditional : whether the text is a
+    condition.
 
-    conditional : whether the text is a condition.
+    Raises
+    ------
+    ExpressionError
+        With the place of the first fault.
     """
     return _Extended(text, [*part]).parse(conditional=conditional)
 

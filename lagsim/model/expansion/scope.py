@@ -420,8 +420,9 @@ class Scope:
     ) -> Value:
         """Return a sum, minimum or maximum of terms over a range.
 
-        of : the index and the steps of the terms. args : first and last value of the
-        index. indices : values of the other indices.
+        of : the index and the steps of the terms. token : the name `sum`, `min` or
+        `max` in the text. args : first and last value of the index. indices : values of
+        the other indices.
         """
         if self._generic:
             return self._symbolic(of, token, args, indices)
@@ -538,9 +539,9 @@ class Scope:
         return nearest
 
     def _once(self, names: set[str], code: ErrorCode) -> ExpressionCode:
-        """Return `code` at the first fault of one of the parameters `names`.
+        """Return the code for a fault of parameters: `code` once, later a silent one.
 
-        At later faults a silent code is returned.
+        names : the parameters.
         """
         known = not names.isdisjoint(self._faulty)
         self._faulty |= names
@@ -767,7 +768,7 @@ class MemberReading:
 
 
 class HiddenReading(MemberReading):
-    """Reading of a hidden definition, whose expression is a tree and no text."""
+    """Evaluation of a hidden definition's text; the expression is stored already."""
 
     __slots__ = ("_parsed",)
 

@@ -263,8 +263,8 @@ class _ConstraintReader:
     def _component(self) -> int:
         """Return the offset of the other component of a vector relation with a limit.
 
-        The offset, in the list of constraints, is 1 for the first component and -1 for
-        the second one; 0 for other relations.
+        The index of the other component in the list of constraints, less the index of
+        this one: 1 or -1; 0 for other relations.
         """
         reading = self.key.reading
         if "limit" not in self.below or reading is None or reading.component is None:
@@ -330,7 +330,7 @@ class _ConstraintReader:
     def _one_sided(self, relation: Relation | None) -> OneSided | None:
         """Return the law of a one-sided relation; None after a fault.
 
-        relation : the relation; None if it is faulty.
+        relation : None if it is faulty; the keys of its law are checked nevertheless.
         """
         x = self.x
         if relation is None:

@@ -137,10 +137,10 @@ class Expressions:
         self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
-        """Return a copy with other values of parameters, and without read expressions.
+        """Return a compiler of this file with other values of parameters.
 
-        faults : the list to which the copy adds faults. known : value and error by
-        name.
+        faults : the list to which it adds faults. known : value and error by name. Its
+        list `read` is empty.
         """
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
@@ -224,9 +224,10 @@ class Expressions:
     def _with_tables(
         self, parser: Callable[[str], _P], text: str
     ) -> Callable[[str], _P]:
-        """Return a parser that accepts calls of the file's tables.
+        """Return a parser like `parser` that accepts calls of the file's tables.
 
-        The tables that the text calls are recorded in `Names.called`.
+        text : the text to be parsed; the tables that it calls are recorded in
+        `Names.called`.
         """
         tables = self.names.tables
         if not tables:
@@ -282,8 +283,9 @@ class Expressions:
     ) -> int | None:
         """Return the graph node of an expression; None without one, or after a fault.
 
-        what : name in messages. most : the highest level on which it may depend.
-        condition : whether it is a condition, as the first argument of `if`.
+        node, what : the expression in the file, and its name in messages. most : the
+        highest level of names that it may contain, see `Level`. condition : whether it
+        is a condition, as the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -511,9 +513,11 @@ class Expressions:
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
     def refuse_rates(self, node: Node | None, what: str) -> None:
-        """Report rates of states, in an expression, that depend on the motion.
+        """Report rates of first-order states, in an expression, that the motion sets.
 
-        Derivatives treat such a rate as a given function of time, without slopes.
+        Such a rate depends on coordinates or velocities; derivatives treat it as a
+        given function of time, without slopes. node, what : the expression in the file,
+        and its name in messages.
         """
         if node is None or not self.with_rates:
             return

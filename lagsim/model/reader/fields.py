@@ -151,7 +151,7 @@ KEYS_OF_ENTRIES = {
 
 
 def belongs(key: str) -> str:
-    """Return a hint on the place of a key in the file, or an empty text."""
+    """Return a hint on the section to which a key belongs, or an empty text."""
     if key in SECTIONS:
         return f"`{key}` belongs at the top of the file, without indentation"
     if found := next((section for section in SECTIONS if has_key(section, key)), ""):
@@ -437,7 +437,7 @@ def _keys(form: Form) -> dict[str, Form]:
 
 
 def _keys_below(section: str) -> dict[str, Form]:
-    """Return the keys of each entry of a section."""
+    """Return the keys, each with its form, of the entries of a section."""
     return _keys(SECTIONS[section]["additionalProperties"])
 
 
@@ -479,7 +479,7 @@ RESERVED = tuple(name for name in _REFUSED["enum"] if name not in JOINING)
 
 
 def has_key(section: str, key: str) -> bool:
-    """Whether a section has a key of this name."""
+    """Whether `key` may stand directly below a section."""
     return key in SECTIONS[section].get("properties", ())
 
 

@@ -521,7 +521,7 @@ def matching(
     """Return begin, end and hint of the first known misspelling around an offset.
 
     None if there is none. known : names of variables, which are no calls. parsed :
-    whether only spellings count that parse as an expression of another meaning.
+    whether to search only spellings that are valid, but have another meaning in lagsim.
     """
     first = max(0, offset - WINDOW)
     near, offset = text[first : offset + WINDOW], offset - first
@@ -617,7 +617,7 @@ def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
 
 
 def _no_function(name: str) -> str:
-    """Return the advice for a call that stands for no function here; else ""."""
+    """Return the advice for a call of a name that has no counterpart here; else ""."""
     return next((hint for words, hint in _NO_FUNCTIONS if words.fullmatch(name)), "")
 
 

@@ -235,7 +235,10 @@ class Names:
         return Meaning(NameKind.MULTIPLIER, base) if constraint else None
 
     def is_faulty(self, name: str) -> bool:
-        """Whether `name` depends on a name with a reported fault."""
+        """Whether a fault of `name`, or of its base or family, is reported.
+
+        The base of `x_dot` is `x`.
+        """
         names = [name, *(base for base, _ in _parted(name))]
         families = [n.partition(".")[0] for n in names]
         return not self.faulty.isdisjoint([*names, *families])
@@ -297,9 +300,10 @@ class Names:
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
-    """Yield each name from which a name can be derived, with the kinds of derivation.
+    """Yield each name from which a name can be derived, such as `x` for `x_dot`.
 
-    For `x_dot` these are `x` and the kind velocity.
+    With each, the kind of the derived name by the kind of the original: for `x`, a
+    coordinate's `x_dot` is a velocity, a state's is the rate of a state.
     """
     head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:

@@ -76,9 +76,10 @@ def places(root: Node) -> NumberPlaces:
 
 
 def _added(root: Node, values: MappingType[str, float]) -> Iterator[tuple[Span, str]]:
-    """Yield the place before the first start value, and the text of new start values.
+    """Yield the change that inserts new start values before the first one, if any.
 
-    values : the start values to be written there.
+    It is a pair: the place as (begin, end), and the text. root : the file. values : the
+    start values.
     """
     place = places(root).added
     if place is not None:
@@ -98,8 +99,8 @@ def _number(node: Node) -> Scalar | None:
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
     """Return the members of `every` from the first to the last of `names`, and more.
 
-    before, after : numbers of members that are added before the first and after the
-    last.
+    every : all members, in order. before, after : how many members are added before the
+    first and after the last.
     """
     if len(names) == 1 and "." not in names[0]:
         return names
@@ -113,7 +114,7 @@ def _extended(names: list[str], every: list[str], before: int, after: int) -> li
 
 
 def _order(name: str) -> list[tuple[int, int, str]]:
-    """Return the key by which names of members are sorted: numbers, then letters."""
+    """Return the key by which names of members are sorted: numbers before letters."""
     return [
         (0, int(x), "") if x.lstrip("-").isdigit() else (1, 0, x)
         for x in name.split(".")

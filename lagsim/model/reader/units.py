@@ -130,7 +130,10 @@ class _UnitCheck:
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
     def value(self, what: str) -> Quantity:
-        """Return the quantity of the expression `what`; unknown for a relation."""
+        """Return the quantity of the expression with the name `what`.
+
+        The units in it are checked. The quantity is unknown for a relation.
+        """
         if what not in self.values:
             self.values[what] = _UNKNOWN
             if what in self.read:
@@ -292,7 +295,10 @@ class _UnitCheck:
 
 
 def _is_timed(args: Sequence[Quantity]) -> bool:
-    """Whether the operands are t and numbers, so that units do not matter."""
+    """Whether the operands are t, expressions of t and numbers, or numbers.
+
+    At least one contains t. Units do not matter then.
+    """
     timed = [x is _TIME or x is _TIMED for x in args]
     pairs = zip(args, timed, strict=True)
     return any(timed) and all(is_so or x.free for x, is_so in pairs)
