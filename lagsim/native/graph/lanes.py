@@ -105,9 +105,10 @@ _COPY = "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)"
 
 
 def suits(g: Graph, nodes: Sequence[int], size: int) -> bool:
-    """Whether a function of `nodes` can be evaluated in lanes.
+    """Whether a function of `nodes` can be evaluated in lanes, and gains by that.
 
-    size : the number of components of y.
+    It must have enough arguments and results, not too many operations, and only such as
+    are instructions on vectors. size : the number of components of y.
     """
     if min(1 + size, len(nodes)) < LANES:
         return False
@@ -237,7 +238,7 @@ class LaneWriter(FunctionWriter):
 
 
 def _on_vectors(text: str) -> str:
-    """Return an instruction or a declaration on numbers as one on vectors."""
+    """Return an IR instruction or declaration on doubles as one on vectors."""
     if VECTOR in text:
         return text
     if "@" in text:

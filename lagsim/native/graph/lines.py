@@ -236,7 +236,7 @@ class Lines:
 
 
 class _Vectors(Lines):
-    """Lines on vectors of LANES doubles."""
+    """Writer of IR lines on vectors of LANES doubles."""
 
     def add(self, x: str, y: str) -> str:
         return self.line(f"fadd contract {VECTOR} {x}, {y}")
@@ -269,7 +269,10 @@ class _Vectors(Lines):
         return self.line(f"{operation} <{LANES} x i64> {x}, <{each}>")
 
     def signed(self, value: str, quadrant: str) -> str:
-        """Write `value` with the opposite sign where bit 1 of the quadrant is set."""
+        """Write `value` with the opposite sign in lanes with bit 1 of the quadrant set.
+
+        value, quadrant : names of vectors, of doubles and of integers.
+        """
         sign = self.integer("shl", self.integer("and", quadrant, 2), 62)
         bits = self.line(f"xor <{LANES} x i64> {self.whole(value)}, {sign}")
         return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")

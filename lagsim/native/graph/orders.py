@@ -68,12 +68,12 @@ def write(
 
 
 class _Orders:
-    """Writer of the orders of a series.
+    """Writer of the code of a series, order by order.
 
     Attributes
     ----------
     row : int
-        Length of the vectors of one order in memory, in numbers.
+        Number of doubles in memory of the vectors of one order.
     """
 
     def __init__(

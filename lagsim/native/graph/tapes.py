@@ -385,7 +385,7 @@ class _Tapes:
         return opcode, args
 
     def tape(self, k: int, results: Sequence[int]) -> Ints:
-        """Return the tape of function k as an array of int32.
+        """Return the tape of function number k as an array of int32.
 
         results : the nodes written to out.
         """
@@ -428,9 +428,9 @@ class _Tapes:
         return np.concatenate([*pieces, [STOP]]).astype(np.int32)
 
     def _sincos(self, fields: Ints) -> Ints:
-        """Return the instruction for sines and cosines, as an array of integers.
+        """Return the tape's instruction for sines and cosines, as an array of integers.
 
-        fields : pairs (node, angle), sorted by angle.
+        fields : pairs (node, angle), sorted by angle; a node is a sine or a cosine.
         """
         nodes, angles = fields.reshape(-1, 2).T
         angles, lane = np.unique(angles, return_inverse=True)
@@ -445,7 +445,7 @@ class _Tapes:
 
 
 class Interpreter(Lines):
-    """The function that runs a tape, with one loop for each opcode."""
+    """Writer of the function that runs a tape, with one loop for each opcode."""
 
     def __init__(self, opcodes: Mapping[OperationKind, int], time: int) -> None:
         super().__init__()

@@ -247,7 +247,7 @@ class _Function(Folding, ast.NodeVisitor):
         self.reached |= {yes, no}
 
     def _begin(self, label: str) -> None:
-        """Begin the block `label`, if a jump has this label as its target."""
+        """Begin the block `label`; write no line if no jump has it as its target."""
         self.live = label in self.reached
         if self.live:
             self.lines.append(f"{label[1:]}:")
@@ -263,7 +263,7 @@ class _Function(Folding, ast.NodeVisitor):
         return value
 
     def generic_visit(self, node: ast.AST) -> Any:
-        """Raise KernelError for a node that is outside the subset."""
+        """Raise KernelError for a syntax node that is outside the subset."""
         raise self.error(node)
 
     def visit_Name(self, node: ast.Name) -> Value:
@@ -378,9 +378,9 @@ class _Function(Folding, ast.NodeVisitor):
         return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Return the addresses of a memory and of the word that `node` denotes.
+        """Return the addresses of a memory and of the word of it that `s.t` denotes.
 
-        The third result is the field of that word.
+        node : the expression `s.t`. The third result is the field of that word.
         """
         found = self.source.field(node)
         if found is None:
@@ -723,7 +723,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._begin(end)
 
     def _body(self, node: ast.While | ast.For, after: str, following: str) -> None:
-        """Translate the body of a loop.
+        """Translate the body of the loop `node`.
 
         after, following : labels of the loop's exit and of its next pass.
         """
@@ -876,7 +876,7 @@ class _Translation:
         self.declared[line] = None
 
     def parallel(self) -> int:
-        """Return the number of a new mark of a loop whose passes are independent."""
+        """Return a new number, with which a loop of independent passes is marked."""
         self.declare("!0 = distinct !{}")
         self.loops += 1
         properties = '!{!"llvm.loop.parallel_accesses", !0}, '
