@@ -126,7 +126,8 @@ class Relations:
     def _second(self) -> list[tuple[int, int, int, int]]:
         """The second derivatives of r that do not vanish identically.
 
-        Each as row, two unknowns, and node.
+        Each as (index of the relation, indices of two unknowns, node of the
+        derivative).
         """
         g, found = self.point.g, []
         place = {g.variable(x): k for k, x in enumerate(self.names)}
@@ -173,7 +174,10 @@ class Relations:
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
     def hold(self, x: Floats, errors: Floats) -> bool:
-        """Whether all relations are satisfied at x (k,), see `violated`."""
+        """Whether all relations are satisfied at x (k,), see `violated`.
+
+        errors : error bounds (k,) of x.
+        """
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
@@ -305,7 +309,11 @@ TURN = 2.0 * math.pi
 
 
 class Trouble(Enum):
-    """Reason why no root was found, or a peculiarity of the root."""
+    """Reason why no root was found, or a peculiarity of the root.
+
+    DOUBLE_ROOT is a root to which Newton's method converges only linearly; MINIMUM,
+    DIVERGES and NOT_FINITE are reasons of a failure.
+    """
 
     NONE = ""
     DOUBLE_ROOT = "double root"

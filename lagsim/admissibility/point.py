@@ -112,7 +112,7 @@ class Point:
 
     @property
     def is_large(self) -> bool:
-        """Whether matrices are sparse."""
+        """Whether matrices are sparse: from LARGE coordinates on."""
         return self.n >= self.LARGE
 
     @cached_property

@@ -282,8 +282,9 @@ def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
 def _smallest_of_sparse(
     point: Point, usual: Sequence[float] | None = None, *, rounded: bool = False
 ) -> tuple[float, Floats]:
-    """Return the smallest singular value of sparse rows, and its combination (m,).
+    """Return the smallest singular value of scaled sparse rows, and its combination.
 
+    The combination (m,) has the coefficients of the rows: the left singular vector.
     Each row is divided by its length or, if given, by `usual`. The value is 0 if it
     cannot be computed safely.
 
@@ -328,10 +329,11 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Return each dependent row as a combination of the independent rows before it.
+    """Return each dependent row as a combination of independent rows.
 
-    As index of the row -> index of an independent row -> coefficient. Y : scaled rows
-    (m, n). lengths : their lengths before (m,). flags : marks of dependent rows (m,).
+    The result maps the index of a dependent row to coefficients by index of an
+    independent row. Y : rows (m, n) scaled to length 1. lengths : their lengths before
+    (m,). flags : marks of dependent rows (m,).
     """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]

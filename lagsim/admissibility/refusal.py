@@ -330,7 +330,10 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
 
 
 def _is_at_rest(point: Point, law: Law) -> bool:
-    """Whether the slip of a law, and the other slip of its disc if any, is 0."""
+    """Whether the slip on which a friction acts is 0, in both components if it has two.
+
+    law : the law of one component; its `pair` is that of the other.
+    """
     pair = [point.e.laws[law.pair]] if law.pair >= 0 else []
     nodes = [x.row.rate for x in (law, *pair)]
     return bool((np.abs(point.array(nodes)) <= STILL * point.rounding(nodes)).all())

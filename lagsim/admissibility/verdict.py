@@ -107,9 +107,10 @@ class Residual(NamedTuple):
 
     @property
     def digits(self) -> int | None:
-        """Number of correct digits of the start values, as they seem to be typed.
+        """Number of leading digits to which the residual vanishes, at least 1.
 
-        None if the relation is exact to rounding.
+        So many digits the stated start values seem to have. None if the relation is
+        exact to rounding, or not satisfied.
         """
         exact = self.exact or abs(self.value) <= RESIDUAL_ROUNDOFF * self.scale
         if not self.satisfied or exact:
@@ -479,7 +480,7 @@ def at_rest(name: str, value: float, bound: float) -> RelationResiduals:
 
 
 def out_of_force(equations: Equations, time: float) -> frozenset[str]:
-    """Return the constraints that are not in force at a time."""
+    """Return the constraints whose condition `when` is not satisfied at a time."""
     whens = {law.constraint: x for law in equations.laws if (x := law.when) is not None}
     values = {p.name: p.value for p in equations.model.parameters} | {"t": time}
     found = evaluate(equations.graph, whens.values(), values)
@@ -487,9 +488,9 @@ def out_of_force(equations: Equations, time: float) -> frozenset[str]:
 
 
 def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
-    """Return equations whose rows include the timed equalities in force.
+    """Return equations whose rows include the timed equalities that are in force.
 
-    off : constraints out of force.
+    A timed equality has a condition `when`. off : names of constraints out of force.
     """
     timed = [
         law.row
