@@ -106,7 +106,10 @@ class ErrorBar(NamedTuple):
 
     @property
     def growth(self) -> list[tuple[float, float]]:
-        """Times, and the largest relative error of all coordinates up to each time."""
+        """Pairs (time, error): the largest relative error up to each of some times.
+
+        The largest is over all coordinates and states.
+        """
         reached = np.maximum.accumulate(np.max(self.parts, axis=1))
         last = len(self.times) - 1
         samples = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})

@@ -773,7 +773,7 @@ class SurfaceModes:
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
 
     def drifts(self) -> Floats:
-        """Return the changes (K,) of the surfaces' expressions by rounding of forces.
+        """Return the largest changes (K,) of the expressions by rounding of forces.
 
         The changes are those in the duration of the run: where laws hold the motion at
         rest, the sizes of positions and velocities so far may all be 0.

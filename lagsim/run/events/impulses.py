@@ -127,6 +127,8 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
 def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
     """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
+    x, change(x) : ndarray, shape (k,).
+
     Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations
     I, section II.9.
     """
@@ -146,9 +148,9 @@ def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
 def _extrapolated(
     change: Callable[[Floats], Floats], x: Floats, length: float
 ) -> tuple[Floats, bool]:
-    """Return x after one step of a length, and whether its error is negligible.
+    """Return x (k,) after one step of a length, and whether its error is negligible.
 
-    The equation is x' = change(x), as in `_followed`.
+    The equation is x' = change(x), as in `_followed`. length : of the step.
     """
     table: list[Floats] = []
     for k, count in enumerate(SUBSTEPS):

@@ -475,7 +475,7 @@ class Kinematics:
         return delassus(self.shape.M, rows, self.shape.rows)
 
     def _along(self) -> Floats:
-        """Return the rows of the surfaces that the motion follows, n columns each."""
+        """Return the rows of the f surfaces that the motion follows, shape (f, n)."""
         _, J = self.arc.surface_rows(self.t, self.y)
         return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
 
@@ -592,9 +592,10 @@ class Kinematics:
         return self.largest_rise(self.arc.plan.tolerance)
 
     def largest_rise(self, part: float) -> Floats:
-        """Return the part `part` of the range of each gap (L,), or more for rounding.
+        """Return the height (L,) up to which a rise of each gap is negligible.
 
-        The rounding is that of the gap and of the time.
+        It is the part `part` of the range of the gap so far, or more for the rounding
+        of the gap and of the time.
         """
         rounded = self.slack + math.ulp(self.t) * self.reach[1]
         least = np.maximum(part * self.reach[0], CLEAR_OF_ROUNDING * rounded)

@@ -95,16 +95,20 @@ class Checkpoints:
 
     @property
     def low(self) -> Floats:
-        """Least values of the coordinates, then of the first-order states."""
+        """Least values (n + l,) of the coordinates, then of the first-order states."""
         return self.valued(self._extremes.low)
 
     @property
     def high(self) -> Floats:
-        """Greatest values of the coordinates, then of the first-order states."""
+        """Largest values (n + l,) of the coordinates, then of first-order states."""
         return self.valued(self._extremes.high)
 
     def valued(self, rows: Floats) -> Floats:
-        """Return the coordinates and first-order states of stored rows."""
+        """Return the coordinates and first-order states of stored rows.
+
+        rows : ndarray, shape (1 + 2 n + l,) or (k, 1 + 2 n + l), as in `states`. The
+        result has the shape (n + l,) or (k, n + l).
+        """
         rates = np.s_[1 + self._count : 1 + 2 * self._count]
         return np.delete(rows, rates, axis=-1)[..., 1:]
 
@@ -344,8 +348,9 @@ class EnergyMonitor:
     def states(self, most: int) -> Iterator[tuple[float, list[Floats]]]:
         """Yield t and [q, q', q'', s] of about `most` rows, the first row included.
 
-        Rows are omitted from the time on at which the error of the energy exceeds the
-        part `WRONG` of the largest energy so far, since the motion has diverged there.
+        The arrays have the shapes (n,), (n,), (n,) and (l,). Rows are omitted from the
+        time on at which the error of the energy exceeds the part `WRONG` of the largest
+        energy so far, since the motion has diverged there.
         """
         n, rows = self.count, self._rows
         if not len(rows):
