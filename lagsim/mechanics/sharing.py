@@ -304,9 +304,10 @@ def eased(rows: ContactRows, solution: Solution) -> Solution:
 def _spread(
     rows: ContactRows, solution: Solution, rests: Flags, *, balanced: bool
 ) -> Solution | None:
-    """Return a solution in which the rows `rests` rest, at the least parts of bounds.
+    """Return a solution with least friction in which the rows `rests` rest, or None.
 
-    None where no multipliers hold these rows, or no better multipliers are found.
+    Their multipliers are at the least parts of their bounds. None where no multipliers
+    hold these rows, or no better multipliers are found.
 
     Parameters
     ----------

@@ -151,8 +151,9 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project a correction of the positions onto the span of the old gradients.
 
-    The correction (n,) is in `change`. moved : (n,), on return the projection divided
-    by h.
+    The gradients are those of the constraints at the start of the step, multiplied by
+    M^-1. The correction (n,) is in `change`, which is overwritten. h : the length of
+    the step. moved : (n,), on return the projection divided by h.
     """
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
@@ -163,9 +164,10 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
 
 
 def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
-    """Replace the last of `steps` (made + 1, n) by Broyden's step.
+    """Replace the last of `steps` (made + 1, n), a plain step, by Broyden's step.
 
-    masses : (n,), the diagonal of the metric.
+    The `made` steps before it, of the same iteration, give the correction. masses :
+    (n,), the diagonal of the metric in which steps are compared.
     """
     last = steps[made * n :]
     for j in range(made):

@@ -68,7 +68,7 @@ def spread(p: Parameters) -> None:
 def keep_lengths(p: Parameters) -> None:
     """Update p.lengths (m,), the largest length |L^-1 A_i| of each row in the arc.
 
-    Called at accepted states only: trial states within a step may lie anywhere.
+    Called at accepted states only: stages and rejected states may lie anywhere.
     """
     for k in range(p.m):
         i = int(p.order[k])

@@ -101,7 +101,11 @@ class Crossings(SearchTable):
 
 
 def begin_search(s: Crossings, p: Parameters) -> None:
-    """Store the crossings by acts (impacts, events) at the start of the last step."""
+    """Store the crossings caused by acts at the start of the last step.
+
+    Acts are impacts and events; a crossing is caused if a relation is past 0 after
+    them.
+    """
     s.banded = 0.0
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
