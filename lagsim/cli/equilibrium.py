@@ -36,8 +36,11 @@ from lagsim.studies import rest
 from lagsim.studies.options import VARIED_RANGE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from lagsim.cli._shared import Progress
     from lagsim.model.model import Model
+    from lagsim.notes import Caution
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.branches import Branches
 
@@ -80,8 +83,7 @@ def command(
         check_replaced(write, read)
     search = rest.Search(rest.setting_of(read))
     branches = _branches(read, vary, plot)
-    for caution in search.setting.cautions:
-        print_warning(caution)
+    _print_warnings(search.setting.cautions)
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         if branches is None:
@@ -89,6 +91,7 @@ def command(
         else:
             found = branches.follow(starts, interrupt, progress)
         document = rest.document_of(search.setting, found, search.tried or starts)
+        _print_warnings(rest.not_linear_about(search.setting, found))
         document["complete"] = not interrupt.asked
         cells = rest.tables(found)
         if branches is not None:
@@ -115,6 +118,11 @@ def command(
     return experiment(
         "equilibrium", measure, where, rest.MANIFEST, quiet=quiet, as_json=as_json
     )
+
+
+def _print_warnings(cautions: Iterable[Caution]) -> None:
+    for caution in cautions:
+        print_warning(caution)
 
 
 def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | None:

@@ -129,6 +129,7 @@ NOT_HOMOGENEOUS: Final = "not-homogeneous"
 NOT_IDENTIFIABLE: Final = "not-identifiable"
 NOT_IN_A_FILE: Final = "not-in-a-file"
 NOT_JSON: Final = "not-json"
+NOT_LINEAR: Final = "not-linear"
 NOT_LOCKED: Final = "not-locked"
 NOT_OF_TIME: Final = "not-of-time"
 NOT_ONE_SIDED: Final = "not-one-sided"
@@ -392,6 +393,7 @@ if TYPE_CHECKING:
         "not-differentiable",
         "not-drawn",
         "not-identifiable",
+        "not-linear",
         "not-locked",
         "nothing-to-draw",
         "option-unused",

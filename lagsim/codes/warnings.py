@@ -363,4 +363,15 @@ simulation: {duration: 2, output_step: 0.5}
         "name an entry of `forces`, or choose a state or a time at which the parameter "
         "acts",
         commands=("lagsim modes pendulum.yaml --response m:theta --no-plots",)),
+    warning("W409", "not-linear",
+        "The motion about a rest, or about a steady motion, is not linear, however "
+        "small it is: the equations of both sides of a switch differ there, or a law "
+        "(a contact, a freewheel, friction, a limit) has its multiplier at its bound. "
+        "The eigenvalues and modes belong to the side, or the assumption, that the "
+        "message names.",
+        "shift the start, so that the motion stays on one side, or load the contact; "
+        "for frequencies of both sides together, `run` the motion from a start "
+        "beside the rest",
+        "forces: {theta: -3*max(theta, 0)}\n",
+        ("lagsim modes pendulum.yaml --no-plots",)),
 )  # fmt: skip

@@ -182,7 +182,14 @@ class Linearisation:
     """Equations of motion and their derivatives, for linearisation at any state.
 
     The expression graph is evaluated in Python, without compilation, which suffices for
-    some tens of states; switches are in their branches at each state.
+    some tens of states.
+
+    Parameters
+    ----------
+    equations : Equations
+    frozen : function, optional
+        Function from nodes to nodes without switches; by default switches are in their
+        branches at each state.
 
     Parameters
     ----------
@@ -195,7 +202,11 @@ class Linearisation:
         The count of nodes that one linearisation evaluates.
     """
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(
+        self,
+        equations: Equations,
+        frozen: Callable[[Sequence[int]], list[int]] = list,
+    ) -> None:
         e, g = equations, equations.graph
         self.e, self.g = e, g
         self.n, self.m, self.first = len(e.q), len(e.rows), len(e.states)
@@ -204,17 +215,18 @@ class Linearisation:
         first = [g.variable(x.name) for x in e.states]
         accelerations = [g.variable(name) for name in e.accelerations]
         A = [node for row in e.rows for node in row.A]
+        A = frozen(A)
         self._terms = [
-            *(node for row in e.M for node in row), *A, *e.f,
-            *(row.b for row in e.rows), *(x.rate for x in e.states),
+            *frozen([node for row in e.M for node in row]), *A,
+            *frozen([*e.f, *(row.b for row in e.rows), *(x.rate for x in e.states)]),
         ]  # fmt: skip
         rates, state = e.flow.rates, [g.variable(name) for name in e.state]
         flow = e.flow.forward | dict(zip(rates, accelerations, strict=True))
-        residuals = [*e.motion_residuals(), *(x.rate for x in e.states)]
+        residuals = frozen([*e.motion_residuals(), *(x.rate for x in e.states)])
         by = [*positions, *first]
         self._slopes = [
             *(s for r in residuals for s in gradient(g, r, state)),
-            *(s for row in e.rows for s in gradient(g, row.rate, by)),
+            *(s for x in frozen([r.rate for r in e.rows]) for s in gradient(g, x, by)),
             *tangent(g, A, flow),
         ]
         self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
@@ -228,6 +240,12 @@ class Linearisation:
         found = copy.copy(self)
         found.e = equations
         found._parameters = equations.model.parameter_values  # noqa: SLF001
+        return found
+
+    def on(self, sides: Mapping[str, float]) -> Linearisation:
+        """Return the linearisation with values of mode variables, by name."""
+        found = copy.copy(self)
+        found._parameters = {**self._parameters, **sides}  # noqa: SLF001
         return found
 
     def at(self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()) -> Linear:
@@ -259,15 +277,9 @@ class Linearisation:
         noise : ndarray, shape (n + m + l, 2 n + l), optional
             Bounds of the errors of `x.slopes`: entries of R below these are set to 0.
         """
-        n, m, first = self.n, self.m, self.first
-        Z, inverse, Zh = x.metric.free, x.metric.inverse, x.held.free
-        # Derivatives of q and q' with respect to (a, w, z).
-        K = -inverse @ np.hstack([x.B @ Zh, np.zeros((m, Z.shape[1])), x.C])
-        dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
-        dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
-        last = np.eye(first, dv.shape[1], dv.shape[1] - first)
-        change = np.vstack([dq, dv, last])
-        turned = -inverse @ (x.turning @ Z)
+        n, m, Z, Zh = self.n, self.m, x.metric.free, x.held.free
+        K, dv, change = self.changes(x)
+        turned = -x.metric.inverse @ (x.turning @ Z)
         G = x.metric.G
         R = np.vstack([
             Zh.T @ G @ dv,
@@ -277,6 +289,21 @@ class Linearisation:
         if noise is not None:
             R = self._cleaned(R, x, noise, (Zh.T @ G, Z), (dv, change))
         return Linear(R, Zh, Z, np.asarray(x.metric.L.T), x.rates)
+
+    def changes(self, x: Slopes) -> tuple[Floats, Floats, Floats]:
+        """Return changes per unit of (a, w, z).
+
+        The results are A^+ times the change of the rates of rows, and the change of q',
+        both of shape (n, k + d + l), and the change of (q, q', s), of shape
+        (2 n + l, k + d + l).
+        """
+        Z, Zh, first = x.metric.free, x.held.free, self.first
+        still = np.zeros((self.m, Z.shape[1]))
+        K = -x.metric.inverse @ np.hstack([x.B @ Zh, still, x.C])
+        dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
+        dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
+        last = np.eye(first, dv.shape[1], dv.shape[1] - first)
+        return K, dv, np.vstack([dq, dv, last])
 
     def _cleaned(
         self,
@@ -331,13 +358,26 @@ class Linearisation:
             Error bounds of variables, by name; other variables have the rounding error
             of their value.
         """
+        found = self._errors(self._slopes[: x.slopes.size], x, errors)
+        return found.reshape(x.slopes.shape)
+
+    def term_errors(self, x: Slopes, errors: Mapping[str, float]) -> list[Floats]:
+        """Return bounds of the rounding errors of M, A, f, b and s', flat.
+
+        x, errors : see `noise`.
+        """
+        n, m = self.n, self.m
+        found = self._errors(self._terms, x, errors)
+        return np.split(found, np.cumsum([n * n, m * n, n, m]))
+
+    def _errors(
+        self, nodes: list[int], x: Slopes, errors: Mapping[str, float]
+    ) -> Floats:
         inexact = {
             name: (value, errors.get(name, STATE_ROUNDOFF * abs(value)))
             for name, value in x.values.items()
         }
-        nodes = self._slopes[: x.slopes.size]
-        found = evaluate_with_error(self.g, nodes, inexact)
-        return np.array([error for _, error in found]).reshape(x.slopes.shape)
+        return np.array([e for _, e in evaluate_with_error(self.g, nodes, inexact)])
 
     def values(
         self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()

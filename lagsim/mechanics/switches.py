@@ -251,6 +251,18 @@ class Switches:
         of = {d: side for d, side in self._sides_of.items() if side[0] in own}
         return replace(self, _modes_of={}, _sides_of=of)
 
+    def texts(self, nodes: Iterable[int]) -> dict[str, str]:
+        """Return the texts of switches at and below `nodes`, by their mode variable.
+
+        The text is that of the first switch of each surface.
+        """
+        names = {self.graph.variable(x.variable): x.variable for x in self.sides}
+        found: dict[str, str] = {}
+        for n in self.graph.cone(nodes):
+            if side := self._side_of(n):
+                found.setdefault(names[side[0]], switch_text(self.graph, n))
+        return found
+
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
         """Return discrete functions that depend on `names` with other sides frozen.
 
@@ -606,6 +618,16 @@ def _passed(
     return replace(found, sides=tuple(sides))
 
 
+def switch_text(g: Graph, n: int) -> str:
+    """Return the text of switch n, approximately as in the model file."""
+    op, args = g.ops[n], g.args[n]
+    if g.ops[args[0]] == "table.knot":
+        op, _, args = written(g, args[0])
+    elif OPERATIONS[op].condition:
+        return f"if({expression_text(g, n)}, ...)"
+    return f"{op}({expression_text(g, *args)})"
+
+
 class _Finder:
     """Search for switches below nodes, not below the conditions of time switches.
 
@@ -661,13 +683,7 @@ class _Finder:
         self.decided[n] = discrete
         # abs, min and max keep their name where their derivative is a switch too.
         if not plain or discrete not in self.state:
-            if g.ops[args[0]] == "table.knot":
-                op, _, shown = written(g, args[0])
-                self.state[discrete] = f"{op}({expression_text(g, *shown)})"
-            elif row.condition:
-                self.state[discrete] = f"if({expression_text(g, n)}, ...)"
-            else:
-                self.state[discrete] = f"{op}({expression_text(g, *args)})"
+            self.state[discrete] = switch_text(g, n)
         return args
 
 

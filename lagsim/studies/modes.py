@@ -94,7 +94,8 @@ class Small:
             if at == START
             else Search(self.setting).nearest()
         )
-        self.cautions = self.setting.cautions
+        self._own = [*self.setting.cautions, *self.steady.cautions(self.setting)]
+        self.cautions = self._own
         self.modes: tuple[EigenMode, ...] = modes(
             self.steady.linear, self.steady.spectrum
         )
@@ -234,7 +235,7 @@ class Small:
         inputs = list(dict.fromkeys(x for x, _ in pairs))
         outputs = list(dict.fromkeys(y for _, y in pairs))
         space = self.matrices(inputs, outputs)
-        self.cautions = [*self.setting.cautions, *self._effects(inputs, space)]
+        self.cautions = [*self._own, *self._effects(inputs, space)]
         own = [mode.natural_frequency for mode in self.modes]
         if between is None and not own:
             hint = "give one by --frequencies"

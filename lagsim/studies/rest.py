@@ -47,6 +47,7 @@ from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.run.session import StartError, after_start_events
 from lagsim.studies.continuum import Continuum
+from lagsim.studies.nonlinear import Linearised, not_linear
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
@@ -197,6 +198,12 @@ class Steady(NamedTuple):
     sticks: bool = False
     in_corner: bool = False
     on_ridge: bool = False
+
+    def cautions(self, setting: Setting) -> list[Caution]:
+        """Return warnings where the motion about the state is not linear."""
+        origin, laws = (setting.point.q, setting.start.v), setting.equations.laws
+        known = self.equations, self.state, self.linearisation, self.values
+        return not_linear(Linearised(*known, laws, origin))
 
     @property
     def energy(self) -> float:
@@ -795,9 +802,19 @@ def document_of(
         "free": list(free),
         "continuum": any(x.steady.sticks for x in found),
     }
-    if cautions := setting.cautions:
+    if cautions := [*setting.cautions, *not_linear_about(setting, found)]:
         document["warnings"] = [c.record for c in cautions]
     return document
+
+
+def not_linear_about(setting: Setting, found: Sequence[Equilibrium]) -> list[Caution]:
+    """Return warnings on rests about which motions are not linear."""
+    cautions = list[Caution]()
+    for number, one in enumerate(found, 1):
+        where = f"equilibrium {number}: " if len(found) > 1 else ""
+        own = one.steady.cautions(setting)
+        cautions += [x._replace(text=where + x.text) for x in own]
+    return cautions
 
 
 def tables(found: Sequence[Equilibrium]) -> dict[str, bytes]:
