@@ -295,9 +295,9 @@ class RestCurve:
         return RestCurve(self.model, self.name, self.ends, self._search, steady, value)
 
     def _steady(self, y: Floats, held: Sequence[Row] | None = None) -> Steady:
-        """Return the rest at scaled unknowns y.
+        """Return the rest at scaled unknowns y (k + 1,), with the motion about it.
 
-        held : rows in force in place of those of the curve, if given.
+        held : rows in force in place of the active rows of the curve, if given.
         """
         e, rest = self._model_at(self.value(y))
         state = rest.at((y * self._sizes)[:-1]).state
@@ -340,9 +340,11 @@ class RestCurve:
         return found
 
     def holds(self, place: BranchPoint) -> bool:
-        """Whether contacts in force push, and no other contact is penetrated.
+        """Whether the contacts admit a point of the curve.
 
-        place : the point of the curve.
+        Contacts in force push, and no other contact is penetrated.
+
+        place : the point.
         """
         return min(self._margins(place), default=0.0) >= 0.0
 
@@ -514,6 +516,7 @@ class Branches:
         """Follow the branches through the rests, and return the rests of the file.
 
         Rests are searched at the value of the file, and at both ends of the range.
+
         starts : number of other starts of each search.
         """
         own = {p.name: p.value for p in self.model.parameters}

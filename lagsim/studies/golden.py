@@ -429,9 +429,10 @@ def rounded_up(x: float) -> float:
 def _bounded(
     case: Case, base: SampledMotion, others: Sequence[SampledMotion]
 ) -> dict[str, Invariant]:
-    """Return the conserved quantities by name, with bounds from the variants.
+    """Return the conserved quantities by name, with bounds of their deviations.
 
-    base : the motion of the golden run. others : those of its variants.
+    base : the motion of the golden run. others : the motions of its variants, which
+    determine the bounds.
     """
     found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
     kept, *_ = apart = [invariants(case.equations, x) for x in (base, *others)]

@@ -77,7 +77,7 @@ def diagram(
 ) -> bytes:
     """Return the picture of branches: a coordinate, `shown`, against the varied name.
 
-    record : the document of the branches.
+    record : the result of `Branches.record`.
     """
     return encoded_figure(_diagram(model, record, shown), form)
 

@@ -228,7 +228,8 @@ class Restart:
     ) -> None:
         """Restore the checkpoint, if there is one; store later ones of this run.
 
-        writers : the writers of the tables, by the names of these.
+        relay : the observers of rows. writers : the writers of the tables, by the names
+        of the tables.
         """
         self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
@@ -395,7 +396,11 @@ def _given(name: Any, things: Mapping[str, Any]) -> Any:
 
 
 def _observers(run: Run, relay: Relay) -> list[Any]:
-    """Return the observers of rows, and the recorders of events and sections."""
+    """Return the objects of a run whose state is stored in a checkpoint.
+
+    These are the observers of rows, which `relay` has, and the recorders of events and
+    sections.
+    """
     noted = run.corners, run.sections
     return [*relay.others, *(x for x in noted if x is not None)]
 
@@ -410,7 +415,10 @@ _OF_RUN = (
 
 
 def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
-    """Return, by name, the objects that every run of a session creates alike."""
+    """Return, by name, the objects of a run that are regenerated and not stored.
+
+    Every run of a session creates these objects alike. relay : the observers of rows.
+    """
     case = session.case
     found = {"session": session, "relay": relay, "listed": run.recorder.listed}
     found |= {name: attrgetter(name)(run) for name in _OF_RUN}
@@ -439,12 +447,12 @@ class UndeclaredError(TypeError):
 
 
 def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> bytes:
-    """Encode an object as a document.
+    """Return the object `what` as bytes: JSON and arrays, which `decoded` reads.
 
     Parameters
     ----------
-    classes
-        The declared classes, each as `module:name`.
+    classes : iterable of str
+        The classes whose objects may be stored, each as `module:name`.
     name : callable
         Maps an object to the name (a JSON value) under which the reader has it, or to
         None.
@@ -505,10 +513,14 @@ def _node(
 
 
 def decoded(content: bytes, classes: Iterable[str], given: Callable[[Any], Any]) -> Any:
-    """Decode the object of a document of `encoded`.
+    """Return the object that the bytes of `encoded` describe.
 
     Parameters
     ----------
+    content : bytes
+        The result of `encoded`.
+    classes : iterable of str
+        See `encoded`.
     given : callable
         Maps a name to the reader's object.
 

@@ -323,7 +323,7 @@ class Sensitivities:
         return Variant(at, self.settings, self.times, held)
 
     def rows(self, trial: Trial) -> Floats:
-        """Return the differentiated columns of a run, shape (k, columns).
+        """Return the columns to differentiate of a run, shape (k, columns).
 
         All are nan for a run that could not begin.
         """
@@ -446,7 +446,7 @@ class Sensitivities:
         return np.asarray(np.all(np.isfinite(self.rows(self.centre)), axis=1))
 
     def _determined(self, runs: _Runs) -> bool:
-        """Whether a change of the name makes the start inadmissible.
+        """Whether a change of the name of `runs` makes the start inadmissible.
 
         Constraints then determine the name from other start values.
         """
@@ -581,7 +581,7 @@ def motion_columns(model: Model) -> list[str]:
 
 
 def difference_scale(model: Model, name: str, value: float) -> float:
-    """Return the size of a name, to which steps of differences are relative.
+    """Return the size of a parameter or start value, for the step of differences.
 
     It is the |value| or, for 0, the largest |value| of parameters and start values of
     the same unit, or 1.
@@ -634,6 +634,8 @@ def appended(
         Options that replace settings of the file.
     times : ndarray, shape (k,), optional
         Times of the values, by default the output times and the end of the run.
+    who : str
+        The name of the command, for messages.
     progress : callable, optional
         Called with the part of the names that is done.
 
@@ -674,7 +676,10 @@ def appended(
 
 
 def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> Flags:
-    """Return marks of the times (k,) of impacts, at which a state has two values."""
+    """Return marks of the times (k,) of impacts, at which a state has two values.
+
+    events : of the run.
+    """
     struck = np.array([e.time for e in events if e.jumps])
     apart = np.abs(times[:, np.newaxis] - struck)
     within = SAME_STEP * settings.output_step + SAME_INSTANT * np.abs(struck)

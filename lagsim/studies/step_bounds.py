@@ -195,7 +195,10 @@ class LinearisedState(NamedTuple):
 def about_steps(
     equations: Equations, plan: Plan, trajectory: Trajectory, monitor: EnergyMonitor
 ) -> list[Caution]:
-    """Compare the steps of a run with the eigenvalues of its model; return warnings."""
+    """Compare the steps of a run with the eigenvalues of its model; return warnings.
+
+    monitor : the states of the rows, about which the model is linearised.
+    """
     if trajectory.choices:
         return []  # another method went on
     if len(equations.q) > MOST_COORDINATES:
@@ -398,7 +401,10 @@ class _StepCheck(NamedTuple):
         return -math.expm1(min(0.0, 2.0 * rate * span))
 
     def named(self, there: LinearisedState, k: int) -> str:
-        """Return the names of coordinates or states with the largest part in mode k."""
+        """Return the names of coordinates or states with the largest part in mode k.
+
+        there : the linearised state that has the mode.
+        """
         every = *self.equations.q, *(x.name for x in self.equations.states)
         shapes = zip(every, there.shapes[:, k], strict=True)
         return several((f"`{q}`" for q, x in shapes if x > 0.5), 4)

@@ -319,7 +319,10 @@ def _by_others(
     interrupt: Interrupt,
     hired: Hired,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
-    """Yield items with their results, computed by workers in pieces of `size` items."""
+    """Yield items with their results, computed by workers in pieces of `size` items.
+
+    Other arguments : see `in_batches`.
+    """
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []
     for k, results in completed_pieces(

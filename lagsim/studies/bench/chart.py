@@ -218,7 +218,8 @@ def drawable_errors(errors: Iterable[float]) -> Array:
 def error_scale(costs: Sequence[CostCurve], floor: float) -> Scale:
     """Return the logarithmic scale for the errors of all curves.
 
-    costs : the curves. floor : the resolution, which is within the scale.
+    costs : the curves. floor : the smallest error that is resolved, which the scale
+    includes.
     """
     known = np.concatenate(
         [*(c.errors for c in costs), drawable_errors([floor]), [0.1]]

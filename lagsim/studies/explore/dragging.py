@@ -341,7 +341,7 @@ class ConstrainedStart:
         return min([1.0, *parts]) * step, met
 
     def _on(self, x: Point, met: frozenset[int]) -> Point:
-        """Return the nearest state at which constraints hold and no gap is negative.
+        """Return the state nearest to x at which constraints hold, no gap negative.
 
         Parameters
         ----------

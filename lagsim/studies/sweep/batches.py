@@ -204,6 +204,8 @@ class Batch:
         """Return the rows of runs; None for a run that must be made separately.
 
         After an interrupt there are fewer rows.
+
+        numbers : indices of the runs in the sweep.
         """
         values = self._followed if self._follow else self._plain
         parameters, starts, swept = values(numbers)

@@ -58,7 +58,9 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, name: str, texts: Sequence[str]) -> Axis:
-        """Return the axis of a name of `model`.
+        """Return the axis of a name of `model`, with values by their expressions.
+
+        texts : the expressions.
 
         Raises
         ------
@@ -118,11 +120,11 @@ class Grid(NamedTuple):
         return zip(self.axes, places, strict=True)
 
     def texts(self, number: int) -> dict[str, str]:
-        """Return the values of all names in a run, as texts."""
+        """Return the values of all names in the run with an index, as texts by name."""
         return {axis.name: axis.texts[place] for axis, place in self.at(number)}
 
     def values(self, number: int) -> tuple[float, ...]:
-        """Return the values of all axes in a run, as numbers."""
+        """Return the values of all axes in the run with an index, as numbers."""
         return tuple(axis.values[place] for axis, place in self.at(number))
 
 

@@ -115,7 +115,7 @@ class Runs:
         return found
 
     def row(self, number: int, interrupt: Interrupt) -> SweepRow | None:
-        """Return the row of a run; None after an interrupt."""
+        """Return the row of the run with an index; None after an interrupt."""
         self._done += 1
         if self._done % COLLECTED == 0 and not gc.isenabled():
             gc.collect(0)
@@ -193,5 +193,8 @@ class Runs:
 
 @functools.lru_cache(maxsize=2)
 def runs_of(work: SweepInput) -> Runs:
-    """Return the runs of a sweep in this process."""
+    """Return the runs of a sweep in this process.
+
+    work : the input of the sweep.
+    """
     return Runs(work)

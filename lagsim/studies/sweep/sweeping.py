@@ -386,7 +386,9 @@ def _uniform(seed: int, place: int, count: int) -> Floats:
 
 
 def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
-    """Transform uniform random numbers (count,) to a distribution.
+    """Return values (count,) of a distribution, from uniform random numbers (count,).
+
+    name : the swept name.
 
     text : the distribution, such as `normal(4, 0.1)`, whose numbers may be expressions.
     """
