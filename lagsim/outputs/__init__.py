@@ -20,7 +20,7 @@ ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 
 
 class TableFormat(StrEnum):
-    """Format of a table, which is the ending of its name."""
+    """Format of a table; its value is the ending of the file name."""
 
     CSV = "csv"
     NPZ = "npz"
@@ -28,7 +28,7 @@ class TableFormat(StrEnum):
 
     @property
     def file(self) -> str:
-        """The name of the table of a run."""
+        """The file name of the table of a run in this format."""
         return f"trajectory.{self.value}"
 
 

@@ -75,7 +75,13 @@ FEW_POINTS, MOST_PUSHES = 24, 64
 
 
 class Track(NamedTuple):
-    """Position `place` and velocity `rate` of a point, each (frames, components)."""
+    """Motion of a point of the scene.
+
+    Attributes
+    ----------
+    place, rate : ndarray, shape (frames, components)
+        Positions and velocities.
+    """
 
     place: Floats
     rate: Floats
@@ -289,6 +295,8 @@ def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
 
 def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
     """Return the units on a page: length, energy, force; "" if unknown.
+
+    lengths : the units of coordinates of points. energy : the unit of energies.
 
     Examples
     --------
@@ -727,8 +735,9 @@ def _packed(values: Floats, kind: str = "<f4") -> str:
 def _usual(force: Floats) -> float:
     """Return a high percentile of |force| over frames, which scales the arrows.
 
-    Unlike the maximum it is insensitive to spikes. force : (frames, components). 0
-    without a finite force.
+    Unlike the maximum it is insensitive to spikes. It is 0 without a finite force.
+
+    force : (frames, components).
     """
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
@@ -740,8 +749,8 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 
     In space it is the height of the first ground of the scene, if there is one.
 
-    every : positions of all points (k, d). box : least and greatest value of each
-    component in the view.
+    film : whose scene can have a ground. every : positions of all points (k, d). box :
+    least and greatest value of each component in the view.
     """
     if levels := [b.height for b in film.shapes if b.height is not None]:
         return levels[0]
@@ -769,7 +778,7 @@ def _box(every: Floats) -> list[list[float]]:
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
     """Return a shape as JSON data; the script of the page computes the last axis.
 
-    names : of the points of the film.
+    body : the shape in all frames. names : of the points of the film.
     """
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
