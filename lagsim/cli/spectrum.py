@@ -79,7 +79,10 @@ def _spectrum(result: Path, column: str) -> Spectrum:
 
 
 def _picture(found: Spectrum, result: Path, form: str) -> bytes:
-    """Return a picture with the name of the model, else that of the file."""
+    """Return a picture of a spectrum, titled by the model, else by the file.
+
+    result : the folder of the run, or its table.
+    """
     from lagsim.outputs.figure import encoded_figure
 
     folder = result if result.is_dir() else result.parent
