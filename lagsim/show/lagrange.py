@@ -430,10 +430,16 @@ _Found: TypeAlias = "tuple[Part, Part, list[Part]]"
 
 
 def _in_full(x: Translation) -> _Found:
-    """Return the derivation term by term, as entries of the document.
+    """Derive the equations term by term.
 
     Expressions are tidied before they are differentiated, so that derivatives are
     short.
+
+    Returns
+    -------
+    tuple of (dict, dict, list)
+        Numbered steps, the entries of the document up to constraints, and conserved
+        quantities.
     """
     e, g, flow, model = x.equations, x.g, x.equations.flow, x.equations.model
     n = len(e.q)
@@ -499,6 +505,9 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
     """Derive the equations in the definitions of the file, see `separation`.
 
     Entries of matrices are numbered steps, for programs.
+
+    s : the separated equations. matrices : whether M, f, A and b are included. Returns
+    : see `_in_full`.
     """
     e, model = x.equations, x.equations.model
     groups = {"momentum": 3, "reaction": 5, "force": 5}

@@ -69,7 +69,11 @@ class MathPrinter(TextPrinter):
     between = "<mo>&#8290;</mo>"
 
     def parenthesize(self, item: Any, level: Any, strict: bool = False) -> str:
-        """Return the element of an expression, in parentheses if it binds less."""
+        """Return an expression as MathML, in parentheses if it binds less than `level`.
+
+        item : the expression. level : a precedence of sympy. strict : whether
+        parentheses are left out at equal precedence.
+        """
         from sympy.printing.precedence import precedence
 
         text = _inside([self._print(item)])

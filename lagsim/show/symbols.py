@@ -373,7 +373,9 @@ class Translation:
     # Expressions
 
     def sympy(self, nodes: Iterable[int | None], *, written: bool = False) -> list[Any]:
-        """Return simplified sympy expressions of nodes; None for None.
+        """Return simplified sympy expressions of nodes; None in the place of None.
+
+        written : whether the expressions are written so in the file, see `Tidier`.
 
         Raises
         ------
