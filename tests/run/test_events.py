@@ -766,6 +766,50 @@ def test_events_of_one_instant(case):
     assert acts(found) == [(name, pytest.approx(t, abs=1e-12)) for name, t in right]
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e-9])
+@pytest.mark.parametrize(
+    "at",
+    [
+        "if(x < z, 1, 0) >= 0.5",
+        "if(not (x < z), -1, 1) >= 0",
+        "0.3 + sign(z - x) >= 0.9",
+        "floor((x - z)/(9*a)) <= -0.5",
+    ],
+)
+def test_an_inequality_that_accelerations_make_true_just_after_the_start(at, unit):
+    # x = z = 0 with one velocity: only the deceleration of x separates the two.
+    sections = f"""
+parameters: {{a: {unit}}}
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: x_dot^2/2 + z_dot^2/2, potential: a*x}}
+modes: {{n: 0}}
+events: {{e: {{at: "{at}", set: {{n: n + 1}}}}}}
+"""
+    found = simulate(scene("", "x: 0, z: 0, x_dot: a, z_dot: a", 1.5, sections))
+    assert acts(found) == [("e", 0.0)]
+    assert (found["n"] == 1.0).all()
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853", "dopri5", "radau", "rk4"])
+@pytest.mark.parametrize("force", ["1 - t", "2*abs(z)*(1 - t)"])
+@pytest.mark.parametrize("at", ["x + 0.9*abs(x) <= 0", "0 >= max(x, 2*x)", "x <= 0"])
+def test_a_condition_true_at_a_kink_at_the_start_acts_when_it_is_true_again(
+    at, force, method
+):
+    # x = t^2/2 - t^3/6: the mass leaves 0 from rest, and comes back at t = 3.
+    step = ", step: 0.01" if method == "rk4" else ""
+    sections = f"""
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: x_dot^2/2 + z_dot^2/2, potential: 0}}
+forces: {{x: "{force}"}}
+modes: {{n: 0}}
+events: {{e: {{at: "{at}", set: {{n: n + 1}}}}}}
+"""
+    begin, options = "x: 0, z: 0.5", f"4, method: {method}{step}"
+    found = simulate(scene("", begin, options, sections))
+    assert acts(found) == [("e", pytest.approx(3.0, abs=1e-8))]
+
+
 # --- Faults of a file
 
 

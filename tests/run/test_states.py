@@ -87,6 +87,55 @@ def test_the_error_of_a_state_is_told():
         assert np.max(errors) == pytest.approx(true, rel=0.3)
 
 
+# F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008): rates, starts, the
+# duration, and values at its end.
+STIFF = {
+    "VDPOL": (
+        {"x": "y", "y": "1e6*((1 - x^2)*y - x)"}, "x: 2, y: 0", 2,
+        {"x": 1.706167732170483, "y": -0.8928097010247975},
+    ),
+    "HIRES": (
+        {
+            "a": "-1.71*a + 0.43*b + 8.32*c + 0.0007", "b": "1.71*a - 8.75*b",
+            "c": "-10.03*c + 0.43*d + 0.035*f", "d": "8.32*b + 1.71*c - 1.12*d",
+            "f": "-1.745*f + 0.43*g + 0.43*h",
+            "g": "-280*g*k + 0.69*d + 1.71*f - 0.43*g + 0.69*h",
+            "h": "280*g*k - 1.81*h", "k": "-280*g*k + 1.81*h",
+        },
+        "a: 1, b: 0, c: 0, d: 0, f: 0, g: 0, h: 0, k: 0.0057", 321.8122,
+        {
+            "a": 0.7371312573325668e-3, "d": 0.1175651343283149e-2,
+            "h": 0.2849998395185769e-2, "k": 0.2850001604814231e-2,
+        },
+    ),
+    "OREGO": (
+        {
+            "a": "77.27*(b + a*(1 - 8.375e-6*a - b))", "b": "(c - (1 + a)*b)/77.27",
+            "c": "0.161*(a - c)",
+        },
+        "a: 1, b: 2, c: 3", 360,
+        {"a": 1.000814870318523, "b": 1228.178521549917, "c": 132.0554942846706},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("VDPOL", "auto"), ("VDPOL", "radau"), ("HIRES", "taylor"), ("HIRES", "radau"),
+        ("OREGO", "auto"), ("OREGO", "radau"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("rtol", [1e-9, 1e-11])
+def test_stiff_states_are_right_without_a_repeat(name, method, rtol):
+    # Tolerances are relative to ranges: up to 1e4 times the size of the last values.
+    rates, start, duration, right = STIFF[name]
+    options = {"duration": duration, "method": method, "rtol": rtol}
+    found = run(stateful(rates, start=f"q: 0, {start}", **options))
+    for key, value in right.items():
+        assert found[key][-1] == pytest.approx(value, rel=3e3 * rtol)
+
+
 def test_van_der_pol_by_auto_goes_over_to_radau():
     # F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008), VDPOL: y(2).
     rates = {"x": "y", "y": "1e6*((1 - x^2)*y - x)"}

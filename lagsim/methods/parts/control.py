@@ -394,20 +394,31 @@ def bound_by_others(
     """Raise tolerances of states and works to the effect of other components' errors.
 
     A state that follows a constrained coordinate, or the power on it, has no scale but
-    the tolerance of that coordinate; another state may follow this state. h, new, k :
-    see `allow_roundoff`.
+    the tolerance of that coordinate; another state may follow this state. Each state is
+    raised at most once in a step, by coordinates and velocities first, then by states
+    that were raised before: the error of a stiff state does not raise its own
+    tolerance, nor that of others in a cycle, since an implicit method damps it. h, new,
+    k : see `allow_roundoff`.
     """
+    first, waits = s.velocities.stop, s.far_before
+    for i in range(s.size):
+        waits[i] = 0.0 if i < first else 1.0
+        s.work[i] = s.y[i]
+    for i in range(first):
+        s.work[i] += s.tolerances[i] if i % 2 == 0 else -s.tolerances[i]
     for _ in range(1 + s.states):
-        for i in range(s.size):
-            s.work[i] = s.y[i] + (s.tolerances[i] if i % 2 == 0 else -s.tolerances[i])
         derivative(s.t, s.work, p, s.spare)
         s.evaluations += 1.0
+        s.work[: s.size] = s.y
         grown = 0
-        for i in range(s.velocities.stop, s.size):
-            change = abs(s.spare[i] - k[i])
+        for i in range(first, s.size):
+            change = abs(s.spare[i] - k[i]) * waits[i]
+            if change < OVERFLOW and h * change > 2.0 * s.tolerances[i]:
+                grown += 1
+                waits[i] = 0.0
+                s.work[i] += h * change if i % 2 == 0 else -h * change
             if change < OVERFLOW:
                 s.roundoff[i] = max(s.roundoff[i], change)
-                grown += 1 if h * change > 2.0 * s.tolerances[i] else 0
         set_tolerances(s, p, s.t + h, new, k, h)
         if grown == 0:
             break

@@ -34,6 +34,9 @@ RATED = True
 # as the error to which the state is known (constraints are satisfied to such an error).
 # A larger value is a jump of the condition.
 LOCATED = 1e-7
+# Least size up to which a value counts as 0: a true condition has a leeway, however
+# small its terms are, and is followed until it ends.
+LEAST = 1e-250
 # A condition does not change at an instant if its value is farther from 0 than this
 # multiple of its last zero tolerance, and than NEAR times its leeway.
 FAR = 1024.0
@@ -78,7 +81,8 @@ def look(s: SearchTable, p: Parameters, found: int) -> None:
         if not known or not abs(change) > least * moved:
             change = 0.0
         s.trend[k] = change
-        s.zero[k] = part * terms_of(s, k) + same_time(s, s.t) * abs(change)
+        zero = part * terms_of(s, k) + same_time(s, s.t) * abs(change)
+        s.zero[k] = max(zero, LEAST)
 
 
 def evaluate(s: SearchTable, p: Parameters) -> None:

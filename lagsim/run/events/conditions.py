@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 # Least distance of a condition's value from 0 after an impact; smaller than any other
 # distance, and not 0.
 LEAST = 1e-250
-# Time after the start, as a part of the output step, at which jumps show.
-SOON = 2.0**-40
+# Time after the start, as a part of the output step, at which jumps show. Positions
+# that accelerations alone separate must differ in doubles at `PART` of this time.
+SOON = 2.0**-30
 # Least number of units in the last place by which the state moves meanwhile.
 PLACES = 4.0
 # Increment of the difference quotients, relative to the size of a component.
@@ -168,7 +169,9 @@ class Truth:
         rates = np.zeros(len(arc.y))
         if arc.system.moreau is None:  # its scheme has accelerations after a step only
             rates = arc.rates(arc.t, arc.y)
-        rates[arc.state.positions] = arc.y[arc.velocities]
+        # Positions to second order: two that begin together with one velocity separate.
+        middle = late * part / 2.0
+        rates[arc.state.positions] = (arc.y + middle * rates)[arc.velocities]
         moved = arc.later(np.zeros(len(arc.y)), rates, late * part)
         moved += np.sign(moved) * places * np.spacing(np.abs(arc.y))
         time = arc.t + max(late * part, places * float(np.spacing(abs(arc.t))))
