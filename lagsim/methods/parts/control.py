@@ -69,6 +69,8 @@ FINEST = 0.25 * UNIT_ROUNDOFF
 EULER = 1e-2
 FARTHEST = 100.0
 MOST_GUESSES = 20
+# Least part of an Euler step that its end suggests, where it is far outside.
+SHORTEST = 1e-3
 
 
 class Control(ArcRows):
@@ -492,15 +494,20 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 
     k, slopes : (size,), y' at times h apart. Rates that begin at 0 do not count, nor do
     changes within the tolerances; OVERFLOW if no rate counts, and h/1000 if a rate is
-    not finite.
+    not finite. The rate of a state counts also where it changes its sign, by h/1000 at
+    least: the state is stiff, and the Euler step leads far past its equilibrium.
     """
     least = OVERFLOW
     for i in range(s.size):
         change = abs(slopes[i] - k[i])
         if not change < OVERFLOW:
-            return 1e-3 * h
-        if h * change > s.tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
-            least = min(least, h * abs(k[i]) / change)
+            return SHORTEST * h
+        begins = abs(k[i]) <= 0.1 * abs(slopes[i])
+        turns = i >= s.velocities.stop and k[i] * slopes[i] < 0.0
+        if h * change > s.tolerances[i] and (turns or not begins):
+            least = min(
+                least, max(h * abs(k[i]) / change, SHORTEST * h if turns else 0.0)
+            )
     return least
 
 
