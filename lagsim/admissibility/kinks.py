@@ -367,9 +367,9 @@ class Kinks:
         sides: Mapping[int, float],
         pins: Mapping[int, Pin],
     ) -> Point:
-        """Return the state with equations on the given sides and further rows in force.
+        """Return `point` with the equations of the given sides, and more rows in force.
 
-        held : these rows. sides, pins : see `frozen`.
+        held : the rows that are added to those in force. sides, pins : see `frozen`.
         """
         e, more = self.on(sides, pins), self.rows(held, sides, pins)
         return point.of(replace(e, rows=(*e.rows, *more)))

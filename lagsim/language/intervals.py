@@ -183,9 +183,10 @@ def _whole(x: Interval) -> Flags:
 def _one_sided(
     lo: Floats, hi: Floats, x: Interval, y: Interval
 ) -> tuple[Floats, Floats]:
-    """Return bounds of a product or quotient, widened, on the known side of 0.
+    """Return bounds of a product or quotient of x and y, widened by its rounding.
 
-    lo, hi : bounds before. x, y : the operands.
+    A bound of 0 is not widened past 0 where the signs of x and y determine the sign of
+    the result. lo, hi : the bounds as computed in doubles.
     """
     alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)

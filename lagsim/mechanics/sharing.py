@@ -98,9 +98,10 @@ class ContactRows:
 
     @cached_property
     def forces(self) -> Floats:
-        """Forces (k,) other than those of multipliers, in the space of the factor.
+        """Forces (k,) other than those of multipliers, in the metric of M.
 
-        They satisfy c = factor^T forces, with c of the problem.
+        They satisfy `problem.c` = Y^T forces, where the columns of Y, `closed.factor`
+        (k, r), are the rows of the closed laws in this metric.
         """
         Y = self.closed.factor
         lengths = np.linalg.norm(Y, axis=0)

@@ -140,8 +140,8 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
 
     The time of `a` differs from the start by alpha_m - alpha_f steps; the acceleration
     at the start would reduce the order of the first step by one (Arnold and Bruels,
-    section 3). If the step does not resolve the fast motion, the slope of the
-    acceleration is of no use, and is omitted.
+    section 3). Its change in this time is added, from a second evaluation, except for
+    components whose fast motion the step does not resolve.
     """
     n, y, k, z, h = s.n, s.y, s.k, s.new, s.fixed_step
     radius = s.spectral_radius

@@ -497,7 +497,7 @@ class _Case:
         length: int = 1,
         code: ErrorCode = YAML_SYNTAX,
     ) -> Diagnosis:
-        """Return a diagnosis with a text and a hint.
+        """Return a diagnosis with the text of its message and a hint.
 
         at : line and column; by default where the parser stopped. length : of the
         marked text.
@@ -507,9 +507,9 @@ class _Case:
         return Diagnosis(Problem(code, text, place, hint), line)
 
     def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
-        """Return a diagnosis whose repaired text has a placeholder for the value.
+        """Return a diagnosis; its repaired YAML has a placeholder for the faulty value.
 
-        Arguments as for `fault`.
+        text, hint, at : the message, its hint and its place, see `fault`.
         """
         found, entry = self.fault(text, hint, at), self.entry
         if entry is None:

@@ -664,7 +664,7 @@ def join_group(p: Parameters, first: int, number: int) -> int:
 
 
 def widen_band(p: Parameters, k: int) -> None:
-    """Widen the band of a group of rows so that it holds row k and its neighbours.
+    """Widen the matrix band of the group of row k to hold row k and its neighbours.
 
     k : the place of a row of the group. Rows are neighbours if their reaches overlap.
     """

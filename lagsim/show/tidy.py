@@ -172,9 +172,10 @@ class Sums(Turning[Any]):
         return found
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Return the function `op`, sin or cos, of a + sign b, as number times product.
+        """Return `op`, sin or cos, of a + sign b, as a factor and a product.
 
-        The product is a code; the number is a factor, such as -1 of sin(b - a).
+        The factor is a number, such as -1 where sympy writes sin(a - b) as -sin(b - a);
+        the product is returned as a code of `language.forms`, 0 for 1.
         """
         number, factor = getattr(sp, op)(a + sign * b).as_coeff_Mul()
         return exact(number), 0 if factor == 1 else self.power(factor)

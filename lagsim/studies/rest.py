@@ -340,9 +340,10 @@ def _judged_states(point: Point) -> list[RelationResiduals]:
 
 
 def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
-    """Yield pairs of matrices of the linearised motions x and y at two states.
+    """Yield M, A and the slopes of the linearised motion x, each beside that of y.
 
-    Steady motion requires that the two matrices of a pair are equal.
+    x and y belong to two states of one motion; if the motion is steady, both matrices
+    of each pair are equal.
     """
     yield x.M, y.M
     yield x.A, y.A

@@ -573,7 +573,10 @@ def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 
 
 def keep_extents(s: SearchTable) -> None:
-    """Store sizes and ranges before a step, which may be shortened later."""
+    """Store the sizes and ranges of the state's components before a step.
+
+    They are restored if the step is shortened to end at an event.
+    """
     s.sizes_before[:] = s.sizes
     s.low_before[:] = s.low
     s.high_before[:] = s.high

@@ -162,8 +162,7 @@ class MembersFunction(Lines):
     def _row(self, column: MemberColumn, k: str) -> str:
         """Write code for the address of row k of a column; return the address's name.
 
-        column : the column's memory. k : name of the number of a position of the
-        column.
+        column : the column's memory. k : the name, in the code, of the row's number.
         """
         start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
         if column.length == 1:

@@ -202,8 +202,8 @@ class Accumulation:
     def _shrinks(self) -> bool:
         """Whether the second half of the last window is shorter than its first half.
 
-        Where rows have events in turn at unequal intervals, some pairs of halves
-        shrink.
+        This alone proves no accumulation: where rows have events in turn at unequal
+        intervals, some halves are shorter than those before them.
         """
         first, half, last = (
             self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)

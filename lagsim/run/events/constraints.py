@@ -284,11 +284,11 @@ def singularity_caution(arc: Arc) -> list[Caution]:
 
 
 def _is_held(arc: Arc, k: int) -> bool:
-    """Whether constraints hold the coordinate of inertia k where the inertia is least.
+    """Whether inertia k vanishes only in directions that the constraints exclude.
 
-    A component of a quaternion has no inertia along the quaternion itself, whose length
-    is 1. The inertia for a force on the coordinate is then that of the motions which
-    the constraints admit.
+    Then its smallest value is no singularity: a component of a quaternion has no
+    inertia along the quaternion itself, whose length is 1. The inertia compared is that
+    of the motions which the constraints admit.
     """
     e, name = arc.system.equations, arc.system.inertias[k]
     if not e.rows or name not in e.q:

@@ -266,9 +266,9 @@ class Kinematics:
             self.moves = self.shape.spread @ most
 
     def _most(self, closed: list[bool]) -> Floats:
-        """Return estimates (L,) of the largest multipliers of closed laws.
+        """Return estimates (L,) of the largest value of the multiplier of each law.
 
-        0 for laws that are not closed.
+        closed : whether each law is closed; the estimate is 0 for all others.
         """
         table, own = self.table, self.shape.reply.D.diagonal()
         balancing = self.forces / np.where(own > 0.0, own, np.inf)

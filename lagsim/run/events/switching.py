@@ -158,8 +158,10 @@ class Switching(Source):
     def _reached(self, arc: Arc, k: int) -> Decision:
         """Return the decision to settle where surface k reaches its level.
 
-        `Located.off` is twice the remaining |expression - level|; 0 for a carried
-        surface, whose expression has another value above its leader.
+        In the decision, `Located.off` is the distance of the switch's expression from
+        its level up to which the surface counts as at its level: twice the present
+        distance; 0 for a carried surface, whose expression jumps with the side of its
+        leader.
         """
         modes, off = self.modes, 0.0
         if arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
@@ -168,9 +170,11 @@ class Switching(Source):
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
-        """Whether a surface that depends on velocities is at its level, to rounding.
+        """Whether forces may hold a rate at 0 from this instant on, at a switch.
 
-        surfaces : those at the instant, with the levels that the state is on.
+        That is so if a surface that depends on velocities, such as that of
+        `sign(x_dot)`, is at its level to rounding. surfaces : those at the instant,
+        with the levels that the state is on.
         """
         modes = self.modes
         if not np.any(modes.on_rates):
