@@ -268,7 +268,8 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     """Return the change of energy by rounding errors of position constraints.
 
     A constraint holds to the rounding error of its residual, and a residual r changes
-    the energy by lambda r. The largest constraint forces bound the multiplier.
+    the energy by lambda r. The multiplier is that which fits the largest constraint
+    forces best: in a corner the force on one coordinate may be 0.
 
     balance : of the energy, with its worst row. state : rounding errors (size,) of the
     state variables.
@@ -286,7 +287,7 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
         if unknown or not set(own) <= set(balance.coordinates):
             continue
         (_, error), *slopes = evaluate_with_error(e.graph, nodes, values)
-        forces = zip(run.monitor.held[own], slopes, strict=True)
-        multipliers = (force / abs(slope) for force, (slope, _) in forces if slope)
-        found += error * float(min(multipliers, default=0.0))
+        sizes = np.abs([slope for slope, _ in slopes])
+        if whole := float(sizes @ sizes):
+            found += error * float(run.monitor.held[own] @ sizes) / whole
     return found
