@@ -8,7 +8,7 @@ An angle is reduced to its difference from the nearest multiple of pi/2, in two 
 by Cody's and Waite's method with pi/2 in three parts; polynomials approximate sine and
 cosine of the reduced angle; the quadrant selects the result (J.-M. Muller, Elementary
 Functions, 3rd ed., sections 11.2 and 10.2). The error is within 1 ulp. Angles above
-LARGEST, inf and nan are passed to the C library.
+LARGEST, inf and nan are passed to the C library, each by itself.
 """
 
 from __future__ import annotations
@@ -349,16 +349,18 @@ define internal {both} @{name}({vector} %x) noinline {{
 %small = fcmp ole {vector} %size, {largest}
 %bits = bitcast <{lanes} x i1> %small to i{lanes}
 %all = icmp eq i{lanes} %bits, -1
+{body}
 br i1 %all, label %usual, label %far
 usual:
-{body}
 %pair = insertvalue {both} undef, {vector} {sines}, 0
 %done = insertvalue {both} %pair, {vector} {cosines}, 1
 ret {both} %done
 far:
 {far}
-%two = insertvalue {both} undef, {vector} {far_sines}, 0
-%given = insertvalue {both} %two, {vector} {far_cosines}, 1
+%s = select <{lanes} x i1> %small, {vector} {sines}, {vector} {far_sines}
+%c = select <{lanes} x i1> %small, {vector} {cosines}, {vector} {far_cosines}
+%two = insertvalue {both} undef, {vector} %s, 0
+%given = insertvalue {both} %two, {vector} %c, 1
 ret {both} %given
 }}
 """
