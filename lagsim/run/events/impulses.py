@@ -72,7 +72,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
         return _response(data_at(arc, state(x[:n])), P, groups)
 
     x = np.append(first.velocities, np.zeros(len(first.rows)))
-    x = _followed(change, x) if function.is_curved else x + change(x)
+    x = _followed(change, x, n) if function.is_curved else x + change(x)
     given, p = x[n:], arc.system.p
     count = len(p.row_impulses)
     laws = given[count : count + len(p.impulses)]  # moreau has no laws
@@ -124,17 +124,18 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
     return JumpImpulses(laws[: len(p.impulses)], given)
 
 
-def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
+def _followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
     """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
-    x, change(x) : ndarray, shape (k,).
+    x, change(x) : ndarray, shape (k,). n : the first n numbers, the velocities, decide
+    the length of steps; the others, impulses of rows, may be rounding alone.
 
     Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations
     I, section II.9.
     """
     done, length = 0.0, 1.0
     while done < 1.0:
-        found, is_close = _extrapolated(change, x, length)
+        found, is_close = _extrapolated(change, x, length, n)
         if is_close:
             x, done = found, done + length
             length = min(2.0 * length, 1.0 - done)
@@ -146,11 +147,12 @@ def _followed(change: Callable[[Floats], Floats], x: Floats) -> Floats:
 
 
 def _extrapolated(
-    change: Callable[[Floats], Floats], x: Floats, length: float
+    change: Callable[[Floats], Floats], x: Floats, length: float, n: int
 ) -> tuple[Floats, bool]:
     """Return x (k,) after one step of a length, and whether its error is negligible.
 
     The equation is x' = change(x), as in `_followed`. length : of the step.
+    n : the first n numbers of x are compared.
     """
     table: list[Floats] = []
     for k, count in enumerate(SUBSTEPS):
@@ -163,8 +165,8 @@ def _extrapolated(
             ratio = (count / SUBSTEPS[k - 1 - j]) ** 2
             row.append(row[j] + (row[j] - table[j]) / (ratio - 1.0))
         if table:
-            error = np.max(np.abs(row[-1] - row[-2]), initial=0.0)
-            scale = np.max(np.abs(row[-1]), initial=0.0)
+            error = np.max(np.abs(row[-1] - row[-2])[:n], initial=0.0)
+            scale = np.max(np.abs(row[-1])[:n], initial=0.0)
             if error <= ERROR * scale:
                 return row[-1], True
         table = row
