@@ -503,7 +503,8 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
         if not change < OVERFLOW:
             return SHORTEST * h
         begins = abs(k[i]) <= 0.1 * abs(slopes[i])
-        turns = i >= s.velocities.stop and k[i] * slopes[i] < 0.0
+        is_state = 0 <= i - s.velocities.stop < s.states  # works follow these
+        turns = is_state and k[i] * slopes[i] < 0.0
         if h * change > s.tolerances[i] and (turns or not begins):
             least = min(
                 least, max(h * abs(k[i]) / change, SHORTEST * h if turns else 0.0)
