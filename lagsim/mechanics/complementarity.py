@@ -72,14 +72,13 @@ from lagsim.mechanics.algebra import (
     least_squares,
     symmetric_band,
 )
+from lagsim.mechanics.lemke import lemke
 from lagsim.tolerances import (
     CONVERGED,
     DEPENDENT_DIRECTIONS,
     DEPENDENT_SQUARE,
     RESIDUAL_ROUNDOFF,
-    SOLUTION_ROUNDOFF,
     SOLVED_LAWS,
-    TABLEAU_ROUNDOFF,
     TERM_ROUNDOFF,
 )
 
@@ -563,8 +562,6 @@ def _smoothed(unit: ComplementarityProblem) -> Floats:
 STEPS = 30
 # Damping factors of a Newton step, in the order of trial.
 PARTS = (1.0, 0.5, 0.25, 0.0625)
-# Newton steps on the central path up to this length, in the local metric, are undamped.
-NEAR_PATH = 0.25
 # A solution larger than the right-hand side by this factor indicates dependent rows.
 FAR = 1e8
 
@@ -688,8 +685,6 @@ class _MultiplierPoint:
 # disc: the second is tried where Newton's method does not converge from the first.
 SIDES = np.array([[1.0], [-1.0]])
 CORNERS = (8, 32)
-# Largest number of pivots per row; in practice a few per row suffice.
-PATIENCE = 50
 
 
 def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
@@ -773,174 +768,3 @@ def _directions(signed: int, spans: list[Floats]) -> tuple[Floats, Floats]:
         owners[j - signed : j - signed + len(d), group] = 1.0
         i, j = i + d.shape[1], j + len(d)
     return N, owners
-
-
-def lemke(M: Floats, q: Floats) -> Floats | None:
-    """Solve w = M z + q; w, z >= 0; w z = 0 by Lemke's method.
-
-    Parameters
-    ----------
-    M : ndarray, shape (n, n)
-        Scaled to entries near 1.
-    q : ndarray, shape (n,)
-
-    Returns
-    -------
-    z : ndarray, shape (n,), or None
-        None where the method ends on a ray, or after PATIENCE n pivots.
-    """
-    n, size = len(q), float(np.abs(q).max(initial=0.0))
-    if not n or float(q.min()) >= 0.0:
-        return np.zeros(n)
-    # Columns: w (the inverse of the basis), z, the artificial variable, q.
-    T = np.hstack([np.eye(n), -M, np.full((n, 1), -1.0), q[:, None] / size])
-    basis = np.arange(n)
-    row = int(np.flatnonzero(T[:, -1] <= T[:, -1].min() + SOLUTION_ROUNDOFF)[-1])
-    entering = 2 * n
-    for _ in range(PATIENCE * n):
-        pivots = T[row] / T[row, entering]
-        T -= np.outer(T[:, entering], pivots)
-        T[row] = pivots
-        leaving, basis[row] = int(basis[row]), entering
-        if leaving == 2 * n:
-            return _on_basis(M, q, basis)
-        entering = leaving + n if leaving < n else leaving - n
-        row = _leaving_row(T, T[:, entering], basis == 2 * n)
-        if row < 0:
-            return None
-    return None
-
-
-# Rates are differences: their rounding error as a part of their terms; and the addition
-# to the diagonal that makes rows independent whose rates differ by rounding.
-RATES_ROUNDOFF, REGULAR = 1e-6, 1e-7
-
-
-def rates_at(
-    D: Floats, c: Floats, noise: Floats, free: list[int], ways: Floats
-) -> tuple[Floats, Floats]:
-    """Solve for the rates x (r,) of multipliers, which decide ties, and w = D x + c.
-
-    A tie is a row with a multiplier at a bound and w = 0.
-
-    Parameters
-    ----------
-    D : ndarray, shape (r, r)
-        Accelerations of the r rows per unit multiplier.
-    c, noise : ndarray, shape (r,)
-        The rates of accelerations at constant multipliers, and their rounding errors.
-    free : list of int
-        Indices of independent rows with w = 0 and x of either sign.
-    ways : ndarray, shape (k, r)
-        The directions in which the k multipliers at a bound leave that bound.
-
-    Returns
-    -------
-    x, w : ndarray, shape (r,)
-        Both 0 where there is no solution; entries of w within rounding are 0.
-    """
-    c = np.where(np.abs(c) > noise, c, 0.0)
-    right = np.column_stack([D, c])
-    hold = least_squares(D[np.ix_(free, free)], right[free], DEPENDENT_SQUARE)
-    G = right - D[:, free] @ hold
-    sizes = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", ways, D, ways), 0.0))
-    N = ways[sizes > 0.0] / sizes[sizes > 0.0, None]
-    M = N @ G[:, :-1] @ N.T + REGULAR * np.eye(len(N))
-    a = lemke(M, N @ np.where(np.abs(G[:, -1]) > noise, G[:, -1], 0.0))
-    if a is None:
-        return np.zeros(len(c)), np.zeros(len(c))
-    x = a @ N
-    x[free] -= hold @ np.append(x, 1.0)
-    w, terms = D @ x + c, np.abs(D) @ np.abs(x) + np.abs(c)
-    return x, np.where(np.abs(w) > noise + RATES_ROUNDOFF * terms, w, 0.0)
-
-
-def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
-    """Return the row of the lexicographic minimum ratio test, or -1 on a ray.
-
-    Parameters
-    ----------
-    T : ndarray, shape (n, 2 n + 2)
-        The tableau.
-    column : ndarray, shape (n,)
-        The entering column.
-    artificial : ndarray of bool, shape (n,)
-        True at the row of the artificial variable, which leaves first at ties.
-    """
-    tied = np.flatnonzero(column > TABLEAU_ROUNDOFF)
-    if not len(tied):
-        return -1
-    ratios = np.maximum(T[tied, -1], 0.0) / column[tied]
-    tied = tied[ratios <= ratios.min() * (1.0 + SOLUTION_ROUNDOFF) + SOLUTION_ROUNDOFF]
-    if artificial[tied].any():
-        return int(tied[artificial[tied]][0])
-    j = 0
-    while len(tied) > 1 and j < len(T):
-        ratios = T[tied, j] / column[tied]
-        tied = tied[ratios <= ratios.min() + SOLUTION_ROUNDOFF]
-        j += 1
-    return int(tied[0])
-
-
-def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
-    """Solve M z + q = 0 for the entries of z in the basis; return z (n,).
-
-    All other entries are 0. basis : indices of basic variables; index n + i is that of
-    z_i. The solution is accurate to rounding.
-    """
-    z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
-    B = M[np.ix_(some, some)]
-    for _ in range(2):
-        z[some] -= least_squares(B, (M @ z + q)[some], DEPENDENT_SQUARE)
-    return np.maximum(z, 0.0)
-
-
-def least_parts(
-    x: Floats, free: Floats, discs: Floats, radii: Floats, pushes: Flags
-) -> Floats:
-    """Minimize the largest |x_g| over discs g among multipliers x + free y (k,).
-
-    x_g| is the norm of the two multipliers of disc g, in parts of their bounds. Newton
-    steps follow the central path of the cones |x_g| < s + radii_g (x - x_0) to the
-    least s, as long as the iterates stay inside the cones to rounding (Y. Nesterov,
-    Lectures on Convex Optimization, 2018, section 5.2).
-
-    Parameters
-    ----------
-    x : ndarray, shape (k,)
-        The initial multipliers x_0.
-    free : ndarray, shape (k, d)
-        The directions in which x may change.
-    discs : ndarray, shape (g, k)
-        For each of g discs, 1 at its rows and 0 elsewhere.
-    radii : ndarray, shape (g, k)
-        The derivatives of the radius of each disc by the multipliers.
-    pushes : ndarray of bool, shape (k,)
-        The multipliers that stay positive.
-    """
-    k, d = free.shape
-    largest = np.sqrt((discs @ x**2).max())
-    G = np.zeros((k + 1, d + 1))  # x and s by y and s
-    G[:k, :d], G[k, d] = free, 1.0
-    u, first, weight = np.append(x, 2.0 * largest), radii @ x, 1.0 / largest
-    grow, signed = np.column_stack([radii, np.ones(len(discs))]), np.flatnonzero(pushes)
-    while weight < 1.0 / CONVERGED:
-        for _ in range(STEPS):
-            r = grow @ u - first
-            left = r * r - discs @ u[:k] ** 2
-            if not min(r.min(), left.min(), u[signed].min(initial=1.0)) > 0.0:
-                return x
-            x, inverse = u[:k], 1.0 / left[:, None]
-            R, P = grow @ G, G[signed] / u[signed, None]
-            C = 2.0 * inverse * ((discs * x) @ G[:k] - r[:, None] * R)
-            slope = C.sum(axis=0) - P.sum(axis=0)
-            slope[d] += weight
-            bend = 2.0 * (G[:k].T * (inverse.T @ discs)) @ G[:k]
-            bend += C.T @ C + P.T @ P - 2.0 * (inverse * R).T @ R
-            step = -np.linalg.lstsq(bend, slope, rcond=None)[0]
-            size = np.sqrt(max(0.0, -slope @ step))
-            u = u + G @ step / (1.0 + size if size > NEAR_PATH else 1.0)
-            if size <= NEAR_PATH:
-                break
-        weight *= 10.0
-    return x

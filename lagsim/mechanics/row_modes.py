@@ -18,12 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.algebra import least_squares
-from lagsim.mechanics.complementarity import (
-    RATES_ROUNDOFF,
-    Solution,
-    rates_at,
-    solved_regular,
-)
+from lagsim.mechanics.complementarity import Solution, solved_regular
+from lagsim.mechanics.lemke import RATES_ROUNDOFF, rates_at
 from lagsim.mechanics.rows import Mode
 from lagsim.mechanics.sharing import (
     ContactRows,

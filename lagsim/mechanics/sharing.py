@@ -18,14 +18,19 @@ import numpy as np
 
 from lagsim.mechanics.algebra import Span, least_squares, null_space
 from lagsim.mechanics.complementarity import (
+    STEPS,
     ComplementarityProblem,
     Solution,
     coupled_groups,
     is_regular,
-    least_parts,
     solve,
 )
-from lagsim.tolerances import ACCELERATION_ROUNDOFF, DEPENDENT_ROWS, SETTLED_IMPULSE
+from lagsim.tolerances import (
+    ACCELERATION_ROUNDOFF,
+    CONVERGED,
+    DEPENDENT_ROWS,
+    SETTLED_IMPULSE,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
@@ -35,6 +40,8 @@ if TYPE_CHECKING:
 # Friction up to this part of its bound is shared well enough. Close to its bound each
 # small growth of a load would end a mode, and begin another one.
 INSIDE = 0.5
+# Newton steps on the central path up to this length, in the local metric, are undamped.
+NEAR_PATH = 0.25
 
 
 @dataclass(frozen=True)
@@ -356,3 +363,54 @@ def _spread(
     if not part < most:
         return None
     return solution._replace(p=eased, w=np.where(rests, 0.0, solution.w))
+
+
+def least_parts(
+    x: Floats, free: Floats, discs: Floats, radii: Floats, pushes: Flags
+) -> Floats:
+    """Minimize the largest |x_g| over discs g among multipliers x + free y (k,).
+
+    |x_g| is the norm of the two multipliers of disc g, in parts of their bounds. Newton
+    steps follow the central path of the cones |x_g| < s + radii_g (x - x_0) to the
+    least s, as long as the iterates stay inside the cones to rounding (Y. Nesterov,
+    Lectures on Convex Optimization, 2018, section 5.2).
+
+    Parameters
+    ----------
+    x : ndarray, shape (k,)
+        The initial multipliers x_0.
+    free : ndarray, shape (k, d)
+        The directions in which x may change.
+    discs : ndarray, shape (g, k)
+        For each of g discs, 1 at its rows and 0 elsewhere.
+    radii : ndarray, shape (g, k)
+        The derivatives of the radius of each disc by the multipliers.
+    pushes : ndarray of bool, shape (k,)
+        The multipliers that stay positive.
+    """
+    k, d = free.shape
+    largest = np.sqrt((discs @ x**2).max())
+    G = np.zeros((k + 1, d + 1))  # x and s by y and s
+    G[:k, :d], G[k, d] = free, 1.0
+    u, first, weight = np.append(x, 2.0 * largest), radii @ x, 1.0 / largest
+    grow, signed = np.column_stack([radii, np.ones(len(discs))]), np.flatnonzero(pushes)
+    while weight < 1.0 / CONVERGED:
+        for _ in range(STEPS):
+            r = grow @ u - first
+            left = r * r - discs @ u[:k] ** 2
+            if not min(r.min(), left.min(), u[signed].min(initial=1.0)) > 0.0:
+                return x
+            x, inverse = u[:k], 1.0 / left[:, None]
+            R, P = grow @ G, G[signed] / u[signed, None]
+            C = 2.0 * inverse * ((discs * x) @ G[:k] - r[:, None] * R)
+            slope = C.sum(axis=0) - P.sum(axis=0)
+            slope[d] += weight
+            bend = 2.0 * (G[:k].T * (inverse.T @ discs)) @ G[:k]
+            bend += C.T @ C + P.T @ P - 2.0 * (inverse * R).T @ R
+            step = -np.linalg.lstsq(bend, slope, rcond=None)[0]
+            size = np.sqrt(max(0.0, -slope @ step))
+            u = u + G @ step / (1.0 + size if size > NEAR_PATH else 1.0)
+            if size <= NEAR_PATH:
+                break
+        weight *= 10.0
+    return x

@@ -198,31 +198,31 @@ class _Search:
         """Return the indicators of terms whose varying arguments are among `names`."""
         if not self.ops & MAY_BE_LOCALIZED:
             return []
-        those = self.g.dependent(self.nodes, names)
+        varying = self.g.dependent(self.nodes, names)
         found: dict[Indicator, None] = {}
         for n in self.cone:
-            if n in those:
-                found |= dict.fromkeys(self._of(n, those))
+            if n in varying:
+                found |= dict.fromkeys(self._of(n, varying))
         return list(found)
 
-    def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Return the indicators of node n, for those of its arguments in `those`.
+    def _of(self, n: int, varying: set[int]) -> list[Indicator]:
+        """Return the indicators of node n, for its arguments in `varying`.
 
-        those : the nodes that depend on the variables of the search.
+        varying : the nodes that depend on the variables of the search.
         """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
             found = self._product(n) if self.ops & {"exp", "pow"} else []
             # A root has an indicator of its own.
-            watched = op == "div" and args[1] in those and g.ops[args[1]] != "sqrt"
+            watched = op == "div" and args[1] in varying and g.ops[args[1]] != "sqrt"
             if watched and not _never_small(g, args[1]):
                 found.append(Indicator(args[1], SMALL))
             return found
         if op in ("add", "sub"):
             return self._sum(args) if "exp" in self.ops else []
         if op == ELEMENTS:
-            return self._members(n, those)
-        if not args or args[0] not in those:
+            return self._members(n, varying)
+        if not args or args[0] not in varying:
             return []
         if op == "pow":
             return self._power(n)
@@ -231,13 +231,13 @@ class _Search:
             found = [Indicator(x, LARGEST) for x in (args[0], g.call("neg", args[0]))]
         return found + [Indicator(args[0], kind) for kind in ACTS_WHERE.get(op, ())]
 
-    def _members(self, n: int, those: set[int]) -> list[Indicator]:
+    def _members(self, n: int, varying: set[int]) -> list[Indicator]:
         """Return the indicators of the terms of elements, each for all members.
 
-        n : the node of the elements. those : see `_of`.
+        n : the node of the elements. varying : see `_of`.
         """
         g, of, args = self.g, payload(self.g, n), self.g.args[n][1:]
-        some = [k for k, a in enumerate(args) if a in those]
+        some = [k for k, a in enumerate(args) if a in varying]
         own = [x for x in of.slots if of.reads(x, frozenset(some))]
         names = [str(of.graph.payload(x.node)) for x in own]
         found = _Search(of.graph, [o.node for o in of.outputs], names, {}).among(names)

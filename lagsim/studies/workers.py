@@ -185,12 +185,12 @@ def _watch(stop: connection.Connection) -> None:
         _ASKED.stop()
         if _PROMPT is not None:
             signal.pthread_kill(threading.main_thread().ident or 0, _PROMPT)
-        _wait_for_what_is_kept(parent.sentinel)
+        _wait_for_writers(parent.sentinel)
     files.remove_passing()
     os._exit(1)
 
 
-def _wait_for_what_is_kept(parent: int) -> None:
+def _wait_for_writers(parent: int) -> None:
     """Wait while files are being written, for GRACE_SECONDS at most.
 
     The wait ends earlier if the parent process ends, whose handle is `parent`.

@@ -506,9 +506,8 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
         is_state = 0 <= i - s.velocities.stop < s.states  # works follow these
         turns = is_state and k[i] * slopes[i] < 0.0
         if h * change > s.tolerances[i] and (turns or not begins):
-            least = min(
-                least, max(h * abs(k[i]) / change, SHORTEST * h if turns else 0.0)
-            )
+            found = h * abs(k[i]) / change
+            least = min(least, max(found, SHORTEST * h) if turns else found)
     return least
 
 

@@ -44,9 +44,9 @@ _INTRINSIC = re.compile(r"@llvm\.(\w+)\.f64")
 
 # Transposition of rows into lanes, and back, four numbers at a time; the last four may
 # overlap those before.
-_TRANSPOSITIONS = """\
-define internal void @rows.to.lanes(ptr %r.0, ptr %r.1, ptr %r.2, ptr %r.3,
-                                    ptr %lanes, i64 %width) {{
+_TRANSPOSITION = """\
+define internal void @{name}(ptr %r.0, ptr %r.1, ptr %r.2, ptr %r.3,
+                             ptr %lanes, i64 %width) {{
 entry:
 %last = sub i64 %width, 4
 br label %each
@@ -54,27 +54,7 @@ each:
 %k = phi i64 [0, %entry], [%next, %each]
 %late = icmp sgt i64 %k, %last
 %at = select i1 %late, i64 %last, i64 %k
-{load_rows}
-{transposed}
-{store_lanes}
-%next = add i64 %k, 4
-%again = icmp slt i64 %next, %width
-br i1 %again, label %each, label %end
-end:
-ret void
-}}
-define internal void @lanes.to.rows(ptr %r.0, ptr %r.1, ptr %r.2, ptr %r.3,
-                                    ptr %lanes, i64 %width) {{
-entry:
-%last = sub i64 %width, 4
-br label %each
-each:
-%k = phi i64 [0, %entry], [%next, %each]
-%late = icmp sgt i64 %k, %last
-%at = select i1 %late, i64 %last, i64 %k
-{load_lanes}
-{transposed}
-{store_rows}
+{body}
 %next = add i64 %k, 4
 %again = icmp slt i64 %next, %width
 br i1 %again, label %each, label %end
@@ -281,10 +261,13 @@ def _transpositions() -> str:
         shuffled("%z.0", "%y.0", "%y.2", near), shuffled("%z.1", "%y.1", "%y.3", near),
         shuffled("%z.2", "%y.0", "%y.2", far), shuffled("%z.3", "%y.1", "%y.3", far),
     ]  # fmt: skip
-    return _TRANSPOSITIONS.format(
-        load_rows="\n".join([*rows, *moved("load", "p")]),
-        store_lanes="\n".join([*lanes, *moved("store", "l")]),
-        load_lanes="\n".join([*lanes, *moved("load", "l")]),
-        store_rows="\n".join([*rows, *moved("store", "p")]),
-        transposed="\n".join(transposed),
+    bodies = {
+        "rows.to.lanes": [*rows, *moved("load", "p"), *transposed, *lanes],
+        "lanes.to.rows": [*lanes, *moved("load", "l"), *transposed, *rows],
+    }
+    bodies["rows.to.lanes"] += moved("store", "l")
+    bodies["lanes.to.rows"] += moved("store", "p")
+    return "\n".join(
+        _TRANSPOSITION.format(name=name, body="\n".join(lines))
+        for name, lines in bodies.items()
     )

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from lagsim.methods.parts.truth import LEAST
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
@@ -19,9 +21,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
 
-# Least distance of a condition's value from 0 after an impact; smaller than any other
-# distance, and not 0.
-LEAST = 1e-250
 # Time after the start, as a part of the output step, at which jumps show. Positions
 # that accelerations alone separate must differ in doubles at `PART` of this time.
 SOON = 2.0**-30
