@@ -396,13 +396,14 @@ def bound_by_others(
     """Raise tolerances of states and works to the effect of other components' errors.
 
     A state that follows a constrained coordinate, or the power on it, has no scale but
-    the tolerance of that coordinate; another state may follow this state. Each state is
+    the tolerance of that coordinate; another state may follow this state. A state with
+    a range of its own, far above these errors, keeps its tolerance. Each state is
     raised at most once in a step, by coordinates and velocities first, then by states
     that were raised before: the error of a stiff state does not raise its own
     tolerance, nor that of others in a cycle, since an implicit method damps it. h, new,
     k : see `allow_roundoff`.
     """
-    first, waits = s.velocities.stop, s.far_before
+    first, waits, own = s.velocities.stop, s.far_before, sqrt(float(s.rtol))
     for i in range(s.size):
         waits[i] = 0.0 if i < first else 1.0
         s.work[i] = s.y[i]
@@ -415,6 +416,9 @@ def bound_by_others(
         grown = 0
         for i in range(first, s.size):
             change = abs(s.spare[i] - k[i]) * waits[i]
+            width = max(s.high[i], new[i]) - min(s.low[i], new[i])
+            if i < first + s.states and not h * change > own * width:
+                continue
             if change < OVERFLOW and h * change > 2.0 * s.tolerances[i]:
                 grown += 1
                 waits[i] = 0.0
