@@ -640,7 +640,7 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
     struck = {laws[k].constraint for k in approach if laws[k].kind is Kind.CONTACT}
     if struck:
         hit = impact(before.closed, rates, rounding)
-        point = point.at(v=point.v + before.answer.response @ hit.impulses)
+        point = point.at(v=point.v + before.delassus.response @ hit.impulses)
         terms = np.abs(before.closed.D) @ np.abs(hit.impulses) + np.abs(rates)
         rates, rounding = hit.after, rounding + RESIDUAL_ROUNDOFF * terms
     parts = [k for k, high in zip(chosen, rates > rounding, strict=True) if high]
@@ -709,7 +709,7 @@ class _LawValues:
         rounding = CAUTION * point.rounding(nodes)
         self.rounding = np.maximum(rounding, CONVERGED * np.array(bodies))
         self.R = point.jacobian(self.rows)
-        self.answer = answer = delassus(point.mass_matrix, point.gradients, self.R)
+        self.delassus = matrix = delassus(point.mass_matrix, point.gradients, self.R)
         g = point.g
         bounces = [
             g.constant(x.restitution) if x.bounce is None else x.bounce for x in laws
@@ -717,8 +717,8 @@ class _LawValues:
         limits = ([x.bound for x in laws], [x.static for x in laws])
         bounds, statics = (np.maximum(point.array(x), 0.0) for x in limits)
         self.closed = Closed(
-            RowTable.of(point.e.laws).part(chosen), answer.D, bounds, statics,
-            point.array(bounces), answer.factor,
+            RowTable.of(point.e.laws).part(chosen), matrix.D, bounds, statics,
+            point.array(bounces), matrix.factor,
         )  # fmt: skip
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:

@@ -210,7 +210,7 @@ class Arc(NamedTuple):
         return self.system.p.sliding > 0.0
 
     @property
-    def moment(self) -> float:
+    def short_time(self) -> float:
         """Short time interval over which rates of forces are computed."""
         return SOON * self.state.row_step
 

@@ -82,7 +82,7 @@ class Outline:
         (self.x, self.c), self.names, self.signs = content, write.names, signs
         self.write = write
         self.is_long = "separated" in self.c
-        self.families = Families(self.x, found=self.is_long)
+        self.families = Families(self.x, merged=self.is_long)
         self.coordinates = [self.show(q.name) for q in self.x.q]
         self.lines: list[str] = []
 
@@ -643,7 +643,7 @@ class Families:
     ----------
     x
         The symbols of a model; symbols with an index letter are added to it.
-    found
+    merged
         Whether families are merged; else each row and each term is separate.
 
     Attributes
@@ -652,8 +652,8 @@ class Families:
         Index letters: in rows, and in sums.
     """
 
-    def __init__(self, x: Translation, *, found: bool = True) -> None:
-        self.x, self.found = x, found
+    def __init__(self, x: Translation, *, merged: bool = True) -> None:
+        self.x, self.merged = x, merged
         free = [c for c in LETTERS_OF_MEMBERS if c not in x.own_names]
         self.letter, self.other = (*free, *LETTERS_OF_MEMBERS)[:2]
         bases = {name.base for name in x.names.values()}
@@ -662,7 +662,7 @@ class Families:
     def member_of(self, name: PrintedName) -> int | None:
         """Return the number of the member that a name denotes, or None."""
         found = _NUMBER.search(name.base)
-        if found is None or not self.found:
+        if found is None or not self.merged:
             return None
         alike = self._stems[_NUMBER.sub("", name.base, count=1)]
         return int(found[2]) if found[1] or alike > FEW else None
@@ -727,7 +727,7 @@ class Families:
 
     def sums(self, e: Any) -> Any:
         """Return an expression with the terms of a family as a sum over its members."""
-        if e.is_Atom or not self.found:
+        if e.is_Atom or not self.merged:
             return e
         args = tuple(map(self.sums, e.args))
         if not e.is_Add:

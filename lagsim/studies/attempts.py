@@ -619,7 +619,7 @@ class Attempts:
             return attempt
         reason = f"from t = {finding.time:.9g} on the rows are not valid: "
         reason += finding.text
-        if finding.parts:
+        if finding.violates_constraint:
             attempt = self._made(up_to(attempt.session, finding.time), attempt.bar)
             end = attempt.trajectory.end
             reason += f"; the last row, at t = {end:.9g}, satisfies it"

@@ -591,8 +591,8 @@ def _blow(
         The corners of equalities at which the velocity across the surface is stopped,
         too.
     """
-    reply = here.reply_in(stopped) if stopped else here.shape.reply
-    problem, response = here.problem(some, e, reply)
+    matrix = here.delassus_in(stopped) if stopped else here.shape.delassus
+    problem, response = here.problem(some, e, matrix)
     if held:
         problem = replace(problem, table=problem.table.held(held))
     rates, y = here.rates[some], here.y.copy()

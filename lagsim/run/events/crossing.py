@@ -857,7 +857,7 @@ class Crossing:
         p : ndarray, shape (r,)
             Multipliers of the laws.
         """
-        modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.moment
+        modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.short_time
         self._share(w)
         if not self.laws:
             y = arc.y + moment * modes.rates(arc.t, arc.y)

@@ -73,7 +73,7 @@ class MassAndRows:
         return known[:2] == (n, laws) and np.array_equal(known[2], numbers)
 
     @cached_property
-    def reply(self) -> Delassus:
+    def delassus(self) -> Delassus:
         """Delassus matrix of the laws, with the equalities in force."""
         return delassus(self.M, self.equalities, self.rows)
 
@@ -89,30 +89,30 @@ class MassAndRows:
         """
         if len(some) == 1:
             [k] = some
-            own = self.reply.D[k, k]
-            return self.reply.response[:, k] * (rates[0] / own if own > 0.0 else 0.0)
-        D = self.reply.D[np.ix_(some, some)]
+            own = self.delassus.D[k, k]
+            return self.delassus.response[:, k] * (rates[0] / own if own > 0.0 else 0.0)
+        D = self.delassus.D[np.ix_(some, some)]
         found = solved_regular(D, rates)
         if found is None:
             found = least_squares(D, rates, None)
-        return self.reply.response[:, some] @ found
+        return self.delassus.response[:, some] @ found
 
     def linked(self, k: int) -> list[int]:
         """Return the laws whose rates an impulse of law k changes; memoized."""
         found = self._links.get(k)
         if found is None:
-            found = self._links[k] = np.flatnonzero(self.reply.D[k]).tolist()
+            found = self._links[k] = np.flatnonzero(self.delassus.D[k]).tolist()
         return found
 
     @cached_property
     def coupling(self) -> Floats:
         """The sizes |D_ij| (L, L) of the elements of the Delassus matrix."""
-        return np.abs(self.reply.D)
+        return np.abs(self.delassus.D)
 
     @cached_property
     def spread(self) -> Floats:
         """The sizes (n, L) of the accelerations of coordinates per multiplier."""
-        return np.abs(self.reply.response)
+        return np.abs(self.delassus.response)
 
 
 # The last few `MassAndRows`, from the latest on: they change seldom.
@@ -270,7 +270,7 @@ class Kinematics:
 
         closed : whether each law is closed; the estimate is 0 for all others.
         """
-        table, own = self.table, self.shape.reply.D.diagonal()
+        table, own = self.table, self.shape.delassus.D.diagonal()
         balancing = self.forces / np.where(own > 0.0, own, np.inf)
         most = np.where(closed, np.where(table.bounded, self.statics, balancing), 0.0)
         if table.has_slips:
@@ -373,8 +373,8 @@ class Kinematics:
         least, arc = self._bound_roundoff[k], self.arc
         if self.bounds[k] < -least or k not in met or not self.t < arc.settings.end:
             return bool(self.bounds[k] < -least)
-        soon = arc.later(self.y, self.free, arc.moment)
-        return bool(self._free(self.t + arc.moment, soon)[2][k] < -least)
+        soon = arc.later(self.y, self.free, arc.short_time)
+        return bool(self._free(self.t + arc.short_time, soon)[2][k] < -least)
 
     @cached_property
     def _bound_roundoff(self) -> Floats:
@@ -451,19 +451,19 @@ class Kinematics:
         return field if along is None else along
 
     @cached_property
-    def answer(self) -> Delassus:
+    def delassus_of_forces(self) -> Delassus:
         """Accelerations of the laws per unit multiplier, along the surfaces followed.
 
         Forces act along with the forces that keep the motion on these surfaces.
-        Impulses do not: for impulses see `MassAndRows.reply`.
+        Impulses do not: for impulses see `MassAndRows.delassus`.
         """
         shape = self.shape
         if not self.arc.system.p.sliding:
-            return shape.reply
+            return shape.delassus
         rows = np.vstack([shape.equalities, self._along()])
         return delassus(shape.M, rows, shape.rows)
 
-    def reply_in(self, corners: Collection[int]) -> Delassus:
+    def delassus_in(self, corners: Collection[int]) -> Delassus:
         """Return the accelerations of the laws per multiplier in corners of equalities.
 
         corners : the numbers of the surfaces at which the equalities hold the motion.
@@ -603,7 +603,7 @@ class Kinematics:
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of the laws `others` change the rate of law k."""
-        D, some = self.shape.reply.D, sorted(others)
+        D, some = self.shape.delassus.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
         return bool(
             np.any(np.abs(D[k, some]) > SOLUTION_ROUNDOFF * sizes[k] * sizes[some])
@@ -622,7 +622,7 @@ class Kinematics:
         return [bool(left <= HALF_OF_DIGITS) for left in outside]
 
     def problem(
-        self, some: Sequence[int], restitutions: Floats, reply: Delassus
+        self, some: Sequence[int], restitutions: Floats, matrix: Delassus
     ) -> tuple[Closed, Floats]:
         """Return r laws as the rows of a contact problem, and their response (n, r).
 
@@ -632,17 +632,17 @@ class Kinematics:
             The numbers of the r laws.
         restitutions : ndarray, shape (r,)
             Their coefficients of restitution.
-        reply
+        matrix
             The accelerations of all laws per unit multiplier.
         """
         # All laws, the usual case, need no copies.
         if len(some) == self.count:
-            D, response, factor = reply
+            D, response, factor = matrix
             own, limits = self.table, (self.bounds, self.statics)
         else:
             at = np.array(some, dtype=int)
-            D, factor = reply.D[at[:, None], at], reply.factor[:, at]
-            response, own = reply.response[:, at], self.table.part(some)
+            D, factor = matrix.D[at[:, None], at], matrix.factor[:, at]
+            response, own = matrix.response[:, at], self.table.part(some)
             limits = self.bounds[at], self.statics[at]
         return Closed(own, D, *limits, restitutions, factor), response
 
@@ -653,7 +653,9 @@ class Kinematics:
         instant at which they reached the end of their mode
         (`mechanics.row_modes.modes`).
         """
-        closed, response = self.problem(some, np.zeros(len(some)), self.answer)
+        closed, response = self.problem(
+            some, np.zeros(len(some)), self.delassus_of_forces
+        )
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
         return Acting(
             closed, self.rates[some], self.roundoff[some], slow[some],

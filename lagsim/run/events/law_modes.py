@@ -55,7 +55,7 @@ def _state_after(
     the multipliers of these laws. here : all laws at the state now.
     """
     rates = free.copy()
-    rates[here.arc.velocities] += here.answer.response[:, some] @ p
+    rates[here.arc.velocities] += here.delassus_of_forces.response[:, some] @ p
     return here.arc.later(here.y, rates, moment)
 
 
@@ -81,7 +81,7 @@ def ahead_of(
     kept_on : sequence of int
         Laws that stay in their modes, and are not coupled with the laws `some`.
     """
-    moment = here.arc.moment
+    moment = here.arc.short_time
 
     def change(p: Floats) -> tuple[Floats, Floats]:
         free = here.moved_by(kept_on) if len(kept_on) else here.free
@@ -91,7 +91,10 @@ def ahead_of(
         for x in here, later:
             part, known = np.ones(len(some)), here.bounds[some] > 0.0
             part[known] = x.bounds[some][known] / here.bounds[some][known]
-            D, response = x.answer.D[np.ix_(some, some)], x.answer.response[:, some]
+            D, response = (
+                x.delassus_of_forces.D[np.ix_(some, some)],
+                x.delassus_of_forces.response[:, some],
+            )
             more = others(x, response @ (part * p))
             w.append(np.append(more, x.accelerations[some] + D @ (part * p)))
         return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
@@ -159,7 +162,7 @@ class Chosen(NamedTuple):
         r = len(some)
         mode[some] = [float(x) for x in found.mode[:r]]
         direction[some] = found.direction[:r]
-        D = here.answer.D.diagonal()[some]
+        D = here.delassus_of_forces.D.diagonal()[some]
         return cls(
             mode, direction, some, found.multipliers[:r], D, found.paradox, found.open
         )
@@ -236,7 +239,7 @@ def kept_on_by(
     acts = np.zeros(here.count, dtype=bool)
     acts[some] = True
     margins = arc.runner.event_functions(arc.t, here.y)[arc.system.surfaces :]
-    own = here.answer.D.diagonal()
+    own = here.delassus_of_forces.D.diagonal()
     balance = here.pushes / np.where(own > 0.0, own, np.inf)
     holds, slides = p.law_mode == kept.HELD, p.law_mode == kept.SLIDING
     least = np.where(holds, HALF_OF_DIGITS * balance, CLEAR_OF_ROUNDING * here.still)
@@ -328,7 +331,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     rubs : float
         Deceleration of the slip by its friction.
     """
-    moment, steady = here.arc.moment, here.arc.settings.end - here.t
+    moment, steady = here.arc.short_time, here.arc.settings.end - here.t
     while moment < steady:
         y = _state_after(here, here.free, found.some, found.multipliers, moment)
         later = here.at(y, here.t + moment)
@@ -350,7 +353,7 @@ def set_slack(here: Kinematics, found: Chosen) -> None:
     slack, table, mode = p.slack[K:], here.table, found.mode
     slack[:] = 0.0
     size, band, rounding = np.zeros((3, here.count))
-    pushed = here.answer.D.diagonal()
+    pushed = here.delassus_of_forces.D.diagonal()
     if (held := (mode == kept.HELD) & (pushed > 0.0)).any():
         size[held] = band[held] = here.roundoff[held] / pushed[held]
     slides = (mode == kept.SLIDING) & ~held

@@ -196,7 +196,7 @@ class _Sliders:
             if before == self.sliding:
                 break
         if len(self.sliding) < len(edge):
-            self.sliding = self._slipping(edge, self.arc.moment)
+            self.sliding = self._slipping(edge, self.arc.short_time)
 
     def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
         """Return the sliders of `edge` that slide, now or at a time `later` from now.

@@ -85,7 +85,7 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
         The time in which forces change by as much as friction.
     """
     lasts, p, rows = _longest(here, steady), here.arc.system.p, pairs.ravel()
-    D = here.answer.D[np.ix_(rows, rows)]
+    D = here.delassus_of_forces.D[np.ix_(rows, rows)]
     found = None
     for halvings in range(HALVINGS):
         with TrialModes(p):
@@ -160,7 +160,9 @@ def _collocated(
     rates, slip = np.empty((len(nodes), size)), np.empty((len(nodes), count, 2))
     tolerance = float(arc.plan.tolerance)
     # Rounding of states: the friction of each slip rounds, also where the sum cancels.
-    pushed = np.abs(here.answer.response[:, pairs.ravel()]) @ np.repeat(friction, 2)
+    pushed = np.abs(here.delassus_of_forces.response[:, pairs.ravel()]) @ np.repeat(
+        friction, 2
+    )
     rounding = SUM_ROUNDOFF * here.seen
     rounding[arc.velocities] += SUM_ROUNDOFF * lasts * pushed
     rounding[arc.state.positions] += SUM_ROUNDOFF * lasts**2 * pushed

@@ -53,14 +53,14 @@ class Finding(NamedTuple):
     refutes : bool
         Whether the rows are certainly no motion of the model; else a further run
         decides.
-    parts : bool
+    violates_constraint : bool
         Whether a constraint is not satisfied.
     """
 
     text: str
     time: float
     refutes: bool
-    parts: bool = False
+    violates_constraint: bool = False
 
 
 def up_to(session: Session, time: float) -> Session:
@@ -100,7 +100,11 @@ def _unsatisfied(run: Evidence) -> Finding | None:
     name, worst = found
     text = f"constraint `{name}` is off by {worst:.2g} of its scale"
     since = run.residuals.constraint_since(name, SATISFIED)
-    return None if since is None else Finding(text, since, refutes=True, parts=True)
+    return (
+        None
+        if since is None
+        else Finding(text, since, refutes=True, violates_constraint=True)
+    )
 
 
 def _off(run: Evidence, balance: Balance) -> Finding | None:
