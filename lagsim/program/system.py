@@ -812,12 +812,13 @@ class Runner:
         finish = self.at_instants["finish"]
         finish(state.address, self.system.p.address, float(whole))
 
-    def shown(self, count: int) -> Floats:
+    def shown(self, count: int, out: Floats | None = None) -> Floats:
         """Return the table's columns (count, columns) for rows of the block.
 
-        count : the number of rows, from the first on.
+        count : the number of rows, from the first on. out : contiguous memory for the
+        columns, (count, columns); by default new memory.
         """
-        return self._columns_of(self._rows, count, self._width - 1)
+        return self._columns_of(self._rows, count, self._width - 1, out)
 
     def tabulate(self, states: Floats) -> Floats:
         """Return the columns (rows, columns) of `states` (rows, 1 + size)."""
@@ -825,8 +826,11 @@ class Runner:
         count, width = states.shape
         return self._columns_of(states.ctypes.data, count, width - 1)
 
-    def _columns_of(self, states: int, count: int, size: int) -> Floats:
-        out = np.empty((count, self._columns))
+    def _columns_of(
+        self, states: int, count: int, size: int, out: Floats | None = None
+    ) -> Floats:
+        if out is None:
+            out = np.empty((count, self._columns))
         if count:
             self._tabulate(
                 states, count, size, self.system.p.address, address(out), self._columns

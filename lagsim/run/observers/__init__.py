@@ -194,6 +194,14 @@ class Moments:
             self._interrupt.stop()
 
 
+def extremes_of(columns: Floats) -> tuple[Floats, Floats]:
+    """Return the least and the greatest value of each column, ignoring nan.
+
+    columns : ndarray, shape (columns, rows).
+    """
+    return np.fmin.reduce(columns, axis=1), np.fmax.reduce(columns, axis=1)
+
+
 class Extremes:
     """Last row, and least and greatest value of each column, ignoring nan.
 
@@ -228,8 +236,9 @@ class Extremes:
         if not len(rows):
             return
         columns = np.ascontiguousarray(rows[:, : self._columns].T)
-        self.low = np.fmin(self.low, np.fmin.reduce(columns, axis=1))
-        self.high = np.fmax(self.high, np.fmax.reduce(columns, axis=1))
+        low, high = extremes_of(columns)
+        self.low = np.fmin(self.low, low)
+        self.high = np.fmax(self.high, high)
         self.end = columns[:, -1].copy()
         self.last = float(self.end[0])
         self.rows += len(rows)

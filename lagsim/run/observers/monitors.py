@@ -202,14 +202,14 @@ def energy_in_play(
     between_rows : float
         Largest energy at the ends of steps.
     """
-    if not np.isfinite(low[places["energy"]]):
+    if not math.isfinite(low[places["energy"]]):
         return 0.0
-    found = [high[k] - low[k] for name, k in places.items() if name != "energy"]
+    found = [float(high[k] - low[k]) for name, k in places.items() if name != "energy"]
     if math.isfinite(between_rows):
         found.append(between_rows)
     k = places["kinetic" if "kinetic" in places else "energy"]
-    found.append(max(abs(high[k]), abs(low[k])))
-    return float(np.max(found))
+    found.append(float(max(abs(high[k]), abs(low[k]))))
+    return math.nan if any(map(math.isnan, found)) else max(found)
 
 
 class EnergyMonitor:

@@ -12,6 +12,8 @@ constraint is not satisfied, if its repeat disagrees, or if `refusal` rejects th
 from __future__ import annotations
 
 import contextlib
+import functools
+import math
 import re
 import zlib
 from typing import TYPE_CHECKING, NamedTuple
@@ -29,7 +31,7 @@ from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run, statistics_of
 from lagsim.run.interrupt import ASKED
-from lagsim.run.observers import Extremes, Measures
+from lagsim.run.observers import Extremes, Measures, extremes_of
 from lagsim.run.observers.monitors import MOST_ROWS, energy_in_play, energy_parts
 from lagsim.run.session import wanted
 from lagsim.run.trajectory import Outcome, Trajectory
@@ -341,12 +343,34 @@ class Batch:
         return kept
 
 
+def _largest(operation: np.ufunc, a: Floats, b: Floats, out: Floats) -> Floats:
+    """Return the largest absolute value (k,) of each row of operation(a, b), (k, rows).
+
+    out : memory for the result of the operation, (k, rows).
+    """
+    largest: Floats = np.maximum.reduce(np.abs(operation(a, b, out), out), axis=1)
+    return largest
+
+
+@functools.lru_cache(maxsize=8)
+def _spans(order: tuple[int, ...]) -> list[tuple[slice, slice]]:
+    """Return the runs of consecutive numbers: places in `order`, and these numbers."""
+    first = [k for k, x in enumerate(order) if k == 0 or x != order[k - 1] + 1]
+    ends = [*first[1:], len(order)]
+    return [
+        (slice(a, b), slice(order[a], order[b - 1] + 1))
+        for a, b in zip(first, ends, strict=True)
+    ]
+
+
 def satisfied(session: Session, rows: Floats) -> Flags:
     """Return marks (k,) of the rows in which all constraints are satisfied.
 
     rows : (k, columns).
     """
     names, held = session.columns.names, session.equations.rows
+    if not held:
+        return np.ones(len(rows), dtype=bool)
     off = [names.index(RESIDUAL.of(row.name)) for row in held]
     scales = [names.index(f"scale:{row.name}") for row in held]
     within: Flags = np.all(np.abs(rows[:, off]) <= SATISFIED * rows[:, scales], axis=1)
@@ -391,6 +415,10 @@ class Ensemble:
         run.begin()
         self.arc = run.arc
         self._start = run.arc.state.copy()
+        # Memory of the rows of a run, and of its columns, which all runs share: new
+        # memory for each would be cleared page by page.
+        self._table = np.empty((0, session.system.rows_observed))
+        self._columns = np.empty(0)
         self.prepare({})
 
     def prepare(self, parameters: Mapping[str, Floats]) -> None:
@@ -440,27 +468,52 @@ class Ensemble:
     def table(self, k: int, start: Floats, longest: float = 0.0) -> Floats | None:
         """Return the rows (rows, columns) of run k, from `start` (2 n + l,).
 
-        The last row is at the end. None if the run takes so many steps that a separate
-        run would have the source of an event examine these.
+        The last row is at the end. The rows are valid until the next run. None if the
+        run takes so many steps that a separate run would have the source of an event
+        examine these.
 
         longest : the longest step; 0 for no limit.
         """
         self.begin(k, start)
-        state, runner, tables = self.arc.state, self.arc.runner, list["Floats"]()
+        state, runner = self.arc.state, self.arc.runner
         state.longest = longest
-        code = BLOCK_FULL
+        code, filled = BLOCK_FULL, 0
         while code == BLOCK_FULL and state.steps < ASKED:
             code = runner.advance(state, LONG, ASKED)
             count = int(state.emitted)
             if code == ENDED and count < len(runner.block):
                 runner.block[count, 0], runner.block[count, 1:] = state.t, state.y
                 count += 1
-            tables.append(runner.shown(count))
+            runner.shown(count, self._room(filled, count))
+            filled += count
         if code != ENDED or state.steps >= ASKED:
             return None
-        if tables[-1][-1, 0] < state.t:
-            tables.append(runner.tabulate(self.arc.row()))
-        return tables[0] if len(tables) == 1 else np.concatenate(tables)
+        if self._table[filled - 1, 0] < state.t:
+            self._room(filled, 1)[:] = runner.tabulate(self.arc.row())
+            filled += 1
+        return self._table[:filled]
+
+    def _room(self, filled: int, count: int) -> Floats:
+        """Return memory for `count` rows (count, columns) after `filled` rows."""
+        last = filled + count
+        if last > len(self._table):
+            longer = np.empty((2 * last, self._table.shape[1]))
+            longer[:filled] = self._table[:filled]
+            self._table = longer
+        return self._table[filled:last]
+
+    def by_columns(self, table: Floats, order: Sequence[int]) -> Floats:
+        """Return some columns (k, rows) of a table (rows, columns), each contiguous.
+
+        These are valid until the next call. order : indices of the columns, (k,).
+        """
+        count, rows = len(order), len(table)
+        if len(self._columns) < count * rows:
+            self._columns = np.empty(count * len(self._table))
+        columns = self._columns[: count * rows].reshape(count, rows)
+        for place, span in _spans(tuple(order)):
+            columns[place] = table[:, span].T
+        return columns
 
     @property
     def trajectory(self) -> Trajectory:
@@ -484,6 +537,22 @@ class Judged(NamedTuple):
     error: float | None
 
 
+class Sound(NamedTuple):
+    """Columns of a run that passes the audit.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (k, rows)
+        The first k columns in the order of `Judge`.
+    low, high : ndarray, shape (k,)
+        Least and greatest value of each column, ignoring nan.
+    """
+
+    columns: Floats
+    low: Floats
+    high: Floats
+
+
 class Judge:
     """Judgement of the runs of a batch, by their rows and repeats, as by `Attempts`.
 
@@ -495,17 +564,20 @@ class Judge:
         columns, equations = session.columns, session.equations
         self._ensemble, self._bars = Ensemble(session), bars
         energies = energy_parts(columns.names)
-        # The columns that judgements depend on.
+        # Columns in the order in which a run is judged: time, coordinates and rates,
+        # first-order states; then the others on which judgements depend; then the rest
+        # of the observed ones.
+        state = equations.state_columns
         dynamic = range(1 + self._ensemble.arc.state.dynamic.stop)
-        chosen = sorted({*dynamic, *equations.state_columns, *energies.values()})
-        self._chosen, place = np.array(chosen), chosen.index
-        self._energies = {name: place(k) for name, k in energies.items()}
-        # Time, coordinates and rates, first-order states.
-        self._state = [place(k) for k in equations.state_columns]
-        n = len(equations.q)
-        self._coordinates = [*range(1, 1 + n)]
-        self._rates = [*range(1 + n, 1 + 2 * n)]
-        self._valued = [*self._coordinates, *range(1 + 2 * n, len(self._state))]
+        judged = dict.fromkeys([*state, *dynamic, *energies.values()])
+        observed = range(len(columns.of_table))
+        self._order = [*dict.fromkeys([*judged, *observed])]
+        self._judged = self._order[: len(judged)]
+        self._observed = [self._order.index(k) for k in observed]
+        self._energies = {name: self._order.index(k) for name, k in energies.items()}
+        n, self._state = len(equations.q), slice(len(state))
+        self._coordinates, self._rates = slice(1, 1 + n), slice(1 + n, 1 + 2 * n)
+        self._valued = [*range(1, 1 + n), *range(1 + 2 * n, len(state))]
         names = *equations.q, *(x.name for x in equations.states)
         self._components = [session.system.state.index(name) for name in names]
         self._repeats: Ensemble | None = None
@@ -526,57 +598,72 @@ class Judge:
         own, error = self._ensemble, None
         with np.errstate(all="ignore"):
             table = own.table(k, start)
-            columns = self._sound(own, table)
-            if table is None or columns is None:
+            sound = self._sound(own, table, self._order)
+            if table is None or sound is None:
                 return None
             if self._bars is not ErrorBars.NEVER:
-                error = self._error(k, start, columns)
+                error = self._error(k, start, sound)
                 if error is None:
                     return None
-            observer = observer_of(own.session)
-            observer.add(table)
-        return Judged(observer.stacked, error)
+            return Judged(self._cells(table, sound), error)
 
-    def _sound(self, ensemble: Ensemble, table: Floats | None) -> Floats | None:
-        """Return the columns (chosen, rows) of a run by which it is judged.
+    def _cells(self, table: Floats, sound: Sound) -> Floats:
+        """Return the values of each column of a run, as `SweepRow.numbers`.
+
+        table : the rows (rows, columns).
+        """
+        if self._ensemble.session.case.settings.measured_from is None:
+            found = np.array([sound.columns[:, -1], sound.low, sound.high])
+            return found[:, self._observed]
+        observer = observer_of(self._ensemble.session)
+        observer.add(table)
+        return observer.stacked
+
+    def _sound(
+        self, ensemble: Ensemble, table: Floats | None, order: Sequence[int]
+    ) -> Sound | None:
+        """Return the columns of a run; None if it does not pass the audit.
 
         None if the values are not all finite, if energy less work is not conserved, or
-        if a constraint is not satisfied. table : rows of the run, or None.
+        if a constraint is not satisfied.
+
+        table : rows (rows, columns), or None. order : indices of the columns, (k,).
         """
         if table is None or not satisfied(ensemble.session, table).all():
             return None
-        columns = np.ascontiguousarray(table[:, self._chosen].T)
+        columns = ensemble.by_columns(table, order)
         # The sum is finite only if all its terms are.
-        if not np.isfinite(np.sum(columns)):
+        if not math.isfinite(np.add.reduce(columns[: len(self._judged)], axis=None)):
             return None
+        low, high = extremes_of(columns)
         places = self._energies
-        balance = columns[places["energy"]]
+        energy = places["energy"]
+        first, least, greatest = columns[energy, 0], low[energy], high[energy]
         if "work" in places:
-            balance = balance - columns[places["work"]]
-        low, high = np.empty((2, len(columns)))
-        for k in places.values():
-            low[k], high[k] = columns[k].min(), columns[k].max()
+            balance = columns[energy] - columns[places["work"]]
+            first, least, greatest = balance[0], np.min(balance), np.max(balance)
         between = float(ensemble.arc.state.energy)
         in_play = energy_in_play(places, low, high, between)
-        drift = np.max(np.abs(balance - balance[0]))
-        return columns if drift <= ENERGY_DRIFT * in_play else None
+        kept = max(greatest - first, first - least) <= ENERGY_DRIFT * in_play
+        return Sound(columns, low, high) if kept else None
 
-    def _error(self, k: int, start: Floats, columns: Floats) -> float | None:
+    def _error(self, k: int, start: Floats, sound: Sound) -> float | None:
         """Return the error of run k, which was just made, by a repeat.
 
         None if the run is not plain, and must be made separately. start : (2 n + l,).
-        columns : (chosen, rows).
+        sound : the rows of the run.
         """
         session, run = self._ensemble.session, self._ensemble.trajectory
         always = self._bars is ErrorBars.ALWAYS
-        rows = columns.shape[1]
+        rows = sound.columns.shape[1]
         expected = 2.0 * own_cost(session.system, run)
         if rows < 2 or (expected > BUDGET and not always):
             return None
         finer = -(-LEAST_ROWS // rows)
         other = next(by_other_means(session, run))
         again = self._repeated(other, finer)
-        found = self._sound(again, again.table(k, start, other.session.longest_step))
+        table = again.table(k, start, other.session.longest_step)
+        found = self._sound(again, table, self._judged)
         if found is None:
             return None
         repeat = again.trajectory
@@ -588,7 +675,7 @@ class Judge:
         method = other.session.plan.method
         if method == session.plan.method and steps_of(run) == steps_of(repeat):
             return None
-        return self._difference(columns[self._state], found[self._state], finer)
+        return self._difference(sound, found, finer)
 
     def _repeated(self, other: Repeat, finer: int) -> Ensemble:
         """Return the ensemble that repeats the runs with more frequent output.
@@ -603,40 +690,38 @@ class Judge:
             self._repeats.prepare(self._parameters)
         return self._repeats
 
-    def _difference(self, mine: Floats, theirs: Floats, finer: int) -> float | None:
+    def _difference(self, own: Sound, again: Sound, finer: int) -> float | None:
         """Return the error relative to ranges, as `attempts.compared` computes it.
 
         None if another scale than the range of a coordinate might be needed.
 
-        Parameters
-        ----------
-        mine : ndarray, shape (1 + 2 n + l, rows)
-            Time, coordinates, rates and first-order states of the run.
-        theirs : ndarray, shape (1 + 2 n + l, finer rows)
-            The corresponding columns of the repeat. The last row of both is at the end.
+        own, again : rows of the run, and of its repeat, whose output is `finer` times
+        as frequent. The last row of both is at the end.
         """
         assert self._repeats is not None
-        paired = theirs
+        places, rates, which = self._coordinates, self._rates, self._state
+        mine, paired = own.columns[which], again.columns[which]
         if finer > 1:
-            paired = np.concatenate([theirs[:, :-1:finer], theirs[:, -1:]], axis=1)
+            paired = np.concatenate([paired[:, :-1:finer], paired[:, -1:]], axis=1)
         if paired.shape != mine.shape:
             return None
         # The largest of all rows: roundoff bounds grow from row to row.
-        largest = np.max(np.abs(mine), axis=1)
-        worst = np.fmax(np.max(np.abs(paired - mine), axis=1), UNIT_ROUNDOFF * largest)
-        late = np.max(np.abs(mine[:1] * mine[self._rates]), axis=1)
-        places = self._coordinates
+        largest = np.fmax(-own.low[which], own.high[which])
+        # The columns of the repeat are not needed any more, and overwritten.
+        worst = _largest(np.subtract, paired, mine, paired)
+        worst = np.fmax(worst, UNIT_ROUNDOFF * largest)
+        late = _largest(np.multiply, mine[:1], mine[rates], paired[rates])
         worst[places] = np.fmax(worst[places], UNIT_ROUNDOFF * late)
         state, valued = self._repeats.arc.state, self._valued
         low, high = state.low[self._components], state.high[self._components]
-        for rows in (mine, theirs):
-            low = np.fmin(low, np.min(rows, axis=1)[valued])
-            high = np.fmax(high, np.max(rows, axis=1)[valued])
+        for rows in (own, again):
+            low = np.fmin(low, rows.low[valued])
+            high = np.fmax(high, rows.high[valued])
         if self._ensemble.session.equations.rows:
             # Coordinates linked by constraints share the rounding of their positions.
             largest[places] = np.max(largest[places])
         sizes, worst, largest = high - low, worst[valued], largest[valued]
-        least = np.fmax(NO_MOTION * CLEAR * np.max(sizes), SUM_ROUNDOFF * largest)
-        if not (np.all(sizes > least) and np.all(worst <= RESOLVED_BY * sizes)):
+        least = np.fmax(NO_MOTION * CLEAR * sizes.max(), SUM_ROUNDOFF * largest)
+        if not ((sizes > least) & (worst <= RESOLVED_BY * sizes)).all():
             return None
-        return float(np.max(worst / sizes))
+        return float((worst / sizes).max())
