@@ -266,7 +266,6 @@ class System:
         self._p_size = written.p_size
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
-        self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.program = [written, *kernels(self)]
         if AFTER_FREEZING in needs:
@@ -308,7 +307,7 @@ class System:
     @cached_property
     def timed(self) -> list[Indicator]:
         """Indicators of localized terms that depend on t alone within an arc."""
-        known = {"t", *self._fixed(), *self.model.modes}
+        known = {"t"}.union(*self._fixed().values())
         depends = self.equations.graph.depends
         alone = (x for x in self.indicators if x.members == 1)
         return [x for x in alone if depends([x.node]) <= known]
@@ -381,14 +380,19 @@ class System:
             self._row_patterns[augmented] = found
         return self._row_patterns[augmented]
 
-    def _fixed(self) -> list[str]:
-        """Return the names of values that are constant in an arc.
+    def _fixed(self) -> dict[str, list[str]]:
+        """Return the names of values that are constant in an arc, by their arrays in p.
 
-        The values are parameters, modes of switches, and lengths of rows.
+        The values are parameters and lengths of rows, modes of the file, and branches
+        of switches of t alone.
         """
-        names = [p.name for p in self.equations.model.parameters]
-        names += [mode.variable for mode in self.switches.modes]
-        return names + [f"length.{row.name}" for row in self.equations.rows]
+        parameters = self.equations.model.parameters
+        values = [p.name for p in parameters if not p.mode]
+        return {
+            "fixed": values + [f"length.{row.name}" for row in self.equations.rows],
+            "file_modes": [p.name for p in parameters if p.mode],
+            "branches": [mode.variable for mode in self.switches.modes],
+        }
 
     def _parameters(self) -> Parameters:
         starts, elements = self.pattern
@@ -401,8 +405,10 @@ class System:
             }  # fmt: skip
         sparsity = self.sparsity() if self.has_loops else None
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
+        fixed = self._fixed()
         p = memory.made(
-            n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
+            n=self.n, m=self.m, size=self.size, values=len(fixed["fixed"]),
+            model_modes=len(fixed["file_modes"]), switches=len(fixed["branches"]),
             states=len(self.equations.states),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), corners=len(self.switches.corners),
@@ -410,7 +416,6 @@ class System:
             loops=self.has_loops,
             slopes_known=self.has_jacobian,
             knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
-            first_mode=len(self.equations.model.parameters),
             kicked_rows=len(self.impulses.always) if self.impulses else 0, **sizes,
             **({} if sparsity is None else sparsity.sizes),
         )  # fmt: skip
@@ -472,8 +477,11 @@ class System:
     def _layout(self, memory: Parameters) -> Layout:
         e = self.equations
         fixed = self._fixed()
-        first = memory.place("fixed")
-        p = {name: first + k for k, name in enumerate(fixed)}
+        p = {
+            name: memory.place(array) + k
+            for array, names in fixed.items()
+            for k, name in enumerate(names)
+        }
         p[GAIN] = memory.fields["gain"].word
         for k, side in enumerate(self.switches.sides):
             p[side.variable] = memory.place("side") + k
@@ -497,7 +505,7 @@ class System:
         return Layout(
             y={name: k for k, name in enumerate(self.state)},
             p=p,
-            fixed=frozenset(fixed) - passed,
+            fixed=frozenset().union(*fixed.values()) - passed,
             size=len(memory.flat),
         )
 
@@ -512,9 +520,9 @@ class System:
         return slice(first, first + self.works)
 
     @cached_property
-    def mode_places(self) -> dict[str, int]:
-        """The index in p of each mode of the file, by its name."""
-        return {name: self.place(name) for name in sorted(self.model.modes)}
+    def file_modes(self) -> list[str]:
+        """The names of the modes of the file, in their order in p."""
+        return self._fixed()["file_modes"]
 
     def length_words(self, k: int) -> list[int]:
         """Return the indices in p at which the length of constraint row k is stored."""
@@ -547,17 +555,13 @@ class System:
         which : indices of the switches; all by default. values : the values of the
         switches' discrete functions on their new branches.
         """
-        modes = self.modes_at
-        self.p.flat[modes if which is None else [modes[k] for k in which]] = values
+        self.p.branches[slice(None) if which is None else which] = values
 
     def take_modes(self, other: System) -> None:
-        """Copy the modes of laws and surfaces, and all sides of switches, from `other`.
+        """Copy all modes of an arc, and the knots ahead, from `other`.
 
         other : a system of the same model, by another plan.
         """
-        self.set_modes(list(other.p.flat[other.modes_at]))
-        for name, place in self.mode_places.items():
-            self.p.flat[place] = other.p.flat[other.place(name)]
         for mine, its in zip(self.p.modes, other.p.modes, strict=True):
             mine[:] = its
         self.p.known, self.p.passed = other.p.known, other.p.passed

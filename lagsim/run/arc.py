@@ -201,8 +201,8 @@ class Arc(NamedTuple):
     @property
     def modes(self) -> dict[str, float]:
         """Values of the file's modes at the current time."""
-        p = self.system.p.flat
-        return {name: p.item(place) for name, place in self.system.mode_places.items()}
+        values = self.system.p.file_modes.tolist()
+        return dict(zip(self.system.file_modes, values, strict=True))
 
     @property
     def slides(self) -> bool:

@@ -1,11 +1,10 @@
 """The record of one instant: all that the phases of `settle` hand on to each other.
 
-A record is never changed: each phase returns the next one. The state (q, q', s), the
-modes of the file and the modes of rows and surfaces are in the memory of the arc, which
-compiled functions read. `settle` writes the state and the modes of rows and surfaces
-between two phases; an event writes its modes of the file as it acts. Everything else
-that is known of an instant is here, and nothing of it survives the instant: a record is
-handed on to the next call of `settle` only where no time has passed.
+A record is never changed: each phase returns the next one. The state (q, q', s) and the
+modes of the arc are in the memory, which compiled functions read. `settle` writes the
+state and the modes between two phases. Everything else that is known of an instant is
+here, and nothing of it survives the instant: a record is handed on to the next call of
+`settle` only where no time has passed.
 """
 
 from __future__ import annotations

@@ -1,16 +1,18 @@
 """The modes of an arc as one frozen record, and trials of other modes and truths.
 
-The kernels read the modes of surfaces and laws from the memory of the arc
-(`methods.parts.parameters.ModeWords`). A phase of `run.settle` decides on trial
+The kernels read the modes of the file, the branches of switches of t, and the modes of
+surfaces and laws from the memory of the arc (`methods.parts.parameters.ModeWords`). A
+phase of `run.settle` decides on trial
 (`TrialModes`): the modes that it tries, and those that it selects, are in the memory
 until the trial ends, so that the functions of the model are evaluated with them. Then
 the memory is as it was before, and the modes selected are a record. Only `settle`
 writes the record to the memory (`write`). The truth of the conditions of events is
 decided in the same way (`conditions.Truth`).
 
-Within an arc the kernel itself changes some words: the side and the slack of a surface
-whose level decides nothing and is passed, a slack that has been left, `law_opens`, and
-the truth of a condition that becomes false, or waits for another one.
+Within an arc the kernel itself changes some words: the cell of a table of t whose knot
+is passed, the side and the slack of a surface whose level decides nothing and is
+passed, a slack that has been left, `law_opens`, and the truth of a condition that
+becomes false, or waits for another one.
 """
 
 from __future__ import annotations
@@ -26,13 +28,18 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
 
 
+# Bytes of a word of the memory.
+WORD = 8
+
+
 class ArcModes(NamedTuple):
-    """The modes of all surfaces and laws, which are fixed in an arc.
+    """All modes that are fixed in an arc: of the file, of t, of surfaces and laws.
 
     Attributes
     ----------
     numbers, arrays : bytes
-        Copies of the numbers and of all arrays of `ModeWords`, in their order.
+        Copies of the numbers and of all arrays of `ModeWords`, in their order. The
+        modes of the file and the branches of t are the first of the arrays.
     """
 
     numbers: bytes
@@ -45,10 +52,19 @@ class ArcModes(NamedTuple):
         return cls(bytes(numbers), bytes(arrays))
 
 
-def write(p: Parameters, modes: ArcModes) -> None:
-    """Write modes to the memory p, which the kernels read."""
+def write(arc: Arc, modes: ArcModes) -> None:
+    """Write modes to the memory of the arc, which the kernels read.
+
+    If modes of the file or branches of t change, expressions of these alone are
+    evaluated again.
+    """
+    p = arc.system.p
     numbers, arrays = p.modes
+    given = WORD * (p.model_modes + p.switches)
+    changed = given > 0 and bytes(arrays[:given]) != modes.arrays[:given]
     numbers[:], arrays[:] = modes
+    if changed:
+        arc.runner.prepare()
 
 
 class TrialModes:
@@ -64,16 +80,16 @@ class TrialModes:
         restored.
     """
 
-    def __init__(self, p: Parameters) -> None:
-        self.p = p
-        self.before = self.found = ArcModes.of(p)
+    def __init__(self, arc: Arc) -> None:
+        self.arc = arc
+        self.before = self.found = ArcModes.of(arc.system.p)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.found = ArcModes.of(self.p)
-        write(self.p, self.before)
+        self.found = ArcModes.of(self.arc.system.p)
+        write(self.arc, self.before)
 
 
 class EqualitiesAlone:

@@ -12,12 +12,11 @@ returns the next one (`instant.InstantRecord`):
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
 
-Each phase selects the modes of surfaces and laws, and the truth of conditions, on
-trial, and leaves the memory of the arc as it was (`modes.TrialModes`,
-`conditions.Truth`). Then `carried_out` alone writes the modes, the truth and the state
-to this memory, which compiled functions and the kernels of the next arc read. Modes of
-the file and branches of t are written by `transitions` and `times`; docs/events.md
-lists who writes each word.
+Each phase selects modes (of the file, branches of t, of surfaces and laws) and the
+truth of conditions on trial, and leaves the memory of the arc as it was
+(`modes.TrialModes`, `conditions.Truth`). Then `carried_out` alone writes the modes, the
+truth and the state to this memory, which compiled functions and the kernels of the next
+arc read. docs/events.md lists who writes each word.
 """
 
 from __future__ import annotations
@@ -252,11 +251,15 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         before = before_event(arc)
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
-    corners = corners_at(now, by)
-    found, acted = by.transitions.act(arc, now.due, now.acts, corners)
-    if corners is not None:
-        corners.restore()
-    return carried_out(now, found, shown=shown, acts=acted, before=before, stale=True)
+    with TrialModes(arc) as trial:
+        corners = corners_at(now, by)
+        found, acted = by.transitions.act(arc, now.due, now.acts, corners)
+        if corners is not None:
+            corners.restore()
+    return carried_out(
+        now, found, modes=trial.found,
+        shown=shown, acts=acted, before=before, stale=True,
+    )  # fmt: skip
 
 
 @phase
@@ -267,13 +270,18 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     if not now.stale:
         return now
-    if by.knots is not None:
-        by.knots.select(now.arc)
-    if by.breaks is not None:
-        by.breaks.select(now.arc)
-    return now.but(
-        events=now.events + now.breaks, breaks=(), stale=False, admissible=None
-    )
+    arc = now.arc
+    with TrialModes(arc) as trial:
+        if by.knots is not None:
+            by.knots.select(arc)
+        if by.breaks is not None:
+            by.breaks.select(arc)
+    now = carried_out(
+        now, GO_ON, modes=trial.found, events=now.events + now.breaks, breaks=(),
+        stale=False, admissible=None,
+    )  # fmt: skip
+    arc.runner.prepare()
+    return now
 
 
 @phase
@@ -288,7 +296,7 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.switching is None:
         return now.but(jumped=False) if now.jumped else now
     located, arc = now.located, now.arc
-    with TrialModes(arc.system.p) as trial:
+    with TrialModes(arc) as trial:
         if located.surface >= 0:
             found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
         else:
@@ -344,7 +352,7 @@ def equalities_struck(
     once laws have answered. now : the record before. by : the parts of the run that
     decide. before : the table row just before the instant.
     """
-    with TrialModes(now.arc.system.p) as trial:
+    with TrialModes(now.arc) as trial:
         found, surfaces = inelastic_impact(now.arc, before, by.switching, now.surfaces)
     now = now.but(before=before._replace(compared=True))
     if found is GO_ON:
@@ -376,7 +384,7 @@ def laws_struck(
     assert now.laws is not None
     arc = now.arc
     decided |= not (arc.system.surfaces or arc.t >= arc.end)
-    with TrialModes(arc.system.p) as trial:
+    with TrialModes(arc) as trial:
         laws = now.laws if met < 0 else by.contacts.located(arc, now.laws, met)
         corners = corners_at(now, by)
         found = by.contacts.velocities(arc, laws, met, corners, decided=decided)
@@ -403,7 +411,7 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
     arc = now.arc
-    with TrialModes(arc.system.p) as trial:
+    with TrialModes(arc) as trial:
         found = by.contacts.modes(arc, now.laws, now.admissible)
     return carried_out(
         now, found.decision(arc), modes=trial.found, laws=found.laws, admissible=None
@@ -469,7 +477,7 @@ def carried_out(
     """
     arc = now.arc
     if modes is not None:
-        write(arc.system.p, modes)
+        write(arc, modes)
     if truth := truth or found.truth:
         arc.state.truth_words[:] = truth
     if found is GO_ON:
@@ -539,7 +547,11 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     """
     switches = arc.system.switches
     jumps = by.jumping and (switches.modes or switches.corners)
-    now = new_record(arc, before=at_start(arc) if jumps else None)
+    now = new_record(arc)
+    if jumps:
+        with TrialModes(arc) as trial:
+            before = at_start(arc)
+        now = carried_out(now, GO_ON, modes=trial.found, before=before)
     values = arc.located(arc.t, arc.y)
     now = branches(now, by)
     if by.transitions is not None:
@@ -569,7 +581,7 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     if not arc.equations.begun_by.impulses or may_strike(arc, by):
         return carried_out(now, transitions.start(arc, None))
     at_rest = modes(velocities(sides(now, by), by), by)
-    with TrialModes(arc.system.p) as trial:
+    with TrialModes(arc) as trial:
         found = transitions.start(arc, corners_at(at_rest, by))
         if by.switching is not None:
             by.switching.let_go(arc)

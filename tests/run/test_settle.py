@@ -38,13 +38,17 @@ def test_the_page_says_who_writes_each_word_that_an_arc_keeps():
 
 
 # A ball that rolls in a corner, a body that sticks and slides in a plane beside a
-# switch, a massless slider, and a corner of an equality.
+# switch, a massless slider, a corner of an equality, a mode of the file, and a branch
+# of t that depends on it.
 ALL_KINDS = """\
+modes: {m: 1}
 coordinates: {x: {}, y: {}, u: {}, v: {}, z: {}, w: {}, r: {}, s: {}}
 energy:
   kinetic: (x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2 + z_dot^2 + r_dot^2 + s_dot^2)/2
   potential: 9.81*y + 2*u^2 + 50*(z - w)^2 + 9.81*s
-forces: {u: 0.7*cos(3*t), v: 0.4 - 0.3*sign(v_dot), z: sin(4*t), x: -0.2*sign(x - 0.4)}
+forces: {u: 0.7*cos(3*t), v: 0.4 - 0.3*sign(v_dot), z: sin(4*t), x: -0.2*sign(x - 0.4),
+         y: 0.1*m*sign(sin(7*m*t))}
+events: {turn: {every: 0.35, set: {m: -m}}, faster: {at: x >= 0.2, set: {m: 2*m}}}
 constraints:
   floor: {relation: y >= 0, restitution: 0.5, friction: 0.3, slip: x_dot}
   wall: {relation: x <= 1, restitution: 0.4}
@@ -58,16 +62,19 @@ simulation: {duration: 1.5, output_step: 0.1}
 
 
 def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
-    written, kinds, inner, own = [], set(), settle.write, settle.settle
+    written, kinds, given = [], set(), set()
+    inner, own = settle.write, settle.settle
 
     class Watched(TrialModes):
-        def __init__(self, p):
-            super().__init__(p)
+        def __init__(self, arc):
+            super().__init__(arc)
             assert not written or self.before == written[-1]
 
-    def writing(p, modes):
-        inner(p, modes)
+    def writing(arc, modes):
+        inner(arc, modes)
         written.append(modes)
+        p = arc.system.p
+        given.add((*p.file_modes.tolist(), *p.branches.tolist()))
 
     def settling(now, by):
         written.clear()
@@ -80,7 +87,9 @@ def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
     monkeypatch.setattr(settle, "TrialModes", Watched)
     monkeypatch.setattr(arcs, "settle", settling)
     lagsim.simulate(ALL_KINDS, error_bar="never")
-    assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno"}
+    assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno", "event"}
+    assert {m for m, *_ in given} == {-1.0, -2.0, 2.0}
+    assert {branch for _, branch in given} >= {-1.0, 1.0}
 
 
 def test_a_record_is_frozen_and_copies_leave_it_as_it_was():

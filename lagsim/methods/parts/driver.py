@@ -258,7 +258,7 @@ def go_on(s: State, p: Parameters) -> None:
 def pass_knot(p: Parameters) -> None:
     """Set the table cell that is valid after the next knot."""
     k = int(p.passed)
-    p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_after[k]
+    p.branches[int(p.knot_modes[k])] = p.cells_after[k]
     p.passed += 1.0
 
 
@@ -266,7 +266,7 @@ def return_past_knot(p: Parameters) -> None:
     """Set the table cell that is valid before the knot passed last."""
     p.passed -= 1.0
     k = int(p.passed)
-    p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_before[k]
+    p.branches[int(p.knot_modes[k])] = p.cells_before[k]
 
 
 def has_missed(s: State, p: Parameters) -> int:

@@ -93,7 +93,7 @@ class ModelParameters(Blocks):
 
     m: int  # constraint rows, those of laws last
     works: int  # of the quadratures
-    values: int  # parameters, modes and lengths
+    values: int  # parameters and lengths of rows
     loops: int  # 1 if loops solve linear systems, which need working memory
     slopes_known: int  # 1 if the method needs the Jacobian
     augmented: float  # 1: M alone is singular
@@ -112,26 +112,25 @@ class KnownPoints(ModelParameters):
     """
 
     knots: int  # room for so many
-    first_mode: int  # the place of the modes in time among `fixed`
     known: float  # how many there are ...
     passed: float  # ... and how many have been passed
     apart: float  # times closer to each other than this are the same
 
     knot_times: Floats = array("knots")
-    knot_modes: Floats = array(
-        "knots"
-    )  # the number of the mode that is each one's cell
+    knot_modes: Floats = array("knots")  # the number of the branch that is its cell
     cells_before: Floats = array("knots")
     cells_after: Floats = array("knots")
 
 
 class ModeWords(KnownPoints):
-    """The modes of surfaces and laws, which are fixed in an arc.
+    """The modes of an arc: of the file, branches of t, surfaces and laws.
 
     All numbers of these modes follow each other in the memory, and so do all arrays:
     see `run.modes`.
     """
 
+    model_modes: int  # number of modes of the file, which events set
+    switches: int  # number of switches of t alone
     surfaces: int  # number of surfaces of switches
     laws: int  # rows that hold at times
 
@@ -140,6 +139,8 @@ class ModeWords(KnownPoints):
     law_forces: float  # 1 if multipliers determine the end of a mode
     law_shares: float  # 1 if redundant rows share loads
 
+    file_modes: Floats = array("model_modes")
+    branches: Floats = array("switches")  # the values of the switches of t alone
     side: Floats = array("surfaces")  # the mode variables
     slides: Floats = array("surfaces")  # see FOLLOWED
     # Values of the mode variable on the two sides of a surface that the motion follows.
@@ -181,7 +182,7 @@ class ModeWords(KnownPoints):
         """Views of the bytes of all numbers of modes, and of all arrays of modes."""
         first, last = self.fields["sliding"].word, self.fields["law_shares"].word
         whole = self.numbers
-        arrays = whole[self.place("side") : self.place_after("law_pushes")]
+        arrays = whole[self.place("file_modes") : self.place_after("law_pushes")]
         return whole[first : last + 1].cast("B"), arrays.cast("B")
 
 

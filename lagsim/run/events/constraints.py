@@ -73,8 +73,8 @@ def at_start(arc: Arc) -> Before:
     """Return the table row at the start of the run, and the velocity error there.
 
     Switches of t have their values at the start itself in the row, and keep these
-    values in the memory of the system; the first arc has the values just after the
-    start.
+    values in the memory; the first arc has the values just after the start. Called
+    within a trial of modes.
     """
     discrete = [mode.discrete for mode in arc.system.switches.modes]
     values = {**arc.parameters, "t": arc.t}

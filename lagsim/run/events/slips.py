@@ -88,7 +88,7 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
     D = here.delassus_of_forces.D[np.ix_(rows, rows)]
     found = None
     for halvings in range(HALVINGS):
-        with TrialModes(p):
+        with TrialModes(here.arc):
             p.law_floor[pairs] = FAST
             found = _collocated(here, pairs, friction, D, lasts * 0.5**halvings)
         if found is not None:

@@ -250,7 +250,6 @@ class TimeBreaks(_Ahead):
             end = min(self._next, arc.settings.end)
             branches = prevailing(self._discrete, arc.t, end)
             arc.system.set_modes(branches, self._own)
-        arc.runner.prepare()
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
         """Return the time of the next break; inf after the last."""
@@ -283,7 +282,7 @@ class TimeBreaks(_Ahead):
         Such knots are those of smooth tables in an argument that is not a t + b.
         """
         if self._smooth and self._discrete is not None:
-            before = arc.system.p.flat[[arc.system.modes_at[k] for k in self._own]]
+            before = arc.system.p.branches[self._own]
             after = prevailing(self._discrete, arc.t, min(self._next, arc.settings.end))
             changes = zip(self._own, before, after, strict=True)
             levels = {k: max(x, y) for k, x, y in changes if x != y}
