@@ -270,15 +270,18 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     if not now.stale:
         return now
-    arc = now.arc
-    with TrialModes(arc) as trial:
-        if by.knots is not None:
-            by.knots.select(arc)
-        if by.breaks is not None:
-            by.breaks.select(arc)
+    arc, found = now.arc, None
+    if arc.system.switches.modes:
+        with TrialModes(arc) as trial:
+            if by.knots is not None:
+                by.knots.select(arc)
+            if by.breaks is not None:
+                by.breaks.select(arc)
+        found = trial.found
+    events = now.events + now.breaks
     now = carried_out(
-        now, GO_ON, modes=trial.found, events=now.events + now.breaks, breaks=(),
-        stale=False, admissible=None,
+        now, GO_ON, modes=found,
+        events=events, breaks=(), stale=False, admissible=None,
     )  # fmt: skip
     arc.runner.prepare()
     return now
