@@ -3,12 +3,14 @@
 At the corner of a wire y = k*abs(x) the equality is one of two rows, and the impulses
 of contacts and events act along the row of the side onto which they lead. A jump of
 velocities is computed on each side of the corners that the state is on. It is a
-solution if the velocities after it lead onto these sides. Where no side has a solution,
-both rows hold, and the motion stops in the corner.
+solution if the velocities after it lead onto these sides. A corner that a jump leaves
+on neither side stops the motion: both rows hold. Several corners are decided together,
+since equalities and contacts transmit the impulses.
 """
 
 from __future__ import annotations
 
+import math
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -20,7 +22,7 @@ from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -30,15 +32,20 @@ if TYPE_CHECKING:
     # A function of the corners at which velocities stop, which computes the state
     # (size,) after a jump on the sides in the memory of the arc.
     Jump = Callable[[frozenset[int]], Floats]
+    # ABOVE, BELOW or SLIDING (stopped) for each corner.
+    Sides = tuple[int, ...]
 
-# Modes of surfaces at whose levels the motion rests.
-AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL)
-# Largest number of corners whose sides are combined; for more the present sides stay.
+# Modes of surfaces at whose levels the motion rests; carried surfaces may be off them.
+AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL, kept.CARRIED)
+# Largest number of corners all of whose sides are combined, and of rounds by turns.
 MOST = 6
 
 
 class CornerSides:
     """The corners of equalities that a state is on, and their sides, on trial.
+
+    The expression of a corner's surface may depend on the side of another surface,
+    which is at its level, too: its side is then tried with each side of the other one.
 
     Parameters
     ----------
@@ -52,7 +59,7 @@ class CornerSides:
     Attributes
     ----------
     corners : dict of int to float
-        The level of each corner's surface, by its number.
+        The level of each corner's surface, by its number, in the order of dependence.
     stopped : frozenset of int, or None
         The corners at which the last jump has stopped velocities; None before a jump.
     """
@@ -67,13 +74,15 @@ class CornerSides:
         resting = [k for k in on if modes.kind[k] in AT_LEVEL and k not in levels]
         if resting:
             values = modes.values(arc.t, arc.y)
-            levels |= {k: modes.level(k, float(values[k])) for k in resting}
-        # Surfaces whose arguments jump with another side are decided in phase 2.
-        nested = set[int]().union(*modes.depends)
-        nested |= {k for k, others in enumerate(modes.depends) if others}
-        found = {k: x for k, x in levels.items() if k in on and k not in nested}
-        self.corners = found if len(found) <= MOST else {}
+            for k in resting:
+                level = modes.level(k, float(values[k]))
+                if modes.kind[k] != kept.CARRIED or self._is_at(k, level):
+                    levels[k] = level
+        self.corners = {k: levels[k] for k in modes.order if k in on and k in levels}
+        self._off: frozenset[int] = frozenset()
+        self._speeds: dict[Sides, Floats] = {}
         self._former = modes.value.copy(), modes.kind.copy()
+        self._carried = modes.carried
 
     def restore(self) -> None:
         """Restore the modes that the surfaces had before the trial.
@@ -81,7 +90,14 @@ class CornerSides:
         The phase `sides` then decides their sides by the velocities after the jump.
         """
         self.modes.restore(*self._former)
+        self.modes.carried = self._carried
         self.modes.write()
+
+    def _is_at(self, k: int, level: float) -> bool:
+        """Whether the expression of surface k is at a level, to its rounding."""
+        modes, arc = self.modes, self.arc
+        off = abs(float(modes.values(arc.t, arc.y)[k]) - level)
+        return off <= RESIDUAL_ROUNDOFF * float(modes.sizes(modes.rows())[k])
 
     def project(self, y: Floats, stopped: frozenset[int]) -> None:
         """Project the velocities in y (size,), in place, onto equalities alone.
@@ -98,39 +114,173 @@ class CornerSides:
     def after(self, jump: Jump) -> Floats:
         """Return the state (size,) after a jump, on the sides onto which it leads.
 
-        These sides are left in the memory of the arc, until `restore`. Of several
-        solutions the one with the highest speed away from the corners, relative to the
-        rounding of the speed, is returned. jump : the function that computes the jump.
+        These sides are left in the memory of the arc, until `restore`. A corner may
+        have any of its sides onto which the velocities after the jump lead; it is
+        stopped if neither does. Of several solutions one with the fewest stopped
+        corners is returned, and of these the one with the highest speed away from the
+        corners, relative to the rounding of the speed. jump : the function that
+        computes the jump.
         """
-        self.stopped = frozenset()
-        best, chosen = 0.0, None
-        for sides in product((ABOVE, BELOW), repeat=len(self.corners)):
-            self._put(sides)
-            speed = self._speed(jump(frozenset()))
-            if speed > max(best, 1.0):
-                best, chosen = speed, sides
-        if chosen is not None:
-            self._put(chosen)
-            return jump(frozenset())
-        self._put((SLIDING,) * len(self.corners))
-        self.stopped = frozenset(self.corners)
+        self._speeds = {}
+        count = len(self.corners)
+        some = self._touched(jump, list(range(count)), (SLIDING,) * count)
+        while True:
+            found = self._solution(jump, some)
+            left = [i for i in range(count) if i not in some]
+            more = self._touched(jump, left, found)
+            if not more:
+                break
+            some = sorted([*some, *more])
+        self._put(found)
+        self.stopped = frozenset(
+            k for k, side in zip(self.corners, found, strict=True) if side == SLIDING
+        )
         return jump(self.stopped)
 
-    def _put(self, sides: tuple[int, ...]) -> None:
-        """Write the sides of the corners, ABOVE, BELOW or SLIDING, to the memory."""
-        for (k, level), side in zip(self.corners.items(), sides, strict=True):
-            self.modes.put(k, level, side)
-        self.modes.write()
+    def _touched(self, jump: Jump, some: list[int], sides: Sides) -> list[int]:
+        """Return the corners from which a jump may lead away.
 
-    def _speed(self, y: Floats) -> float:
-        """Return the least speed from a corner onto its side, in units of its rounding.
-
-        y : the state after the jump, shape (size,).
+        These are corners of `some` at which the jump has a speed, if they have one
+        side, and the others have `sides`. some : indices of corners. jump : see
+        `after`.
         """
+        if not some:
+            return []
+        found = set[int]()
+        for side in (ABOVE, BELOW):
+            tried = [side if i in some else x for i, x in enumerate(sides)]
+            speeds = self._speed(jump, tuple(tried))
+            found |= {i for i in some if abs(speeds[i]) > 1.0}
+        return sorted(found)
+
+    def _solution(self, jump: Jump, some: list[int]) -> Sides:
+        """Return the sides of all corners onto which a jump leads.
+
+        some : indices of the corners that may have a side; the others are stopped. jump
+        : see `after`. If no sides are a solution, all corners are stopped.
+        """
+        still = (SLIDING,) * len(self.corners)
+        if len(some) > MOST:
+            return self._by_turns(jump, some)
+        tried = sorted(
+            product((ABOVE, BELOW, SLIDING), repeat=len(some)),
+            key=lambda sides: sides.count(SLIDING),
+        )
+        best, chosen, fewest = 0.0, still, 0
+        for own in tried[:-1]:
+            stops = own.count(SLIDING)
+            if chosen is not still and stops > fewest:
+                break
+            sides = self._with(still, some, own)
+            speed = self._least(jump, sides)
+            if speed > max(best, 1.0) and self._stops(jump, sides, some):
+                best, chosen, fewest = speed, sides, stops
+        return chosen
+
+    def _with(self, sides: Sides, some: Sequence[int], own: Sequence[int]) -> Sides:
+        """Return `sides` with the sides `own` at the indices `some`."""
+        found = list(sides)
+        for i, side in zip(some, own, strict=True):
+            found[i] = side
+        return tuple(found)
+
+    def _stops(self, jump: Jump, sides: Sides, some: Sequence[int]) -> bool:
+        """Whether no stopped corner of `some` has a side onto which the jump leads.
+
+        sides : of all corners. jump : see `after`.
+        """
+        for i in some:
+            if sides[i] != SLIDING:
+                continue
+            for side in (ABOVE, BELOW):
+                if self._speed(jump, self._with(sides, [i], [side]))[i] > 1.0:
+                    return False
+        return True
+
+    def _by_turns(self, jump: Jump, some: list[int]) -> Sides:
+        """Return the sides onto which a jump leads, found corner by corner.
+
+        Each corner in turn gets the side onto which the jump leads with the present
+        sides of the others, until no side changes. Arguments: see `_solution`.
+        """
+        still = (SLIDING,) * len(self.corners)
+        sides = self._with(still, some, [ABOVE] * len(some))
+        for _ in range(MOST):
+            former = sides
+            for i in some:
+                own = [self._with(sides, [i], [side]) for side in (ABOVE, BELOW)]
+                speeds = [self._speed(jump, x)[i] for x in own]
+                best = int(np.argmax(speeds))
+                sides = own[best]
+                if not speeds[best] > 1.0:
+                    sides = self._with(sides, [i], [SLIDING])
+            if sides == former:
+                return sides
+        return still
+
+    def _put(self, sides: Sides) -> None:
+        """Write the sides of the corners, ABOVE, BELOW or SLIDING, to the memory.
+
+        A surface whose expression depends on these sides, and is off its level with
+        them, gets the side of its value. The corners that are off their levels are
+        stored in `_off`.
+        """
+        modes, arc = self.modes, self.arc
+        modes.restore(*self._former)
+        modes.carried = {}
+        own = dict(zip(self.corners, sides, strict=True))
+        for k, carried in self._carried.items():
+            modes.kind[k] = 0.0
+            if own.get(carried.leader) == ABOVE:
+                modes.value[k] = carried.high
+        changed, off = set[int](), set[int]()
+        for k in modes.order:
+            side = own.get(k)
+            if not modes.depends[k].isdisjoint(changed):
+                modes.write()
+                value = float(modes.values(arc.t, arc.y)[k])
+                if not self._is_at(k, modes.level(k, value)):
+                    modes.put_clear(k, value)
+                    changed.add(k)
+                    off.add(k)
+                    continue
+            if side is not None:
+                modes.put(k, self.corners[k], side)
+                changed.add(k)
+        modes.write()
+        self._off = frozenset(off)
+
+    def _least(self, jump: Jump, sides: Sides) -> float:
+        """Return the least speed from a corner onto its side, in units of rounding.
+
+        Corners that are stopped have no part in it. sides : of all corners. jump : see
+        `after`.
+        """
+        speeds = self._speed(jump, sides)
+        own = [x for x, side in zip(speeds, sides, strict=True) if side != SLIDING]
+        return float(min(own))
+
+    def _speed(self, jump: Jump, sides: Sides) -> Floats:
+        """Return the speeds (c,) from c corners onto their sides, after a jump.
+
+        The speeds are in units of their rounding; 0 at corners that are stopped,
+        infinite at corners whose surfaces are off their levels with these sides. sides
+        : of all corners. jump : see `after`.
+        """
+        if (known := self._speeds.get(sides)) is not None:
+            return known
         arc, modes, some = self.arc, self.modes, list(self.corners)
+        self._put(sides)
+        off = self._off
+        stops = [k for k, side in zip(some, sides, strict=True) if side == SLIDING]
+        y = jump(frozenset(stops).difference(off))
         rows, seen = modes.rows(y), np.abs(y[arc.velocities])
         seen = np.maximum(seen, arc.seen[arc.velocities])
         least = np.abs(rows.J[some, : arc.system.n]) @ seen
         least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
         ways = np.array([modes.way(k, self.corners[k]) for k in some])
-        return float(np.min(ways * rows.rates[some] / np.maximum(least, TINY)))
+        found = ways * rows.rates[some] / np.maximum(least, TINY)
+        found[[i for i, k in enumerate(some) if k in stops]] = 0.0
+        found[[i for i, k in enumerate(some) if k in off]] = math.inf
+        self._speeds[sides] = found
+        return np.asarray(found)

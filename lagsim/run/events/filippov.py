@@ -862,6 +862,8 @@ class SurfaceModes:
 
         rows : of the surfaces at the state. The magnitude is at least the change by
         rounding of the state, divided by the unit of rounding, since slopes may vanish.
+        Equalities transmit the rounding of one coordinate to others: on a rod u - x =
+        1e5 the coordinate x has the rounding of 1e5, however small it is.
         """
         arc, seen = self.arc, self.arc.seen
         slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()
@@ -870,11 +872,26 @@ class SurfaceModes:
         terms = np.where(self.on_rates, *levels)
         found = np.maximum(rows.scales, terms)
         here = self.values(arc.t, arc.y)
-        for aside in self.asides():
-            found = np.fmax(
-                found, np.abs(self.values(arc.t, aside) - here) / RESIDUAL_ROUNDOFF
-            )
+        for aside in [*self.asides(), *self._asides_along()]:
+            off = np.abs(self.values(arc.t, aside) - here)
+            found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
         return np.asarray(found)
+
+    def _asides_along(self) -> list[Floats]:
+        """Return states (size,) that differ by rounding along the rows in force.
+
+        Each is the state reached, changed by the difference of two Newton steps onto
+        the rows: from a state of `asides`, and from the state reached.
+        """
+        arc, n = self.arc, self.arc.system.n
+        if not arc.system.m:
+            return []
+        step = arc.runner.function("position_step")
+        here, found = step(arc.t, arc.y)[:n].copy(), []
+        for aside in self.asides():
+            aside[arc.state.positions] += step(arc.t, aside)[:n] - here
+            found.append(aside)
+        return found
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
         """Yield states (size,) near the state reached, for tests of its neighbourhood.
