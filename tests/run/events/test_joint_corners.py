@@ -129,6 +129,7 @@ def test_a_kick_of_one_of_several_beads_leaves_the_others_in_their_corners(
     if kicked >= count:
         kicked = count - 1
     n = range(count)
+    own = (f"x{i}: {i}, x{i}_dot: 0, y{i}: 0, y{i}_dot: {{guess: 0}}" for i in n)
     text = f"""
 coordinates: {{{"".join(f"x{i}: {{}}, y{i}: {{}}, " for i in n)}z: {{}}}}
 energy:
@@ -136,7 +137,7 @@ energy:
   potential: 9.81*({"+".join(f"y{i}" for i in n)})
 constraints: {{{", ".join(f"wire{i}: y{i} = abs(x{i} - {i})" for i in n)}}}
 events: {{kick: {{at: z = 0, impulse: {{x{kicked}: -1}}}}}}
-initial: {{{"".join(f"x{i}: {i}, x{i}_dot: 0, y{i}: 0, y{i}_dot: {{guess: 0}}, " for i in n)}z: -1, z_dot: 1}}
+initial: {{{", ".join(own)}, z: -1, z_dot: 1}}
 simulation: {{duration: 1.25, output_step: 0.25}}
 """
     found = after(text, *(f"x{i}_dot" for i in n))
