@@ -26,7 +26,6 @@ from lagsim.language.functions import ELEMENTS
 from lagsim.language.graph import DATA
 from lagsim.language.tables import arguments, written
 from lagsim.mechanics.algebra import null_space, sizes_of
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
@@ -95,7 +94,7 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
         held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
         # Rates of open gaps are not checked.
-        contacts = [x.row for x in point.e.laws if x.kind is Kind.CONTACT]
+        contacts = [x.row for x in point.e.laws if x.gapped]
         gaps = point.array([row.residual for row in contacts])
         for row, gap in zip(contacts, gaps, strict=True):
             if gap > 0.0:
@@ -305,7 +304,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
     some = [
         law
         for k, law in enumerate(laws)
-        if law.kind.bounded and law.constraint in active and not 0 <= law.pair < k
+        if law.bounded and law.constraint in active and not 0 <= law.pair < k
     ]
     places = {c.name: c.relation.place for c in point.e.model.constraints}
     found = []
@@ -313,7 +312,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
         point.array(x) for x in ([x.bound for x in some], [x.static for x in some])
     )
     for law, value, static in zip(some, bounds, statics, strict=True):
-        what, why = "friction" if law.kind is Kind.SLIP else "limit", ""
+        what, why = "friction" if law.slips else "limit", ""
         if value < 0.0:
             why = f"is {value:.6g} at the start, which is negative"
         elif static < 0.0:

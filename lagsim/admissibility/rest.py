@@ -32,7 +32,6 @@ from lagsim.admissibility.verdict import (
 from lagsim.mechanics.algebra import (
     least_squares,
 )
-from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import SAME_RESULT, STATE_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
@@ -535,7 +534,7 @@ def find_rest(
                     left = judge_rest(there, judge_laws(there, off)) if laws else ()
                     if not all(x.satisfied for x in left):
                         return None  # a wall that comes, or goes
-                    sided = {k for k in held if laws[k].kind.one_sided}
+                    sided = {k for k in held if laws[k].one_sided}
                     touching = {laws[k].constraint for k in sided}
                     own = rest.rows[len(point.e.rows) :]
                     lam = end.x[len(end.x) - len(rest.rows) :]
@@ -567,12 +566,12 @@ def _changes(
     pulls = dict(
         zip(sorted(held), rest.pulls(x)[len(rest.rows) - len(held) :], strict=True)
     )
-    pulling = [k for k in held if laws[k].kind.one_sided and pulls[k] > 0.0]
+    pulling = [k for k in held if laws[k].one_sided and pulls[k] > 0.0]
     if pulling:
         most = max(pulling, key=lambda k: pulls[k])
         return _of(laws, {laws[most].constraint}) & held
     sliding = held - acting(there, verdicts).holding
-    return {k for k in sliding if laws[k].kind.bounded}
+    return {k for k in sliding if laws[k].bounded}
 
 
 def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
@@ -582,7 +581,7 @@ def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
 
 def _by_gap(point: Point) -> list[int]:
     """Return the indices of the laws that are contacts, by increasing scaled gap."""
-    contacts = [k for k, x in enumerate(point.e.laws) if x.kind is Kind.CONTACT]
+    contacts = [k for k, x in enumerate(point.e.laws) if x.gapped]
     rows = [point.e.laws[k].row for k in contacts]
     lengths = np.linalg.norm(point.jacobian(rows) / point.sizes, axis=1)
     gaps = point.array([row.residual for row in rows]) / np.maximum(lengths, TINY)

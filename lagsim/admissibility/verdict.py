@@ -34,7 +34,7 @@ from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import joined
 from lagsim.mechanics.algebra import least_squares
-from lagsim.mechanics.constraints import Kind, constraint_row
+from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.impacts import impact
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import at_limit
@@ -297,11 +297,7 @@ def judge_laws(point: Point, off: Collection[str]) -> list[RelationResiduals]:
     constraints in `off`, out of force, are not judged.
     """
     held = {row.name for row in point.e.rows}
-    laws = [
-        law
-        for law in point.e.laws
-        if law.kind is not Kind.SLIP and law.constraint not in held
-    ]
+    laws = [law for law in point.e.laws if not law.slips and law.constraint not in held]
     rows = [law.row for law in laws]
     values = _against_levers(point, [(r.residual, 0.0) for r in rows])
     rates = _against_levers(point, [(r.rate, 0.0) for r in rows])
@@ -332,7 +328,7 @@ def _of_limit(point: Point, law: Law) -> Residual | None:
 def _of_law(
     law: Law, value: Residual, rate: Residual, limit: Residual | None, *, in_force: bool
 ) -> RelationResiduals:
-    signed, active = law.kind.one_sided, in_force
+    signed, active = law.one_sided, in_force
     found = _of_row(law.row, value, rate)
     if signed:
         found = found._replace(kind=ONE_SIDED, velocity=None)
@@ -493,9 +489,7 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
     A timed equality has a condition `when`. off : names of constraints out of force.
     """
     timed = [
-        law.row
-        for law in equations.laws
-        if law.kind is Kind.TIMED and law.constraint not in off
+        law.row for law in equations.laws if law.equal and law.constraint not in off
     ]
     if not timed:
         return equations
@@ -511,7 +505,7 @@ def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
     """
     e, found = point.e, {}
     for law in e.laws:
-        if law.constraint in names and law.kind.one_sided:
+        if law.constraint in names and law.one_sided:
             found[law.constraint] = law.row
         elif law.constraint in names and law.slider and law.slider.first:
             node = at_limit(point.g, law, float(point.array([law.slider.force])[0]))
@@ -574,8 +568,7 @@ def contact_status(
         laws = acting(point, verdicts)
         paradox = laws.paradox
         found = [_with_mode(x, laws, point) for x in verdicts]
-    bounded = (Kind.LIMITED, Kind.SLIDER)
-    limited = {x.constraint: x.row for x in point.e.laws if x.kind in bounded}
+    limited = {x.constraint: x.row for x in point.e.laws if x.limited}
     held = [
         limited[x.name]
         for x in found
@@ -628,23 +621,21 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
     laws, sliders = point.e.laws, _sliders(point)
     active = {v.name for v in verdicts if v.active}
     chosen = [
-        k
-        for k, law in enumerate(laws)
-        if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
+        k for k, law in enumerate(laws) if law.constraint in active and law.by_forces
     ]
     if not chosen:
         return LawsAtStart(sliders)
     before = _LawValues(point, chosen)
     rates, rounding = before.rates, before.rounding
     approach = [k for k, low in zip(chosen, rates < -rounding, strict=True) if low]
-    struck = {laws[k].constraint for k in approach if laws[k].kind is Kind.CONTACT}
+    struck = {laws[k].constraint for k in approach if laws[k].gapped}
     if struck:
         hit = impact(before.closed, rates, rounding)
         point = point.at(v=point.v + before.delassus.response @ hit.impulses)
         terms = np.abs(before.closed.D) @ np.abs(hit.impulses) + np.abs(rates)
         rates, rounding = hit.after, rounding + RESIDUAL_ROUNDOFF * terms
     parts = [k for k, high in zip(chosen, rates > rounding, strict=True) if high]
-    gone = {k for k in parts if laws[k].kind.one_sided}
+    gone = {k for k in parts if laws[k].one_sided}
     left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
     if not left:
         return LawsAtStart(sliders, struck, v=point.v)
@@ -760,13 +751,13 @@ def _with_mode(
         return verdict
     laws = point.e.laws
     own = [k for k in found.modes if laws[k].constraint == verdict.name]
-    kind = next(x.kind for x in laws if x.constraint == verdict.name)
-    slips = [k for k in own if laws[k].kind is Kind.SLIP]
+    law = next(x for x in laws if x.constraint == verdict.name)
+    slips = [k for k in own if laws[k].slips]
     main = [k for k in own if k not in slips]
     holds = bool(main) and main[0] in found.holding
-    mode = kind.words[0 if holds else 1]
-    if kind in (Kind.CONTACT, Kind.TIMED) and verdict.name in found.struck:
+    mode = law.role.words[0 if holds else 1]
+    if verdict.name in found.struck:
         mode = "impact"
-    elif kind in (Kind.CONTACT, Kind.TIMED) and holds and slips:
-        mode = Kind.SLIP.words[0 if found.holding.issuperset(slips) else 1]
+    elif law.gapped and holds and slips:
+        mode = laws[slips[0]].role.words[0 if found.holding.issuperset(slips) else 1]
     return verdict._replace(holds=holds, mode=mode)

@@ -45,7 +45,6 @@ from lagsim.cli._shared import (
 from lagsim.codes import failure
 from lagsim.codes.known import USAGE
 from lagsim.errors import Place, counted, pointed, unusable
-from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names
 from lagsim.model.loading import model_text
 from lagsim.model.reader import read
@@ -612,7 +611,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
     )
     equations = made.session.equations
     held = len(equations.model.constraints)
-    contacts = len({law.name for law in equations.laws if law.kind is Kind.CONTACT})
+    contacts = len({law.name for law in equations.laws if law.gapped})
     parts = {
         "coordinate": len(equations.q), "state": len(equations.states),
         "constraint": held - contacts, "contact": contacts,

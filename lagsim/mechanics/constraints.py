@@ -12,7 +12,6 @@ bound of its own. The multiplier of a row that is not in force is 0.
 
 from __future__ import annotations
 
-from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -226,8 +225,8 @@ class MasslessSlider(NamedTuple):
     first: bool
 
 
-class Kind(Enum):
-    """Role of a row that holds at times: bounds of its multiplier, ends of its modes.
+class Role(NamedTuple):
+    """Columns in which rows differ: bounds of the multiplier, gaps, and words.
 
     The multiplier lies between `low` and `high` times the bound of the law; for a slip,
     times the multiplier of the contact, too. A row is off, held, or slides with its
@@ -236,52 +235,52 @@ class Kind(Enum):
     ============ ============= ==================================================
     role         bounds        ends
     ============ ============= ==================================================
+    EQUALITY     -inf, inf     at times known ahead, by `when`; or never
     CONTACT      0, inf        off: its gap closes; held: it would pull
     FREEWHEEL    0, inf        off: its rate falls to 0; held: it would pull
     SLIP         -mu, mu       with its contact; held: at its bound; slides: at rest
     LIMITED      -L, L         held: at its bound; slides: at rest
-    TIMED        -inf, inf     at times known ahead
-    SLIDER       -L, L         never: the row in force changes with its mode
     ============ ============= ==================================================
 
     Attributes
     ----------
-    code : str
-        A name by which roles with equal bounds differ.
     low, high : float
         The bounds of the multiplier, as multiples of the bound of the law.
     gapped : bool
         The row has a gap that closes, and bounces.
     words : tuple of str
         The words shown to users for a row that holds, and for one that does not.
-    one_sided, bounded : bool
-        The multiplier is nonnegative; it is bounded in both directions.
+    phrase : str
+        The words for the relation in messages, with a place for its name.
     """
 
-    CONTACT = ("contact", 0.0, inf, True, ("closed", "open"))
-    FREEWHEEL = ("freewheel", 0.0, inf, False, ("engaged", "free"))
-    SLIP = ("slip", -1.0, 1.0, False, ("sticks", "slides"))
-    LIMITED = ("limited", -1.0, 1.0, False, ("sticks", "slides"))
-    TIMED = ("timed", -inf, inf, False, ("closed", "open"))
-    SLIDER = ("slider", -1.0, 1.0, False, ("sticks", "slides"))
+    low: float
+    high: float
+    gapped: bool
+    words: Words
+    phrase: str
 
-    def __init__(
-        self, code: str, low: float, high: float, gapped: bool, words: Words
-    ) -> None:
-        self.code, self.low, self.high, self.gapped = code, low, high, gapped
-        self.words = words
-        self.one_sided, self.bounded = low == 0.0, high < inf
+
+EQUALITY = Role(-inf, inf, False, ("closed", "open"), "the `when` of `{}`")
+CONTACT = Role(0.0, inf, True, ("closed", "open"), "the contact `{}`")
+FREEWHEEL = Role(0.0, inf, False, ("engaged", "free"), "the freewheel `{}`")
+SLIP = Role(-1.0, 1.0, False, ("sticks", "slides"), "the friction of the contact `{}`")
+LIMITED = Role(-1.0, 1.0, False, ("sticks", "slides"), "the `limit` of `{}`")
 
 
 class Law(NamedTuple):
-    """Constraint row that holds at times, with the law of its multiplier.
+    """Constraint row with the law of its multiplier.
+
+    Readers distinguish rows by the columns of their roles and by the properties below,
+    of which `RowTable` has the arrays. The mode of a slider without mass never changes
+    its role: the row in force changes instead.
 
     Attributes
     ----------
     row : Row
         The row of the relation as an equality.
-    kind : Kind
-        The role of the row.
+    role : Role
+        The bounds and words of the row.
     constraint : str
         The name of the constraint in the file, or of a piece of its gap; for a slip,
         the name of the contact.
@@ -306,7 +305,7 @@ class Law(NamedTuple):
     """
 
     row: Row
-    kind: Kind
+    role: Role
     constraint: str
     multiplier: str
     restitution: float = 0.0
@@ -320,12 +319,55 @@ class Law(NamedTuple):
     slider: MasslessSlider | None = None
 
     @property
+    def equal(self) -> bool:
+        """Whether the multiplier has no bounds, as that of an equality."""
+        return self.role.low == -inf
+
+    @property
+    def always(self) -> bool:
+        """Whether the row is an equality that is always in force."""
+        return self.equal and self.when is None
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the multiplier is nonnegative, as that of a contact or freewheel."""
+        return self.role.low == 0.0
+
+    @property
+    def gapped(self) -> bool:
+        """Whether the row has a gap that closes, and bounces, as a contact."""
+        return self.role.gapped
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the multiplier is bounded in both directions."""
+        return self.role.high < inf
+
+    @property
+    def slips(self) -> bool:
+        """Whether the row is the slip of a contact."""
+        return self.bounded and self.normal >= 0
+
+    @property
+    def limited(self) -> bool:
+        """Whether the multiplier has a bound in both directions of its own."""
+        return self.bounded and self.normal < 0
+
+    @property
+    def by_forces(self) -> bool:
+        """Whether forces decide if the row holds: not those of equalities and sliders.
+
+        The force of a slider without mass is known.
+        """
+        return not self.equal and self.slider is None
+
+    @property
     def name(self) -> str:
         """The name of the constraint in the file.
 
         Suffixes of the pieces of a gap and of the two relations of a pair are removed.
         """
-        two = self.pair >= 0 and self.kind is not Kind.SLIP
+        two = self.pair >= 0 and not self.slips
         return self.constraint[:-2] if two else whole(self.constraint)
 
     @property
@@ -339,9 +381,14 @@ class Law(NamedTuple):
         bounce = () if self.bounce is None else (self.bounce,)
         return (self.bound, self.static, *bounce)
 
+    def shifted(self, count: int) -> Law:
+        """Return the law as a row after `count` others: `normal`, `pair` increased."""
+        normal, pair = (k + count if k >= 0 else k for k in (self.normal, self.pair))
+        return self._replace(normal=normal, pair=pair)
+
     def bouncing(self, restitution: float) -> Law:
         """Return the law with another restitution; unchanged if not one-sided."""
-        return self._replace(restitution=restitution) if self.kind.one_sided else self
+        return self._replace(restitution=restitution) if self.one_sided else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
         """Return the node whose product with the multiplier is the constraint's power.
@@ -354,7 +401,7 @@ class Law(NamedTuple):
         rates : sequence of int, length n
             The nodes of q'.
         """
-        if self.kind.bounded:
+        if self.bounded:
             entries = self.row.A.entries.items()
             return g.product_sum((slope, rates[j]) for j, slope in entries)
         return self.row.transport
@@ -383,25 +430,25 @@ def laws_of(
         zero = g.zero
         if c.law is None:
             row = constraint_row(g, c.name, c.relation.node, flow)
-            kind = Kind.TIMED if c.limit is None else Kind.LIMITED
+            role = EQUALITY if c.limit is None else LIMITED
             limit = zero if c.limit is None else c.limit
             static = limit if c.static is None else c.static
             pair = count + c.pair if c.pair else -1
             yield Law(
-                row, kind, c.name, MULTIPLIER.of(c.name), bound=limit, static=static,
+                row, role, c.name, MULTIPLIER.of(c.name), bound=limit, static=static,
                 when=c.when, pair=pair,
             )  # fmt: skip
             count += 1
             continue
         for name, node in pieces_of(g, c, flow, values).items():
             row = constraint_row(g, name, node, flow)
-            kind = Kind.CONTACT if row.holonomic else Kind.FREEWHEEL
+            role = CONTACT if row.holonomic else FREEWHEEL
             bounce = c.law.bounce
             if bounce is not None:
                 approach = {g.variable(APPROACH_SPEED): g.call("neg", row.rate)}
                 bounce = g.substitute([bounce], approach)[0]
             yield Law(
-                row, kind, name, MULTIPLIER.of(name), c.law.restitution, zero, zero,
+                row, role, name, MULTIPLIER.of(name), c.law.restitution, zero, zero,
                 when=c.when, bounce=bounce, poisson=c.law.poisson,
             )  # fmt: skip
             yield from _slips(g, name, c.law, flow, count)
@@ -453,6 +500,6 @@ def _slips(
         column += mark + piece
         other = normal + 3 - k if count == 2 else -1
         yield Law(
-            constraint_row(g, column, slip, flow), Kind.SLIP, name, column,
+            constraint_row(g, column, slip, flow), SLIP, name, column,
             bound=law.friction, static=static, normal=normal, pair=other,
         )  # fmt: skip

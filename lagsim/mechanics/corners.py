@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.switches import Switches
 
@@ -51,7 +50,9 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         Number of the side -> its corner. Surfaces that depend on velocities, or at
         which no row of an equality jumps, have none.
     """
-    held = [(r, row) for r, row in enumerate(e.every_row) if _is_equality(e, r, row)]
+    held = [
+        (r, x.row) for r, x in enumerate(e.relations) if x.equal and x.row.holonomic
+    ]
     if not held or not switches.sides:
         return {}
     g, fast = e.graph, frozenset(e.velocities)
@@ -75,14 +76,6 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         names = tuple(row.name for _, row in bent)
         found[k] = Corner(f"push.{k}", tuple(levers), names)
     return found
-
-
-def _is_equality(e: Equations, r: int, row: Row) -> bool:
-    """Whether row `r` is holonomic and, while in force, an equality."""
-    law = e.laws[r - len(e.rows)] if r >= len(e.rows) else None
-    return row.holonomic and (
-        law is None or (law.when is not None and not law.kind.one_sided)
-    )
 
 
 def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:

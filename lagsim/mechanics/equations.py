@@ -20,7 +20,7 @@ from lagsim.language.evaluate import addends
 from lagsim.language.functions import OPERATIONS, PART
 from lagsim.language.graph import memoize
 from lagsim.language.names import rate_of
-from lagsim.mechanics.constraints import Flow, Law, Row, pieces_of
+from lagsim.mechanics.constraints import EQUALITY, Flow, Law, Row, pieces_of
 from lagsim.mechanics.pieces import whole
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ class Equations:
         If not, the equations of `model` have to be derived anew.
         """
         g, flow, values = self.graph, self.flow, model.parameter_values
-        rows = {x.row.name: x.row.residual for x in self.laws if x.kind.one_sided}
+        rows = {x.row.name: x.row.residual for x in self.laws if x.one_sided}
         found: dict[str, int] = {}
         for c in (c for c in model.constraints if c.law):
             found |= pieces_of(g, c, flow, values)
@@ -284,20 +284,34 @@ class Equations:
         return self.tree.roundings(self.graph, moving, state) if self.tree else {}
 
     @property
+    def relations(self) -> tuple[Law, ...]:
+        """All rows with their laws: of the equalities that always hold, then `laws`.
+
+        `normal` and `pair` are indices among the relations here.
+        """
+        zero, count = self.graph.zero, len(self.rows)
+        if not count:
+            return self.laws
+        own = (
+            Law(x, EQUALITY, x.name, MULTIPLIER.of(x.name), bound=zero, static=zero)
+            for x in self.rows
+        )
+        return (*own, *(law.shifted(count) for law in self.laws))
+
+    @property
     def multipliers(self) -> tuple[str, ...]:
-        """The names of the variables lambda: of the rows, then of the laws."""
-        names = (MULTIPLIER.of(row.name) for row in self.rows)
-        return (*names, *(law.multiplier for law in self.laws))
+        """The names of the variables lambda, one for each of `relations`."""
+        return tuple(x.multiplier for x in self.relations)
 
     @property
     def slopes(self) -> tuple[SparseVector, ...]:
         """The rows of A, each (n,), in the order of the multipliers."""
-        return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
+        return tuple(x.row.A for x in self.relations)
 
     @property
     def every_row(self) -> tuple[Row, ...]:
-        """The rows that always hold, then the row `solved` of each law."""
-        return (*self.rows, *(law.solved for law in self.laws))
+        """The row of each of `relations` that the linear system of the motion has."""
+        return tuple(x.solved for x in self.relations)
 
     @property
     def of_motion(self) -> list[int]:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from lagsim.codes.known import NO_INERTIA
 from lagsim.errors import Problem
-from lagsim.mechanics.constraints import Flow, Kind
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.constraints import Flow
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Force, Model
 
@@ -44,9 +44,7 @@ def without_momentum(e: Equations) -> list[int]:
 
     These coordinates have no momentum, and no equality determines their velocities.
     """
-    held = {j for row in e.rows for j in row.A.entries}
-    timed = (law for law in e.laws if law.kind is Kind.TIMED)
-    held |= {j for law in timed for j in law.row.A.entries}
+    held = {j for x in e.relations if x.equal for j in x.row.A.entries}
     return [j for j, p in enumerate(e.momenta) if p == e.graph.zero and j not in held]
 
 

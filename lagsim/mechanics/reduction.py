@@ -29,7 +29,7 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.names import UNIT_LENGTH, rate_of
 from lagsim.language.sparse import SparseVector
-from lagsim.mechanics.constraints import Kind, MasslessSlider, Row, constraint_row
+from lagsim.mechanics.constraints import MasslessSlider, Row, constraint_row
 from lagsim.mechanics.derivation import derive
 from lagsim.mechanics.equations import Quadrature, Work
 from lagsim.model.model import FirstOrderState, Force, Relation, Transition
@@ -455,7 +455,7 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
     gathers : whether the equations keep the elements of the model, see `may_gather`.
     """
     e = derive(model, gathers=gathers)
-    if all(law.kind is not Kind.LIMITED for law in e.laws):
+    if not any(law.limited for law in e.laws):
         return e
     multipliers, f = _multipliers(e)
     g, laws, M = e.graph, list(e.laws), list(e.M)
@@ -469,7 +469,7 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
         made = _slider(e, law, k, j, multipliers)
         if made is None:
             return e
-        laws[k] = law._replace(kind=Kind.SLIDER, slider=made)
+        laws[k] = law._replace(slider=made)
     for j, _ in multipliers.values():
         M[j] = SparseVector(g, len(M), {j: g.one})
         f[j] = g.zero
@@ -514,7 +514,7 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
         for j in sorted(left):
             users = [k for k, law in open_laws.items() if j in law.row.A.entries]
             law = e.laws[users[0]] if len(users) == 1 else None
-            if law is None or law.kind is not Kind.LIMITED:
+            if law is None or not law.limited:
                 continue
             if law.when is not None and law.pair >= 0:
                 continue  # a force of 0 in a plane has no direction to slide in

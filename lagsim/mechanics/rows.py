@@ -1,12 +1,12 @@
 """Rows that may be in force: what their multipliers may be, and what these cause.
 
-A row is data. Its multiplier p lies between two multiples of its bound, and all kinds
-of rows differ in these columns of `RowTable` and nowhere else:
+A row is data. Its multiplier p lies between two multiples of its bound, and all roles
+of rows (`constraints.Role`) differ in these columns of `RowTable` and nowhere else:
 
     ================== ========= == ======= ==== ==================================
     row                low, high of pair    gap  ends
     ================== ========= == ======= ==== ==================================
-    equality           -inf, inf                 at times known ahead
+    equality           -inf, inf                 at times known ahead; or never
     contact            0, inf               yes  off: gap 0; held: p = 0
     freewheel          0, inf                    off: rate 0; held: p = 0
     slip of contact n  -1, 1     n  of two       held: at its bound; slides: stops
@@ -118,11 +118,11 @@ class RowTable:
     def of(cls, laws: Sequence[Law]) -> RowTable:
         """Return the table of the rows of laws."""
         return cls(
-            np.array([law.kind.low for law in laws]),
-            np.array([law.kind.high for law in laws]),
+            np.array([law.role.low for law in laws]),
+            np.array([law.role.high for law in laws]),
             np.array([law.normal for law in laws], dtype=int),
             np.array([law.pair for law in laws], dtype=int),
-            np.array([law.kind.gapped for law in laws], dtype=bool),
+            np.array([law.role.gapped for law in laws], dtype=bool),
             np.array([law.poisson for law in laws], dtype=bool),
         )
 

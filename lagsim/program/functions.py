@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.columns import IMPULSE
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.mechanics.constraints import Kind, scale_of
+from lagsim.mechanics.constraints import scale_of
 from lagsim.mechanics.equations import may_strike, pushes
 from lagsim.mechanics.forces import generalized_forces
 from lagsim.mechanics.motion_series import motion_rates
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.constraints import Law, Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.switches import Switches
@@ -37,9 +37,9 @@ def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
     return [row.residual if row.holonomic else g.zero for row in rows]
 
 
-def _conditions(e: Equations) -> list[int]:
+def _conditions(g: Graph, laws: Iterable[Law]) -> list[int]:
     """Return, for each law, the node of its condition `when`, or of 1 without one."""
-    return [e.graph.one if law.when is None else law.when for law in e.laws]
+    return [g.one if law.when is None else law.when for law in laws]
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
@@ -70,13 +70,13 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             law.slider.left
             if law.slider
             else law.row.residual
-            if law.kind is Kind.CONTACT
+            if law.gapped
             else law.row.rate
             for law in e.laws
         ]
         if sliders := [law.slider.force for law in e.laws if law.slider]:
             found["sliders"] = sliders
-        found["conditions"] = _conditions(e)
+        found["conditions"] = _conditions(g, e.laws)
         if any(law.bounce is not None for law in e.laws):
             # Constant ones are values of a bound system, and no part of the code.
             found["restitutions"] = [
@@ -149,13 +149,12 @@ def stepping_functions(
 
     found : the sparsity pattern of M and of the rows.
     """
-    g, rows = e.graph, e.every_row
-    always = [g.zero] * len(e.rows)
+    g, rows, relations = e.graph, e.every_row, e.relations
     lam = {g.variable(name): g.zero for name in e.multipliers}
     at_impacts = {
         g.variable(IMPULSE.of(law.constraint)): g.zero
         for law in e.laws
-        if law.kind in (Kind.CONTACT, Kind.FREEWHEEL, Kind.TIMED)
+        if not law.bounded
     }
     return {
         "balance": [
@@ -164,10 +163,9 @@ def stepping_functions(
             *e.f,
             *_held(g, rows),
             *(_offset(e, row) for row in rows),
-            *always, *(law.bound for law in e.laws),
-            *always, *(law.static for law in e.laws),
-            *(g.one for _ in e.rows),
-            *_conditions(e),
+            *(x.bound for x in relations),
+            *(x.static for x in relations),
+            *_conditions(g, relations),
         ],
         "effort": g.substitute(e.powers, lam),
         "columns": g.substitute(columns.nodes.values(), at_impacts),

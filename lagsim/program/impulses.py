@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.sparse import DisjointSets
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.forces import generalized_impulses, without_momentum
 
 if TYPE_CHECKING:
@@ -77,7 +76,7 @@ class ImpulseFunction:
     def __init__(self, e: Equations, recovered: Mapping[int, int]) -> None:
         g, self.n = e.graph, len(e.q)
         self.always = [row.name for row in e.rows]
-        self._timed = [law.kind is Kind.TIMED for law in e.laws]
+        self._equal = np.array([x.equal for x in e.relations], dtype=bool)
         mass, rows = e.mass_entries, [A.entries for A in e.slopes]
         kicks = generalized_impulses(e)
         self._mass = [*mass]
@@ -91,24 +90,23 @@ class ImpulseFunction:
         nodes = [*mass.values(), *slopes, *e.momenta, *map(g.variable, e.velocities)]
         self.first_condition = len(nodes)
         nodes += [
-            *(g.one if law.when is None else law.when for law in e.laws),
+            *(g.one if x.when is None else x.when for x in e.relations),
             *(node for kick in kicks for node in kick),
         ]  # fmt: skip
         self.nodes = list(g.substitute(nodes, recovered))
 
     def data(self, values: Floats) -> JumpData:
         """Return the values (len(nodes),) of the function, sorted by their meaning."""
-        n, laws = self.n, len(self._timed)
-        sizes = len(self._mass), len(self._slopes), n, n, laws
+        n, count = self.n, len(self._equal)
+        sizes = len(self._mass), len(self._slopes), n, n, count
         parts = np.split(values, np.cumsum(sizes))
-        M, rows = np.zeros((n, n)), np.zeros((len(self.always) + laws, n))
+        M, rows = np.zeros((n, n)), np.zeros((count, n))
         if self._mass:
             M[tuple(np.transpose(self._mass))] = parts[0]
         if self._slopes:
             rows[tuple(np.transpose(self._slopes))] = parts[1]
         M[self._free, self._free] = 1.0
-        timed = np.array(self._timed, dtype=bool) & (parts[4] != 0.0)
-        holds = np.append(np.ones(len(self.always), dtype=bool), timed)
+        holds = self._equal & (parts[4] != 0.0)
         return JumpData(M, rows, holds, parts[2], parts[3], parts[5].reshape(-1, n))
 
 
@@ -120,10 +118,7 @@ def _groups(e: Equations) -> list[tuple[Ints, Ints]]:
     sets = DisjointSets(len(e.q))
     for i, j in e.mass_entries:
         sets.unite([i, j])
-    held = dict(enumerate(A.entries for A in e.slopes[: len(e.rows)]))
-    for k, law in enumerate(e.laws, len(e.rows)):
-        if law.kind is Kind.TIMED:
-            held[k] = law.row.A.entries
+    held = {k: x.row.A.entries for k, x in enumerate(e.relations) if x.equal}
     for A in held.values():
         sets.unite([*A])
     found = []

@@ -16,7 +16,6 @@ from lagsim.language.columns import (
     Column,
 )
 from lagsim.language.names import rate_of
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.derivation import reactions
 from lagsim.mechanics.ldl import without_rows
 from lagsim.mechanics.pieces import MARK, whole
@@ -165,7 +164,7 @@ def _sums(equations: Equations) -> dict[int, int]:
     for law in equations.laws:
         if MARK in law.constraint:
             names = [law.multiplier]
-            if law.kind is Kind.CONTACT:
+            if law.gapped:
                 names.append(IMPULSE.of(law.constraint))
             for name in names:
                 parts.setdefault(whole(name), []).append(name)
@@ -178,17 +177,15 @@ def _in_order(equations: Equations) -> dict[str, Row]:
     A gap with several pieces is represented by the row of its first piece, with the
     residual of the whole gap and the largest residual scale of its pieces.
     """
-    g, rows = equations.graph, {row.name: row for row in equations.rows}
+    g = equations.graph
     parts: dict[str, list[Row]] = {}
-    for law in equations.laws:
-        if law.kind is not Kind.SLIP:
-            parts.setdefault(whole(law.row.name), []).append(law.row)
+    for x in equations.relations:
+        if not x.slips:
+            parts.setdefault(whole(x.row.name), []).append(x.row)
     found = {}
     for c in equations.model.constraints:
-        own = parts.get(c.name, [])
-        row = own[0] if own else rows.get(c.name)
-        if row is not None:
-            scale = row.residual_scale
+        if own := parts.get(c.name):
+            row, scale = own[0], own[0].residual_scale
             for other in own[1:]:
                 scale = g.call("max", scale, other.residual_scale)
             residual = c.relation.node if len(own) > 1 else row.residual
@@ -200,22 +197,22 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     """Return the nodes that are compared with tolerances after a run, by name.
 
     `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
-    a contact or freewheel while its condition holds, its violation. Laws that are not
-    one-sided have neither. rows : the row of each constraint by its name.
+    a contact or freewheel while its condition holds, its violation. Equalities that
+    hold at times, and limited ones, have neither. rows : the row of each constraint by
+    its name.
     """
     g = equations.graph
-    free = {whole(x.row.name): x for x in equations.laws if x.kind is not Kind.SLIP}
+    laws = {whole(x.row.name): x for x in equations.relations if not x.slips}
     nodes: dict[str, int] = {}
     for name, row in rows.items():
-        law = free.get(name)
-        if law is not None:
-            if not law.kind.one_sided:
-                continue
+        law = laws[name]
+        if law.one_sided:
             missed = g.call("min", row.residual, g.zero)
             if law.when is not None:
                 missed = g.call("mul", law.when, missed)
             nodes[f"missed:{name}"] = missed
-        nodes[f"scale:{name}"] = row.residual_scale
+        if law.one_sided or law.always:
+            nodes[f"scale:{name}"] = row.residual_scale
     return nodes
 
 
@@ -227,14 +224,10 @@ def _optional(equations: Equations) -> Iterator[Column]:
     """
     e, g = equations, equations.graph
     sums = _sums(e)
-    kinds = [Kind.CONTACT, Kind.SLIP]
-    names = []
-    if e.model.kicks:
-        kinds += [Kind.FREEWHEEL, Kind.TIMED]
-        names = [IMPULSE.of(row.name) for row in e.rows]
-    laws = [law for law in e.laws if law.kind in kinds]
-    names += [
-        x.multiplier if x.kind is Kind.SLIP else IMPULSE.of(x.constraint) for x in laws
+    names = [
+        x.multiplier if x.slips else IMPULSE.of(x.constraint)
+        for x in e.relations
+        if x.slips or x.gapped or (e.model.kicks and not x.bounded)
     ]
     for name in dict.fromkeys(map(whole, names)):
         node = g.variable(name)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from itertools import accumulate, chain
-from math import inf
 from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.mechanics.rows import RowTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -187,17 +188,11 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
 
     found : the pattern.
     """
-    count, laws = len(e.rows), e.laws
+    relations = e.relations
+    table = RowTable.of(relations)
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
-    kinds = [law.kind for law in laws]
-    p.row_low[:] = [-inf] * count + [kind.low for kind in kinds]
-    p.row_high[:] = [inf] * count + [kind.high for kind in kinds]
-    p.row_gapped[:] = [0.0] * count + [float(kind.gapped) for kind in kinds]
-    p.row_returns[:] = [1.0] * count + [0.0] * len(laws)
-    # Equalities come first.
-    for name in ("normal", "pair"):
-        numbers = (getattr(law, name) for law in laws)
-        shifted = [k + count if k >= 0 else -1 for k in numbers]
-        getattr(p, f"row_{name}")[:] = [-1] * count + shifted
-    p.row_restitution[:] = [0.0] * count + [law.restitution for law in laws]
+    p.row_low[:], p.row_high[:], p.row_gapped[:] = table.low, table.high, table.gapped
+    p.row_normal[:], p.row_pair[:] = table.normals, table.pairs
+    p.row_returns[:] = [x.always for x in relations]
+    p.row_restitution[:] = [x.restitution for x in relations]

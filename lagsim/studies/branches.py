@@ -27,7 +27,6 @@ from lagsim.admissibility.point import Point
 from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import did_you_mean, unusable
 from lagsim.language.names import member_hint
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation, eigenvalues_of
 from lagsim.outputs.table import table_of
@@ -308,8 +307,8 @@ class RestCurve:
         errors = Point(whole, state).solved_errors()
         found = linear.linear(x, linear.noise(x, errors))
         free = [q for j, q in enumerate(e.q) if j not in self._free]
-        kinds = {law.row.name: law.kind for law in self._e.laws}
-        sticks = any(row.name in kinds and kinds[row.name].bounded for row in rows)
+        bounded = {law.row.name for law in self._e.laws if law.bounded}
+        sticks = any(row.name in bounded for row in rows)
         return Steady(
             whole,
             state,
@@ -330,7 +329,7 @@ class RestCurve:
         values, names = place.steady.values, {row.name for row in self._held}
         found = []
         for law in self._e.laws:
-            if law.kind is not Kind.CONTACT:
+            if not law.gapped:
                 found.append(math.inf)
             elif law.row.name in names:
                 found.append(values[f"lambda_{law.row.name}"])

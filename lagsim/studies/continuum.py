@@ -19,7 +19,6 @@ import numpy as np
 from lagsim.admissibility.balance import Rest
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.verdict import judge_laws
-from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
@@ -124,9 +123,9 @@ class Continuum:
         bounds = point.array([law.static or law.bound for law in self._laws])
         for law, bound in zip(self._laws, bounds.tolist(), strict=True):
             push, limit = known[law.row.name], 0.0
-            if law.kind.bounded:
+            if law.bounded:
                 limit = bound
-                if law.kind is Kind.SLIP:
+                if law.slips:
                     limit *= known.get(self._all[law.normal].row.name, 0.0)
                 if law.pair >= 0:
                     push = math.hypot(
@@ -147,9 +146,9 @@ class Continuum:
         found = []
         pushes = self._pushes(self._rest.at(x), known)
         for law, size, (limit, push) in zip(self._laws, scales, pushes, strict=True):
-            if law.kind.one_sided:
+            if law.one_sided:
                 found.append(push / size)
-            if law.kind.bounded and not 0 <= law.pair < self._all.index(law):
+            if law.bounded and not 0 <= law.pair < self._all.index(law):
                 # The first of a pair stands for both.
                 found.append((limit * abs(limit) - push**2) / size**2)
         return np.array(found)

@@ -90,7 +90,7 @@ def invariants(equations: Equations, motion: SampledMotion) -> dict[str, Floats]
         law = laws.get(name)
         if made(name, RESIDUAL) and law is None:
             found[name] = values
-        elif law and law.kind.one_sided and law.when is None:
+        elif law and law.one_sided and law.when is None:
             found[name] = np.minimum(values, 0.0)
     if free := conserved(equations):
         known = equations.model.parameter_values | column

@@ -19,7 +19,6 @@ from lagsim.admissibility.verdict import CAUTION
 from lagsim.codes.known import NOT_LINEAR
 from lagsim.language.derivatives import gradient
 from lagsim.mechanics.algebra import Metric
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.mechanics.switches import model_switches
@@ -368,7 +367,7 @@ def _of_laws(steady: Linearised, errors: Mapping[str, float]) -> Iterator[Cautio
     rows = {row.name: k for k, row in enumerate(e.rows)}
     at_bound: dict[int, Law] = {}
     for k, law in enumerate(laws):
-        held = law.row.name in rows and law.kind not in (Kind.TIMED, Kind.SLIDER)
+        held = law.row.name in rows and law.by_forces
         if held and _is_at_bound(steady, errors, law):
             at_bound[k] = law
     if not at_bound:
@@ -395,7 +394,7 @@ def _is_at_bound(steady: Linearised, errors: Mapping[str, float], law: Law) -> b
     """
     value = steady.values[f"lambda_{law.row.name}"]
     error = CAUTION * errors[f"lambda_{law.row.name}"]
-    if law.kind.one_sided:
+    if law.one_sided:
         return value <= error
     point = Point(steady.equations, steady.state, errors)
     names = (*steady.equations.accelerations, *steady.equations.multipliers)
@@ -414,11 +413,10 @@ def _is_at_bound(steady: Linearised, errors: Mapping[str, float], law: Law) -> b
 
 
 def _law_text(law: Law) -> str:
-    if law.kind is Kind.CONTACT:
-        text = f"the contact `{law.name}` is closed without a force; the modes count "
-        return text + "it as closed"
-    if law.kind is Kind.FREEWHEEL:
-        return f"`{law.name}` is engaged without a force; the modes count it as engaged"
-    what = "the friction of " if law.kind is Kind.SLIP else ""
+    if law.one_sided:
+        what, holds = "the contact " if law.gapped else "", law.role.words[0]
+        text = f"{what}`{law.name}` is {holds} without a force; the modes count "
+        return text + f"it as {holds}"
+    what = "the friction of " if law.slips else ""
     text = f"{what}`{law.name}` sticks with its force at the limit; the modes count it "
     return text + "as sticking"

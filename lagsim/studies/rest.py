@@ -32,7 +32,6 @@ from lagsim.errors import LagsimError
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.linearisation import (
     BoundedEigenvalues,
@@ -263,7 +262,7 @@ def steady_rest(setting: Setting, found: AtRest) -> Steady:
     if laws:
         own = acting(point, judge_laws(point, setting.off)).holding
         held |= {laws[k].row.name: laws[k].row for k in sorted(own)}
-    bounded = {x.row.name for x in laws if x.kind.bounded}
+    bounded = {x.row.name for x in laws if x.bounded}
     free = found.undetermined
     sticks = not bounded.isdisjoint(held)
     rows, at = [*held.values()], point.state
@@ -288,7 +287,7 @@ def steady_start(setting: Setting) -> Steady:
     verdicts = judge_laws(point, setting.off)
     own = acting(point, verdicts)
     modes = {k: e.laws[k] for k in own.modes}
-    sliding = [x for k, x in modes.items() if x.kind.bounded and k not in own.holding]
+    sliding = [x for k, x in modes.items() if x.bounded and k not in own.holding]
     if sliding or own.struck:
         names = ", ".join(dict.fromkeys(f"`{x.name}`" for x in sliding))
         why = f"{names} slides there" if sliding else "an impact begins there"
@@ -610,11 +609,9 @@ class Search:
         point = self._point
         active = {v.name for v in judge_laws(point, self.setting.off) if v.active}
         laws = [
-            law
-            for law in point.e.laws
-            if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
+            law for law in point.e.laws if law.constraint in active and law.by_forces
         ]
-        if not any(law.kind.bounded for law in laws):
+        if not any(law.bounded for law in laws):
             return None
         rest = Rest(point, (), [law.row for law in laws], self.unknowns)
         lam = rest.first(point)[len(rest.x0) - len(rest.rows) :]

@@ -13,7 +13,6 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_with_error
-from lagsim.mechanics.constraints import Kind
 from lagsim.run.error import HIGHER, could_push, largest_beside
 from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor
 from lagsim.studies.audit.balances import Balance, energy_error, group_balances
@@ -152,7 +151,7 @@ def _residuals_off(
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
-    contacts = {x.name for x in equations.laws if x.kind is Kind.CONTACT}
+    contacts = {x.name for x in equations.laws if x.gapped}
     names = run.session.columns.names
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):

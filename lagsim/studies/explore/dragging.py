@@ -93,7 +93,7 @@ class ConstrainedStart:
             + defined_conditions(self._x, velocities=moving)
             for moving in (False, True)
         )
-        sided = [x for x in e.laws if x.kind.one_sided and x.constraint not in off]
+        sided = [x for x in e.laws if x.one_sided and x.constraint not in off]
         self._gaps = implied_conditions((x.row for x in sided), velocities=False)
         self._ways = implied_conditions(
             (x.row for x in sided if not x.row.holonomic), velocities=True

@@ -44,7 +44,6 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.names import in_file
 from lagsim.limits import STEPS
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import CURVE, SHAPES
 from lagsim.native.graph.tapes import by_columns
@@ -183,17 +182,6 @@ def _text(document: Document) -> bytes:
 # --- What a page cannot compute
 
 
-# The words for a row that does not always hold.
-FEATURES = {
-    Kind.CONTACT: "the contact `{}`",
-    Kind.FREEWHEEL: "the freewheel `{}`",
-    Kind.SLIP: "the friction of the contact `{}`",
-    Kind.LIMITED: "the `limit` of `{}`",
-    Kind.TIMED: "the `when` of `{}`",
-    Kind.SLIDER: "the `limit` of `{}`",
-}
-
-
 def _refused(feature: str) -> Exception:
     text = f"a page in a file cannot compute {feature}"
     return unusable(NOT_IN_A_FILE, text)
@@ -214,7 +202,7 @@ def _features(session: Session) -> Iterator[str]:
     if model.until is not None:
         yield f"`until: {model.until.text}`"
     for law in case.equations.laws:
-        yield FEATURES[law.kind].format(law.constraint)
+        yield law.role.phrase.format(law.constraint)
     graph = case.equations.graph
     if any(op == DATA for op in graph.ops):
         yield from (f"the table `{table.name}`" for table in model.tables)

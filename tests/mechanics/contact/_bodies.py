@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.constraints import CONTACT, SLIP
 from lagsim.mechanics.rows import Closed, RowTable, delassus
 
-CONTACT, SLIP = Kind.CONTACT, Kind.SLIP
 G = 9.81
 COLUMNS = "low", "high", "gapped"
 

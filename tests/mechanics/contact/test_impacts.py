@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.constraints import EQUALITY
 from lagsim.mechanics.impacts import impact
 from tests.mechanics.contact._bodies import broken, none, touching
 
@@ -45,7 +45,7 @@ def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
     direction = np.array([np.cos(turn or 0.0), np.sin(turn or 0.0)])
     slip = speed * direction
     before = np.array([slip[0] + h * v / 2 / a, -v / 2, -v / 2 / a, slip[1]])
-    body = touching(masses, rows, len(slips), kind=Kind.TIMED, mu=mu)
+    body = touching(masses, rows, len(slips), kind=EQUALITY, mu=mu)
     found = impact(body, rows @ before, none(2 * k))
     assert found.found
     then = rows @ after(masses, rows, before, found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.complementarity import ComplementarityProblem, solve
-from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.constraints import CONTACT, EQUALITY, LIMITED
 from lagsim.mechanics.row_modes import modes
 from lagsim.mechanics.rows import Mode
 from tests.mechanics.contact._bodies import G, broken, closed, none, touching
@@ -55,7 +55,7 @@ def test_what_is_tied_goes_on_to_bear_where_others_give_way():
     Each of its two rows rests at its bound: the third, of the blocks, takes the rest.
     """
     rows = [[0.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [1.0, 0.0]]
-    body = closed([1.0, 1.0], rows, [Kind.LIMITED] * 4, mu=1.0)
+    body = closed([1.0, 1.0], rows, [LIMITED] * 4, mu=1.0)
     growing = ahead(1.0, 1.0, 1.0, 0.0)
     found = quiet(body, np.array([2.5, 2.5, 2.5, 0.0]), ahead=growing)
     assert sorted(found.mode) == [HELD, HELD, REDUNDANT, REDUNDANT]
@@ -65,9 +65,9 @@ def test_what_is_tied_goes_on_to_bear_where_others_give_way():
 def test_rows_at_a_small_angle_both_hold():
     # 1e-8 apart: a second row of its own, which D alone could not tell.
     rows = [[1.0, 0.0], [1.0, 1e-8]]
-    body = closed([1.0, 1.0], rows, [Kind.TIMED] * 2)
+    body = closed([1.0, 1.0], rows, [EQUALITY] * 2)
     assert quiet(body, np.array([-1.0, -1.0 - 1e-8])).mode == (HELD, HELD)
-    twice = closed([1.0, 1.0], [rows[0], rows[0]], [Kind.TIMED] * 2)
+    twice = closed([1.0, 1.0], [rows[0], rows[0]], [EQUALITY] * 2)
     found = quiet(twice, np.array([-1.0, -1.0]))
     assert found.mode == (HELD, REDUNDANT)
     assert found.multipliers == pytest.approx([1.0, 0.0])
@@ -193,7 +193,7 @@ def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
     assert found.p == pytest.approx(most * u, abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", [Kind.CONTACT, Kind.LIMITED, Kind.TIMED])
+@pytest.mark.parametrize("kind", [CONTACT, LIMITED, EQUALITY])
 def test_the_mode_of_a_single_row_is_that_of_the_row_among_others(kind):
     """Two rows that are not coupled are decided as one problem, one by its closed form.
 
@@ -229,8 +229,8 @@ def test_the_mode_of_a_single_row_is_that_of_the_row_among_others(kind):
         assert not found.paradox
         seen.add((found.mode[0], bool(found.direction[0])))
     expected = {
-        Kind.CONTACT: {(OFF, False), (HELD, False)},
-        Kind.LIMITED: {(HELD, False), (SLIDING, True)},
-        Kind.TIMED: {(HELD, False)},
+        CONTACT: {(OFF, False), (HELD, False)},
+        LIMITED: {(HELD, False), (SLIDING, True)},
+        EQUALITY: {(HELD, False)},
     }
     assert seen == expected[kind]
