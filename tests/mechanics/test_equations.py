@@ -174,8 +174,10 @@ class Native:
     def motion(self, values):
         """Return y', q'' and lambda; the latter two are columns of the rows."""
         e = self.equations
-        for k, parameter in enumerate(e.model.parameters):
-            self.system.p.fixed[k] = values[parameter.name]
+        for parameter in e.model.parameters:
+            self.system.p.flat[self.system.place(parameter.name)] = values[
+                parameter.name
+            ]
         # On the side of each switch that the state is on.
         for k, side in enumerate(self.system.switches.sides):
             (value,) = evaluate(e.graph, [side.node], values)
