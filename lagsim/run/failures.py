@@ -37,6 +37,7 @@ from lagsim.plan.plan import ANY, structure
 from lagsim.program.system import System
 from lagsim.run.arc import LONG, SERIES
 from lagsim.run.interrupt import MOST_STEPS
+from lagsim.run.modes import TrialModes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import BROKEN_CONSTRAINT, TINY
 
@@ -567,14 +568,11 @@ def _trial(arc: Arc) -> tuple[State, State]:
     state.row_limit = state.arc_rows = -np.inf
     state.extras = state.ask_at = 0.0
     before, passed = state.copy(), p.passed
-    cells = p.fixed, p.side, p.low, p.high, p.least, p.most
-    kept = [values.copy() for values in cells]
-    if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
-        before = state.copy()
-        arc.runner.advance(state, 1, TRIAL)
-    p.passed = passed  # and the cells of tables are restored
-    for values, former in zip(cells, kept, strict=True):
-        values[:] = former
+    with TrialModes(arc):  # the kernel passes knots and levels of tables
+        if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
+            before = state.copy()
+            arc.runner.advance(state, 1, TRIAL)
+    p.passed = passed
     return before, state
 
 

@@ -217,3 +217,18 @@ def test_a_series_gives_way_where_fast_motion_is_damped():
     assert few - 20_000 < 0.2 * (many - 20_000)
     # Radau keeps to the tolerance too, up to some hundred times for a minute's steps.
     assert np.max(np.abs(found["x"] - alone["x"])) < 1e-7
+
+
+@pytest.mark.slow  # nearly all of it compiles
+def test_a_trial_of_another_method_leaves_the_cells_of_tables():
+    # The trial integrates past points of the table, whose cells the kernel passes.
+    points = ", ".join(f"[{k}/100, {k % 2}]" for k in range(101))
+    text = f"tables: {{push: {{points: [{points}]}}}}{DAMPED}"
+    for section, added in (
+        ("coordinates: {", "w: {}, "), ("kinetic: (", "w_dot^2 + "),
+        ("forces: {", "w: push(t), "), ("initial: {", "w: 0, "),
+    ):  # fmt: skip
+        text = text.replace(section, section + added)
+    found = run(text)
+    assert found.trajectory.choices  # radau, after a trial
+    assert found["w_dot"][-1] == pytest.approx(0.5, abs=1e-12)
