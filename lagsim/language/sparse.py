@@ -197,7 +197,9 @@ def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
     coordinates that are coupled directly or through others.
     """
     sets = DisjointSets(n)
-    for row in rows:
-        for i, j in pairwise(row):
-            sets.merge(i, j)
+    pairs = [pair for row in rows for pair in pairwise(row)]
+    if not pairs:
+        return [*range(n)]
+    for i, j in pairs:
+        sets.merge(i, j)
     return [sets.leader(i) for i in range(n)]

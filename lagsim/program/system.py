@@ -47,7 +47,7 @@ from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods.parts.driver import State
     from lagsim.model.model import Model
@@ -582,6 +582,16 @@ class System:
         return RowTable.of(self.laws)
 
     @cached_property
+    def has_static_bounds(self) -> Flags:
+        """Mask (L,) of the laws whose static bound is another than the dynamic one."""
+        return np.array([law.static != law.bound for law in self.laws], dtype=bool)
+
+    @cached_property
+    def holonomic_laws(self) -> Flags:
+        """Mask (L,) of the laws with a row of positions."""
+        return np.array([law.solved.holonomic for law in self.laws], dtype=bool)
+
+    @cached_property
     def sliders(self) -> list[int]:
         """The indices of the laws that are sliders without mass."""
         return [k for k, law in enumerate(self.laws) if law.slider]
@@ -598,15 +608,26 @@ class System:
         """Whether a law is in force at times only, by a condition `when`."""
         return any(law.when is not None for law in self.laws)
 
+    @cached_property
+    def _couplings(self) -> tuple[list[list[int]], list[tuple[int, list[int]]]]:
+        """Coordinates that equalities couple, and laws, each with its number.
+
+        Rows of a single coordinate couple none; sliders have no row.
+        """
+        e = self.equations
+        rows = [[*row.A.entries] for row in e.rows]
+        laws = [(k, [*x.row.A.entries]) for k, x in enumerate(e.laws) if not x.slider]
+        return [x for x in rows if len(x) > 1], [x for x in laws if len(x[1]) > 1]
+
     def held_together(self) -> list[int]:
         """Return, for each coordinate, the least index of a coordinate coupled to it.
 
         Coordinates are coupled by rows of equalities and of laws that are in force.
         """
-        e, on = self.equations, self.p.law_mode != OFF
-        acts = zip(e.laws, on, strict=True)
-        acting = (law.row for law, holds in acts if holds and not law.slider)
-        return joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
+        rows, laws = self._couplings
+        on = (self.p.law_mode != OFF).tolist()
+        acting = (entries for k, entries in laws if on[k])
+        return joined(len(self.equations.q), [*rows, *acting])
 
 
 # A call of a kernel is short, so that Python handles a signal soon after it. Steps of

@@ -99,13 +99,18 @@ MOST_EVENTS = 10_000
 LATELY = 1000
 
 
+# Rows of short arcs wait for others until so many, or so many seconds of the run, have
+# come together: a call of all observers takes as long as hundreds of rows.
+POOLED_ROWS, POOLED_SECONDS = 128, 0.1
+
+
 class Recorder:
     """Storage of events, cautions and choices; passes rows to the observers.
 
     Attributes
     ----------
     rows : int
-        Number of rows passed so far.
+        Number of rows so far, with the ones that wait.
     last : float
         Time of the last row; nan before the first.
     listed : EventList
@@ -133,6 +138,8 @@ class Recorder:
         self.full = math.inf
         self.rows = 0
         self.last = math.nan
+        self._pool: list[Floats] = []
+        self._pooled, self._since = 0, 0.0
 
     def keep(self, decision: Decision) -> None:
         """Store the events, cautions and choices of a decision."""
@@ -176,12 +183,26 @@ class Recorder:
         return [Caution(EVENTS_UNLISTED, text)]
 
     def hand_on(self, rows: Floats) -> None:
-        """Pass rows (k, columns) to all observers."""
+        """Store rows (k, columns) for the observers, which receive many at a time."""
         count = len(rows)
         if not count:
             return
         self.rows += count
         self.last = float(rows[-1, 0])
+        if not self._pool:
+            self._since = time.monotonic()
+        self._pool.append(rows)
+        self._pooled += count
+        late = time.monotonic() - self._since > POOLED_SECONDS
+        if late or self._pooled >= POOLED_ROWS:
+            self.pass_on()
+
+    def pass_on(self) -> None:
+        """Pass the rows that wait to all observers, and list the events before them."""
+        if not self._pool:
+            return
+        rows = self._pool[0] if len(self._pool) == 1 else np.concatenate(self._pool)
+        self._pool, self._pooled = [], 0
         self.list_events(self.last)
         for observer in self.observers:
             observer.add(rows)
@@ -285,6 +306,7 @@ class Run:
         if self.sections is not None and self.cut is None:
             self.sections.finish(self.arc, whole=ending.outcome is Outcome.DONE)
         self.show_last()
+        self.recorder.pass_on()
         self.recorder.list_events()
         return self.trajectory(ending)
 

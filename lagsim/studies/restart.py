@@ -265,6 +265,7 @@ class Restart:
         self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
 
     def _keep(self, run: Run, key: bytes) -> None:
+        run.recorder.pass_on()
         systems = {k: x for k, x in self._things.items() if isinstance(x, System)}
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
         memories = {k: x.p.flat for k, x in systems.items()}

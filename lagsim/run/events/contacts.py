@@ -639,7 +639,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
         Duration of the flight so far.
     """
     system = here.arc.system
-    struck = {k for k, on in enumerate(closed) if on and here.strikes(k)}
+    struck = {*here.struck(closed)}
     if not struck or (system.p.slack[: system.surfaces] > 0.0).any():
         return {}
     depths = {k: here.depth(k) for k in struck}

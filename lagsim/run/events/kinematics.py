@@ -318,17 +318,19 @@ class Kinematics:
             The numbers of the laws whose event functions were located at this time.
         """
         table, e, mu = self.table, self.restitutions, self.bounds
-        bounded, gapped = table.bounded.tolist(), table.gapped.tolist()
-        negative = (mu <= 0.0).tolist()
-        for k in closed:
+        negative = table.bounded & (mu <= 0.0)
+        weaker = table.bounded & self.arc.system.has_static_bounds
+        beyond = table.gapped & self._struck & ~((e >= 0.0) & (e <= 1.0))
+        doubtful = (negative | weaker | beyond).tolist()
+        for k in (k for k in closed if doubtful[k]):
             what = "friction" if table.slips[k] else "limit"
-            if bounded[k] and negative[k] and self._goes_below(k, met):
+            if negative[k] and self._goes_below(k, met):
                 text = f"is {mu[k]:.6g}, which is negative,"
                 return f"the {what} of `{self.laws[k].name}` {text}"
-            if bounded[k] and self._is_weaker_at_rest(k, met):
+            if weaker[k] and self._is_weaker_at_rest(k, met):
                 least = f"{self.statics[k]:.6g}, not more than the dynamic one,"
                 return f"the static {what} of `{self.laws[k].name}` falls to {least}"
-            if gapped[k] and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
+            if beyond[k]:
                 text = f"is {e[k]:.6g}, outside of 0 to 1,"
                 return f"the restitution of `{self.laws[k].name}` {text}"
         return ""
@@ -336,15 +338,13 @@ class Kinematics:
     def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
         """Whether the static bound of law k is less than the dynamic bound, at slip 0.
 
+        Only for laws whose static bound is another expression than the dynamic one.
         met : laws whose event functions were located at this time. The two bounds of
         such a law may be equal to rounding; then the result is whether its static bound
         falls below the dynamic one.
         """
-        law, own = self.laws[k], [k]
-        if law.static == law.bound:
-            return False
-        if law.pair >= 0:
-            own.append(law.pair)
+        pair = self.laws[k].pair
+        own = [k] if pair < 0 else [k, pair]
         if (np.abs(self.rates[own]) > self.still[own]).any():
             return False
         left, least = self.statics[k] - self.bounds[k], COMPUTED_ZERO * self.bounds[k]
@@ -404,7 +404,7 @@ class Kinematics:
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
         held, moving = self.scales
-        held = np.where([law.solved.holonomic for law in self.laws], held, 0.0)
+        held = np.where(self.arc.system.holonomic_laws, held, 0.0)
         for level, scales in zip(self.levels, (held, moving), strict=True):
             part = sizes[level]
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
@@ -520,10 +520,7 @@ class Kinematics:
         Beyond rounding, the rate of a one-sided law is negative, or that of an equality
         not 0.
         """
-        rate, still = self._rates_and_still[0][k], self._rates_and_still[1][k]
-        if self.table.is_one_sided[k]:
-            return rate < -still
-        return bool(self.table.equal[k]) and abs(rate) > still
+        return self._strikes[k]
 
     def reached(self, struck: Iterable[int], some: Collection[int]) -> list[int]:
         """Return the laws of `some`, ascending, on which impulses of `struck` act.
@@ -543,12 +540,25 @@ class Kinematics:
         return sorted(found)
 
     @cached_property
-    def _rates_and_still(self) -> tuple[list[float], list[float]]:
-        """Rates of the L laws, and bounds of their rounding errors, as lists.
+    def _struck(self) -> Flags:
+        """Mask (L,) of the laws that are struck if they are closed, see `strikes`."""
+        table, rates, still = self.table, self.rates, self.still
+        jumps = table.equal & (np.abs(rates) > still)
+        return np.asarray(np.where(table.one_sided, rates < -still, jumps))
 
-        They are `rates` and `still`; elements of lists are read faster.
+    @cached_property
+    def _strikes(self) -> list[bool]:
+        """`_struck` as a list, whose elements are read faster."""
+        found: list[bool] = self._struck.tolist()
+        return found
+
+    def struck(self, closed: Sequence[bool]) -> list[int]:
+        """Return the laws that are struck, ascending.
+
+        closed : whether each of the L laws is closed.
         """
-        return self.rates.tolist(), self.still.tolist()
+        found: list[int] = np.flatnonzero(self._struck & closed).tolist()
+        return found
 
     def is_off(self, parts: Floats) -> Flags:
         """Return a mask (L,) of laws whose residual is not 0 within given bounds.
