@@ -154,7 +154,7 @@ class Rest(Relations):
         return point
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Return marks (m,) of the residuals that exceed their rounding errors.
+        """Return a mask (m,) of the residuals that exceed their rounding errors.
 
         The bound of a residual includes the rounding of all multipliers, and of the
         distance of x from the guess. errors : error bounds (k,) of x.

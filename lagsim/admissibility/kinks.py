@@ -70,7 +70,7 @@ class KinkCrossing(NamedTuple):
     Attributes
     ----------
     side : int
-        The number of the surface in the list of switches.
+        The index of the surface in the list of switches.
     level : float
     part : float
         The fraction of the path up to the surface.
@@ -91,7 +91,7 @@ class Kinks:
     Attributes
     ----------
     sides : dict of int to Side
-        The surfaces that depend on no velocity, by their number among all switches.
+        The surfaces that depend on no velocity, by their index among all switches.
     """
 
     def __init__(self, e: Equations) -> None:
@@ -144,9 +144,9 @@ class Kinks:
         Parameters
         ----------
         sides : mapping of int to float
-            The values of the mode variables of surfaces, by number.
+            The values of the mode variables of surfaces, by index.
         pins : mapping of int to Pin
-            Surfaces on which the state is held, by number.
+            Surfaces on which the state is held, by index.
         """
         g = self.g
         variable = {k: g.variable(x.variable) for k, x in self.sides.items()}
@@ -215,7 +215,7 @@ class Kinks:
     def distance(self, k: int, level: float, sides: Mapping[int, float]) -> int:
         """Return the node u - level of surface k, other surfaces on fixed sides.
 
-        sides : the values of the mode variables of surfaces, by number.
+        sides : the values of the mode variables of surfaces, by index.
         """
         g = self.g
         fixed = {
@@ -229,7 +229,7 @@ class Kinks:
     def at(self, point: Point) -> tuple[dict[int, float], dict[int, float]]:
         """Return the side of each surface at a state, and the levels the state is on.
 
-        Both are mappings by the number of the surface. A surface whose expression has
+        Both are mappings by the index of the surface. A surface whose expression has
         the value of its level on an interval has no side: its mode variable is 0, or
         lies between two whole numbers.
         """
@@ -271,8 +271,8 @@ class Kinks:
         points : tuple of Point
             The ends of the path.
         sides : mapping of int to float
-            The sides of the start of the path, by the number of a surface: -1 or 1, or
-            a whole number.
+            The sides of the start of the path, by the index of a surface: -1 or 1, or a
+            whole number.
         pinned : mapping of int to float
             Surfaces that are left out, with their levels.
         beyond : bool
@@ -397,7 +397,7 @@ class Kinks:
         return float(J @ a), float(np.abs(J) @ terms)
 
     def row(self, k: int, level: float, sides: Mapping[int, float]) -> Row:
-        """Return the row u = level, which holds a state on surface k.
+        """Return the constraint row u = level, which holds a state on surface k.
 
         sides : see `frozen`.
         """

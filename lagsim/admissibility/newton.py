@@ -181,7 +181,7 @@ class Relations:
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Return marks (m,) of the relations that are not satisfied at x (k,).
+        """Return a mask (m,) of the relations that are not satisfied at x (k,).
 
         A relation is satisfied if its residual is at most a given part of its terms, or
         within its rounding error. errors : error bounds (k,) of x.

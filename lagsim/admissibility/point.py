@@ -162,10 +162,10 @@ class Point:
     ) -> dict[str, float]:
         """Return error bounds of the values that were solved for, by name.
 
-        The bound of a value adds: the rounding of the value, the rounding of the
+        The bound of a value is a sum: its own rounding error, the rounding of the
         distance of all values from `origin` (positions, velocities), and the effect of
-        rounding in its relations. A value that should be zero therefore has the error
-        of its neighbours.
+        rounding errors in its relations. A value whose exact value is 0 has the error
+        of the values to which relations couple it.
         """
         rows, weights, state = self.e.rows, self.sizes, (self.q, self.v)
         names = self.e.state
@@ -594,7 +594,8 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
 def _length(size: float, first: float, second: float) -> float:
     """Return the distance over which a gradient changes by its own size.
 
-    size : of the gradient. first, second : sizes of its first and second derivative.
+    size : the size of the gradient. first, second : sizes of its first and second
+    derivative.
     """
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf

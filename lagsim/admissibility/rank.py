@@ -312,7 +312,7 @@ def _smallest_of_sparse(
 
 
 def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
-    """Return marks (m,) of the scaled rows that lie in the span of earlier rows.
+    """Return a mask (m,) of the scaled rows that lie in the span of earlier rows.
 
     A row counts as dependent if the part outside that span is at most `cutoff`.
 
@@ -379,9 +379,9 @@ def _contradictions(
 ) -> dict[str, float]:
     """Return the differences between row i's right-hand sides and the implied ones.
 
-    Only those beyond rounding, by level ("position", ...). demands : from `_demands`. i
-    : index of the row. others : index -> coefficient of the rows in the combination
-    that equals row i.
+    Only those beyond rounding, by level ("position", ...). demands : the result of
+    `_demands`. i : index of the row. others : index -> coefficient of the rows in the
+    combination that equals row i.
     """
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}

@@ -128,7 +128,7 @@ def _balance(
 ) -> _Balance | None:
     """Return a balance of forces with the rows `held` in force; None if none is found.
 
-    point, stated, held, free : see `Rest`. way : see `Way`.
+    point, stated, held, free : see `balance.Rest`. way : see `balance.Way`.
     """
     if way is Way.CORNER:
         return _Walk(point, stated, held, free).found()
@@ -159,7 +159,7 @@ def _beside_kinks(
     found : _Balance
         A balance of the equations as written. It is returned where no corner is found.
     stated, held, free
-        See `Rest`.
+        See `balance.Rest`.
     near : bool
         Whether a nearer corner between the guess and the balance is searched for.
     """
@@ -195,17 +195,17 @@ class _Walk:
     Parameters
     ----------
     point, stated, held, free
-        See `Rest`.
+        See `balance.Rest`.
 
     Attributes
     ----------
     here : Point
         The state that the walk has reached; at first the guess.
     sides : dict of int to float
-        By the number of a surface, the side on which `here` lies: the value of the
-        surface's mode variable, see `Kinks.frozen`.
+        By the index of a surface, the side on which `here` lies: the value of the
+        surface's mode variable, see `kinks.Kinks.frozen`.
     levels : dict of int to float
-        By the number of a surface, the level on which the state is held, if it is.
+        By the index of a surface, the level on which the state is held, if it is.
     on_ridge : bool
         Whether the guess is a balance from which the forces of a side drive the state
         away.
@@ -285,10 +285,10 @@ class _Walk:
         return None
 
     def _pins(self, shares: Mapping[int, float] | None = None) -> dict[int, Pin]:
-        """Return the pin of each surface that holds the state, by the surface's number.
+        """Return the pin of each surface that holds the state, by the surface's index.
 
-        shares : by number, the values of the shares; without it the shares are
-        variables.
+        shares : the values of the shares by the index of the surface; without it the
+        shares are variables.
         """
         g, kinks = self.guess.g, self.kinks
         return {
@@ -427,8 +427,8 @@ class _Walk:
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
         """Return the state `here` with its unknown positions and states displaced.
 
-        rest : names the unknowns. a : (n,), the displacement of q. rates : that of the
-        first-order states which are unknowns.
+        rest : names the unknowns. a : (n,), the displacement of q. rates : the
+        displacement of the first-order states that are unknowns.
         """
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
@@ -458,7 +458,7 @@ class _Walk:
         """Return the record of a balance: its solution, its state and its corner.
 
         x : (k,), the solution of `rest`. shares : shares of the upper sides, by the
-        number of the surface. Without surfaces, the equations of the state are those of
+        index of the surface. Without surfaces, the equations of the state are those of
         the model.
         """
         there, corner = rest.at(x).of(self.guess.e), None
@@ -483,7 +483,8 @@ class _Walk:
 def _mode(levels: Mapping[int, float], sides: Mapping[int, float]) -> object:
     """Return a hashable key of a walk's position among the surfaces.
 
-    levels : of the surfaces that hold the state. sides : of all surfaces, see `_Walk`.
+    levels : the levels of the surfaces that hold the state. sides : the sides of all
+    surfaces, see `_Walk`.
     """
     return frozenset(levels.items()), frozenset(sides.items())
 

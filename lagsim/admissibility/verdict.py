@@ -228,10 +228,11 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
-    """Return the indices of rows whose lengths influence the lengths of given rows.
+    """Return indices of rows on which the scales of the given rows depend.
 
-    asked : indices of the given rows. The result has the other rows that share a
-    coordinate with one of these directly, or through at most LINKS - 1 rows between.
+    asked : indices of the given rows, which the result excludes. The result has the
+    rows that share a coordinate with a given row, directly or through a chain of at
+    most LINKS - 1 other rows.
     """
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
@@ -270,8 +271,8 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
     """Return |A| |v| for each row A, over all coordinates coupled to it by inertia.
 
     rows : the entries of each row: index of a coordinate -> node. The norms are those
-    of scaled coordinates, see `Point.sizes`. A rate that is compared with this size is
-    accurate to CONVERGED at best.
+    of scaled coordinates, see `point.Point.sizes`. A rate that is compared with this
+    size is accurate to CONVERGED at best.
     """
     if not rows:
         return []
@@ -501,7 +502,7 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
 def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
     """Return by name the rows of contacts, freewheels, and sliders at their limits.
 
-    names : of the constraints; constraints of other kinds are left out.
+    names : the names of the constraints; constraints of other kinds are left out.
     """
     e, found = point.e, {}
     for law in e.laws:

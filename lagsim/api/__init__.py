@@ -192,8 +192,8 @@ def number_range(
 ) -> tuple[float, float]:
     """Return the smaller and the larger end of a range of numbers.
 
-    name : of the argument. value : two numbers or texts of numbers. expected : the
-    permitted ranges.
+    name : the name of the argument. value : two numbers or texts of numbers. expected :
+    the permitted ranges.
 
     Raises
     ------

@@ -89,7 +89,7 @@ def explored(
     vary: Iterable[str] | Mapping[str, tuple[float, float] | None],
     height: int,
 ) -> Exploration:
-    """Return the page of a model; arguments as of `Model.explore`."""
+    """Return the page of a model; arguments as of `api.models.Model.explore`."""
     ends = dict(vary) if isinstance(vary, Mapping) else dict.fromkeys(vary)
     with in_python():
         explorer = Explorer(model, {}, ends, str)

@@ -234,7 +234,7 @@ def sweep(
     jobs : int, optional
         The number of processes; by default one for each core, where that saves time.
     error_bar
-        As for `simulate`; this and the options above apply to all runs.
+        As for `api.simulating.simulate`; this and the options above apply to all runs.
 
     Returns
     -------

@@ -86,7 +86,7 @@ def entry() -> int:
 def _leave(number: int, _frame: object) -> NoReturn:
     """Signal handler: end the process at once; in force while no command is at work.
 
-    number : of the signal.
+    number : the number of the signal.
     """
     files.remove_passing()
     os._exit(128 + number)

@@ -45,7 +45,7 @@ class PictureFormat(Enum):
 def flag(name: str, text: str) -> Any:
     """Return the declaration for typer of an option without a value.
 
-    name : of the option. text : its help.
+    name : the name of the option. text : its help.
     """
     return typer.Option(False, name, help=text)
 
@@ -133,7 +133,7 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
 def strict_line(name: str, codes: Iterable[str]) -> str:
     """Return the closing line of a command that fails by `--strict`.
 
-    name : of the model. codes : codes of the warnings.
+    name : the name of the model. codes : codes of the warnings.
     """
     codes = list(codes)
     named = ", ".join(dict.fromkeys(codes))
@@ -310,8 +310,8 @@ def drawn_or_reported(
 ) -> bytes | None:
     """Return the content of a picture; None, with a printed warning, if drawing fails.
 
-    name : of the file. draw : returns the content. warnings : list to which the record
-    of the warning is appended.
+    name : the name of the file. draw : returns the content. warnings : list to which
+    the record of the warning is appended.
     """
     from lagsim.outputs import attempted
 
@@ -390,8 +390,8 @@ def experiment(
     no file is written. The chart is left out after a signal, or if drawing fails. With
     `as_json` the document is printed; it is appended to `documents` if that is given.
 
-    command : the name of the command. folder : of the results. manifest : the file name
-    of the document.
+    command : the name of the command. folder : the folder of the results. manifest :
+    the file name of the document.
     """
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
@@ -673,7 +673,7 @@ def annotate(
 ) -> None:  # fmt: skip
     """Annotate a line of a file in GitHub Actions; without effect elsewhere.
 
-    level : `error`, `warning` or `notice`. number : of the message.
+    level : `error`, `warning` or `notice`. number : the number of the message.
     """
     if not on_github():
         return

@@ -171,7 +171,8 @@ def _document(
 ) -> dict[str, Any]:
     """Return the comparison as a JSON document.
 
-    Later versions of lagsim add keys and remove none. names : of the two results.
+    Later versions of lagsim add keys and remove none. names : the names of the two
+    results.
     """
     rows, first = verdict.rows, verdict.first
     assert rows is not None

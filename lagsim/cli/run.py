@@ -404,7 +404,7 @@ class Job:
 
         The error is the OSError of a disk that is full, or None.
 
-        found : the run. results : the folder. writer : of the table.
+        found : the run. results : the folder. writer : the writer of the table.
         """
         wish, lost, full = self.wish, False, found.fault
         try:

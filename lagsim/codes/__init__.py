@@ -172,7 +172,7 @@ def number(code: ErrorCode) -> str:
 def failure(code: ErrorCode) -> dict[str, Any]:
     """Return the entry `failure` in the document of a failed run or a negative answer.
 
-    code : of the error.
+    code : the code of the error.
     """
     row = errors()[code]
     return {

@@ -148,7 +148,7 @@ def parsed(name: str) -> tuple[ColumnKind, str] | None:
 
 
 def made(name: str, *kinds: ColumnKind) -> bool:
-    """Whether the name of a column is made of another name, by one of the kinds."""
+    """Whether the name of a column is a prefix of one of `kinds` with another name."""
     found = parsed(name)
     return found is not None and found[0] in kinds
 

@@ -239,7 +239,7 @@ class Parsed(NamedTuple):
     ) -> int:
         """Return the node of the expression in the graph `g`.
 
-        scope : function that maps each name to its node. tables : by name, functions
+        scope : function that maps each name to its node. tables : functions by name
         that build the node of a table's value.
 
         Examples

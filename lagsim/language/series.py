@@ -124,7 +124,7 @@ class Coefficients:
     def inner_rate(self, a: int, b: int) -> int:
         """Return a variable for the sum of (j/k) a_j b_(k-j) over j from 1 to k - 1.
 
-        a, b : as for `inner`.
+        a, b : see `inner`.
         """
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
 
@@ -182,7 +182,7 @@ class Coefficients:
     def factors(self, variable: int) -> tuple[int, int]:
         """Return the nodes a_k and b_k of the sum that a variable represents.
 
-        variable : from `inner`.
+        variable : a result of `inner`.
         """
         a, b, rated = self.sums[variable]
         self.extend((a, b))

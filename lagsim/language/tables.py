@@ -325,8 +325,8 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 def continuous(axis: Data, order: int) -> tuple[float, float]:
     """Return the open range of knot numbers in which a derivative is continuous.
 
-    axis : data of the table. order : of the derivative. The range (0, 0) is empty: the
-    derivative jumps at each knot.
+    axis : data of the table. order : the order of the derivative. The range (0, 0) is
+    empty: the derivative jumps at each knot.
     """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > smooth:

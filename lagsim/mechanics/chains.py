@@ -298,7 +298,7 @@ class Chains(NamedTuple):
 
     @property
     def named(self) -> dict[int, Vector]:
-        """The sums by their number: unknown n + k -> sum k."""
+        """The sums by the index of their unknown: n + k -> sum k."""
         return dict(enumerate(self.sums, self.size))
 
     @property

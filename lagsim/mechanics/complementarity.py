@@ -220,8 +220,8 @@ def _solved_alone(
 ) -> tuple[Floats, Floats]:
     """Return p (k,) and w (k,) of the k `rows`, which are coupled with no other row.
 
-    The diagonal elements of D of these rows must not be negative. problem : of all
-    rows.
+    The diagonal elements of D of these rows must not be negative. problem : the problem
+    of all rows.
     """
     own, c = problem.D.diagonal()[rows], problem.c[rows]
     moves = own > 0.0

@@ -133,8 +133,8 @@ class Flow:
 def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     """Derive the row of an equality constraint `node` = 0.
 
-    The constraint is holonomic where `node` does not depend on a velocity. name : of
-    the constraint. flow : the variables of the motion and their rates.
+    The constraint is holonomic where `node` does not depend on a velocity. name : the
+    name of the constraint. flow : the variables of the motion and their rates.
     """
     names = g.depends([node])
     holonomic = not names & flow.velocities

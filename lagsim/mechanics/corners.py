@@ -47,8 +47,8 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
     Returns
     -------
     dict
-        Number of the side -> its corner. Surfaces that depend on velocities, or at
-        which no row of an equality jumps, have none.
+        Index of the side -> its corner. Surfaces that depend on velocities, or at which
+        no row of an equality jumps, have none.
     """
     held = [
         (r, x.row) for r, x in enumerate(e.relations) if x.equal and x.row.holonomic
@@ -84,7 +84,7 @@ def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:
     A side may change with another side if its expression depends on that side, directly
     or through further sides. The argument of `abs(mod(x, 2) - 1)` jumps with the
     `floor` of `mod`, from 1 to -1, where the value of `abs` is continuous. switches :
-    those of the equations.
+    the switches of the equations.
     """
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]
@@ -126,7 +126,7 @@ def with_pushes(
     switches : Switches
         The switches of `e`.
     found : mapping
-        The corners of `e` by the number of their side, from `corners`.
+        The corners of `e` by the index of their side, from `corners`.
 
     Returns
     -------

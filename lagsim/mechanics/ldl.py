@@ -210,7 +210,7 @@ class Elimination:
 
     @cached_property
     def collected(self) -> Collected:
-        """Rewriter of sums of products on the graph, see `Collected`."""
+        """Rewriter of sums of products on the graph, see `language.forms.Collected`."""
         return collected_along(self.equations)
 
     def _unit(self) -> int:
@@ -269,7 +269,7 @@ class Elimination:
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Return the squared size of the acceleration by each multiplier, as nodes.
+        """Return, for each row k, the squared norm of the acceleration by lambda_k.
 
         The result, shape (m,), is lambda_k^2 (A M^-1 A^T)_kk: the square of the length
         of M^-1 A_k^T lambda_k in the metric of M. It is the scale of rounding errors of

@@ -441,13 +441,13 @@ class BoundedEigenvalues(NamedTuple):
 
     @property
     def growing(self) -> Flags:
-        """Return marks (k,) of real parts that are positive beyond rounding."""
+        """Return a mask (k,) of real parts that are positive beyond rounding."""
         flags: Flags = self.values.real > self.errors
         return flags
 
     @property
     def decaying(self) -> Flags:
-        """Return marks (k,) of real parts that are negative beyond rounding."""
+        """Return a mask (k,) of real parts that are negative beyond rounding."""
         flags: Flags = self.values.real < -self.errors
         return flags
 

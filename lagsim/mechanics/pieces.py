@@ -146,7 +146,7 @@ class Piece(NamedTuple):
 class _Pieces:
     """Decomposition of nodes into the minimum, or the maximum, of other nodes.
 
-    g, values, moving : as of `pieces`.
+    g, values, moving : see `pieces`.
     """
 
     def __init__(
@@ -220,7 +220,7 @@ class _Pieces:
     def _of_product(self, n: int, way: int) -> list[Piece]:
         """Return the pieces of a product or quotient, one factor of which has kinks.
 
-        way : as in `of`.
+        way : see `of`.
         """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         first, second = (bool(self.kinked([a])) for a in args)
@@ -241,7 +241,7 @@ class _Pieces:
     def _of_extreme(self, n: int, way: int) -> list[Piece]:
         """Return the pieces of `max`, `min` or `abs`, with |u| = max(u, -u).
 
-        way : as in `of`.
+        way : see `of`.
         """
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
@@ -281,7 +281,7 @@ class _Pieces:
     def _apart(self, n: int, way: int) -> list[Piece]:
         """Return two pieces of node n, by the sides of its innermost kink, or n alone.
 
-        way : as in `of`. The derivative with respect to the kinked expression is
+        way : see `of`. The derivative with respect to the kinked expression is
         evaluated on the present side of the kink: on the other side it may have no
         value.
         """
@@ -354,7 +354,7 @@ class _Pieces:
         """Return the pieces of a linear table of a smooth argument.
 
         The pieces are lines, and a table with the kinks that cannot be removed. way :
-        as in `of`.
+        see `of`.
         """
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])

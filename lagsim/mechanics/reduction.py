@@ -218,7 +218,8 @@ def usable(
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
     coordinates would rebound.
 
-    values : of all variables at the start. moving : names of variables that change.
+    values : the values of all variables at the start. moving : names of variables that
+    change.
     """
     cone = deciding_cone(g, [row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)
@@ -452,7 +453,8 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
     sliders whose coordinate was found before, as in a chain. Other massless coordinates
     remain without inertia, also with a static limit that differs from the dynamic one.
 
-    gathers : whether the equations keep the elements of the model, see `may_gather`.
+    gathers : whether the equations keep the elements of the model, see
+    `derivation.may_gather`.
     """
     e = derive(model, gathers=gathers)
     if not any(law.limited for law in e.laws):
@@ -536,7 +538,8 @@ def _slider(
 
     None where no spring or damper acts between the slider and the rest.
 
-    multipliers : of sliders found before, by the index of the law, see `_multipliers`.
+    multipliers : the multipliers of sliders found before, by the index of the law, see
+    `_multipliers`.
     """
     g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k

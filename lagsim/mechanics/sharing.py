@@ -55,7 +55,7 @@ class ContactRows:
     problem : ComplementarityProblem
         The problem whose solution are the multipliers of the rows.
     sizes : ndarray, shape (r,)
-        The bounds of bounded multipliers, as in `Closed.problem`.
+        The bounds of bounded multipliers, as in `rows.Closed.problem`.
     given : ndarray of bool, shape (r,)
         The rows that slide.
     directions : ndarray, shape (r,)

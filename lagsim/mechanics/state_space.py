@@ -185,8 +185,8 @@ def _pushed(
     """Return the changes of residuals, and of right-hand sides, per unit of an input.
 
     They have the shapes (n + m + l,) and (m,); residuals are those of `Slopes`, and the
-    right-hand sides those of the constraint rows. values : of all variables. one : the
-    input. L : the equations, linearised at any state.
+    right-hand sides those of the constraint rows. values : the values of all variables.
+    one : the input. L : the equations, linearised at any state.
     """
     e, g, n, m = L.e, L.g, L.n, L.m
     change, levels = np.zeros(n + m + L.first), np.zeros(m)

@@ -146,9 +146,9 @@ def stepped(g: Graph, op: str, side: int, sign: int) -> int:
     """Return the node of the value of a discrete function, given its mode variable.
 
     op : the function, or a comparison, whose truth is returned. side : the node of its
-    mode variable. sign : of its expression relative to the side, see `oriented`. Where
-    the expression keeps its level on an interval, the variable is 0, or a whole number
-    minus 1/2, and the value is the function's at the level.
+    mode variable. sign : the sign of its expression relative to the side, see
+    `oriented`. Where the expression keeps its level on an interval, the variable is 0,
+    or a whole number minus 1/2, and the value is the function's at the level.
     """
     if op == "floor":
         return g.call("ceil", side)

@@ -210,7 +210,7 @@ class Switches:
     sides
         Position of the state relative to each surface on which the motion depends.
     corners
-        Number of a side -> corner of equalities on its surface.
+        Index of a side -> corner of equalities on its surface.
     """
 
     graph: Graph
@@ -288,7 +288,7 @@ class Switches:
     ) -> int:
         """Return the switch n with arguments `args`, decided by a mode variable.
 
-        variable : the mode variable, a node. sign : see `oriented`.
+        variable : the mode variable, a node. sign : see `surfaces.oriented`.
         """
         g, op = self.graph, self.graph.ops[n]
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)

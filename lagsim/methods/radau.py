@@ -136,7 +136,8 @@ def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
 def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
     """Return the code of an attempted step h; s.h becomes the next step to try.
 
-    error : of the step in units of the tolerance, negative if Newton's method failed.
+    error : the error of the step in units of the tolerance, negative if Newton's method
+    failed.
     """
     if not error < OVERFLOW:
         s.h = 0.1 * h
@@ -278,7 +279,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    The components written are those of y' after q'.
+    The components written are the rates that follow q' in y'.
     """
     for i in range(s.n, s.size):
         slope = 0.0

@@ -259,7 +259,7 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    The components written are those of y' after q'.
+    The components written are the rates that follow q' in y'.
     """
     if CONSTRAINED and x > HALF:
         slope((x - 1.0) * s.step_h, s.series[buffer(s.size, s.which) :], out)
@@ -440,8 +440,8 @@ def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
     """Return a step's error in tolerances: the difference of y' at its end.
 
     rates : (size,), y' at the end by the equations; the other rate is that of the
-    series. order : of the series. h : the length of the step. The square of a finite
-    error is finite. OVERFLOW if a difference is not finite.
+    series. order : the order of the series. h : the length of the step. The square of a
+    finite error is finite. OVERFLOW if a difference is not finite.
     """
     part = h / (order + 1.0)
     worst = 0.0

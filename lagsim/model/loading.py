@@ -499,8 +499,8 @@ class _Case:
     ) -> Diagnosis:
         """Return a diagnosis with the text of its message and a hint.
 
-        at : line and column; by default where the parser stopped. length : of the
-        marked text.
+        at : line and column; by default where the parser stopped. length : the length
+        of the marked text.
         """
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)

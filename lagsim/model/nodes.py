@@ -122,7 +122,7 @@ class Scalar(NamedTuple):
     def place_of(self, offset: int, length: int = 1) -> Place:
         """Return the place in the file of `length` characters of the text.
 
-        offset : of the first character in the text.
+        offset : the offset of the first character in the text.
         """
         stretches = _stretches(self)
         offset = max(0, min(offset, len(self.text)))
@@ -286,7 +286,7 @@ def value_of(node: Node, keys: tuple[str, ...]) -> Node:
 def with_value(node: Node, keys: tuple[str, ...], new: Node) -> Node:
     """Return a mapping with the value that `value_of` returns replaced by `new`.
 
-    node, keys : as for `value_of`; a node that is its own value is replaced.
+    node, keys : see `value_of`; a node that is its own value is replaced.
     """
     if not isinstance(node, Mapping) or value_of(node, keys) is node:
         return new

@@ -136,7 +136,7 @@ def array(length: Length, value: float | Sequence[float] = 0.0) -> Any:
 def part(whole: str, length: Length, first: Length = "") -> Any:
     """Declare an array within the array `whole`, from its element `first` (or 0) on.
 
-    length : as for `array`.
+    length : see `array`.
     """
     return Field(
         ARRAY, 0.0, length, lambda memory: memory.place(whole) + memory.size_of(first)
@@ -146,8 +146,7 @@ def part(whole: str, length: Length, first: Length = "") -> Any:
 def after(other: str, length: Length) -> Any:
     """Declare an array that begins at the end of the array `other`.
 
-    Both arrays lie within one array that is declared by `array`. length : as for
-    `array`.
+    Both arrays lie within one array that is declared by `array`. length : see `array`.
     """
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 

@@ -188,8 +188,8 @@ def legend(
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
     """Return the names of a legend, cut to fit, and its number of columns.
 
-    entries : names with pens. width : of the legend in inches, to which each name is
-    cut.
+    entries : names with pens. width : the width of the legend in inches, to which each
+    name is cut.
     """
     most = int(OF_SMALL_PRINT * width)
     names = [cut_text(name, most - BESIDE) for name, _ in entries]

@@ -328,7 +328,7 @@ def against_time(
 ) -> None:
     """Draw columns (times, values) against time, and mark the events.
 
-    pens : of the columns. draw : function that draws one column.
+    pens : the pens of the columns. draw : function that draws one column.
     """
     mark_events(data, axes)
     for (t, values), pen in zip(drawn, pens, strict=False):
@@ -394,8 +394,8 @@ SIDES = ("y", "y2")
 def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
     """Return the picture of one entry of the model's `output.plots`.
 
-    number : of the entry, from 0. wanted : the entry. scene : the scene, by which paths
-    of points are recognised.
+    number : the number of the entry, from 0. wanted : the entry. scene : the scene, by
+    which paths of points are recognised.
     """
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves

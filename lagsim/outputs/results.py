@@ -251,7 +251,7 @@ class Results:
     def keep(self, name: str) -> None:
         """Refuse to replace a model file that the user has changed.
 
-        name : of the file, which an earlier command has written.
+        name : the name of the file, which an earlier command has written.
 
         Raises
         ------

@@ -253,7 +253,7 @@ def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
 def _great_circles(radius: float, count: int) -> Mesh:
     """Return `count` great circles of a sphere, normal to its axes, z first.
 
-    radius : of the sphere.
+    radius : the radius of the sphere.
     """
     circle = np.pad(_circle(radius, ROUND), ((0, 0), (0, 1)))
     corners = np.concatenate([np.roll(circle, k, axis=1) for k in range(count)])

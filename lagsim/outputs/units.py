@@ -167,8 +167,9 @@ def _of_differences(
 ) -> str:
     """Return the unit of a sensitivity or of a standard deviation; "" if unknown.
 
-    name : of a column `d.<column>.<name>`, or of a standard deviation. columns : units
-    of columns by name. named : units of parameters, coordinates and states by name.
+    name : the name of a column `d.<column>.<name>`, or of a standard deviation.
+    columns : units of columns by name. named : units of parameters, coordinates and
+    states by name.
     """
     kind, rest = parsed_column(name) or (RESIDUAL, "")
     if kind is DEVIATION:
@@ -278,7 +279,8 @@ def _following(
     """Yield columns whose unit follows from the unit of energies.
 
     Each item has name, unit, and preferred names of the unit. The unit follows from the
-    unit `energy` and from that of the column's owner, see `ColumnKind`.
+    unit `energy` and from that of the column's owner, see
+    `language.columns.ColumnKind`.
     """
     for kind, name, node, level in _owners(equations):
         along = PURE if node is None else dimensions.unit(node)

@@ -319,7 +319,7 @@ def _chosen(
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     """Return the formulation of a reduction, with its start and its choices.
 
-    start : of the full equations. reason : of the choice.
+    start : the start of the full equations. reason : the reason of the choice.
     """
     rows = reduction.equations.rows
     given = [f"{q} from {row}" for q, row in reduction.eliminated]

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """Return the sparse Newton matrix of an implicit method, or None.
 
-    name : of the method. None if the method has no sparse solver, or if a dense matrix
-    is cheaper.
+    name : the name of the method. None if the method has no sparse solver, or if a
+    dense matrix is cheaper.
     """
     if not hasattr(method(name), "SPARSE"):
         return None
@@ -477,8 +477,8 @@ def _check_straight(
     """Refuse a method that needs y' as graph nodes, where loops solve for q''.
 
     The method is also refused if its Taylor series would be too long; else the form of
-    the series is appended to `choices`. name : of the method. elimination : the
-    solution for q'' on the graph; None where loops solve.
+    the series is appended to `choices`. name : the name of the method. elimination :
+    the solution for q'' on the graph; None where loops solve.
     """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED
@@ -584,8 +584,8 @@ def many_slopes(
 ) -> bool:
     """Whether tapes are needed since a method's derivatives are too many to compile.
 
-    name : of the method. elimination : the solution for q'' and lambda; None where
-    loops solve. choices : the decision on the derivatives, with its reason, is
+    name : the name of the method. elimination : the solution for q'' and lambda; None
+    where loops solve. choices : the decision on the derivatives, with its reason, is
     appended.
     """
     n, m = len(equations.q), len(equations.rows)
@@ -613,8 +613,8 @@ def repeats(
 
     In a string or a net, q'' of each member takes equal operations, and one instruction
     of a tape evaluates all operations of one kind and level: a tape then saves the time
-    to compile. If so, the choice is appended to `choices`. name : of the method.
-    elimination : the solution for q'' and lambda; None where loops solve.
+    to compile. If so, the choice is appended to `choices`. name : the name of the
+    method. elimination : the solution for q'' and lambda; None where loops solve.
     """
     if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
         return False
@@ -641,8 +641,8 @@ def singular_value_of(
 ) -> float:
     """Return an estimate of the smallest singular value of the scaled rows at a start.
 
-    The estimate is computed from the pivots of `elimination`. lengths : of the rows
-    (m,).
+    The estimate is computed from the pivots of `elimination`. lengths : the lengths of
+    the rows (m,).
     """
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):

@@ -271,7 +271,7 @@ def multipliers(p: Parameters, rank: int) -> None:
 
     R = (R1, R2) is the factor of `reflect`, with R1 (rank, rank), and w (rank,) is p.w,
     which is overwritten; the scaling of rows is undone. With B = R1^-1 R2 and x = R1^-1
-    w: lambda = (x - B z, z), where (I + B^T B) z = B^T x. rank : of the rows.
+    w: lambda = (x - B z, z), where (I + B^T B) z = B^T x. rank : the rank of the rows.
     """
     x, out = p.x, p.multipliers
     x[:rank] = p.w[:rank]
@@ -409,7 +409,7 @@ def gather(p: Parameters, out: Floats) -> None:
     forces in the metric of diag M. Where these forces cancel, the magnitudes of the
     terms of their rows count instead: forces, and inertial coupling by M. The row of a
     slider counts for its massless coordinate alone, not for the coordinates that the
-    slider follows. out : of length 2 n, on return the bounds, then workspace.
+    slider follows. out : array of length 2 n: on return the bounds, then workspace.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -717,7 +717,7 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
 
     f and b in p.terms are the right sides, and are overwritten. out : (n + m,). With
     the factors from `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
-    R^T w = b, and R lambda = w - Q^T L^-1 f. rank : of the rows.
+    R^T w = b, and R lambda = w - Q^T L^-1 f. rank : the rank of the rows.
     """
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x

@@ -189,7 +189,7 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
 
     Such rates are velocities, and first-order states whose rates are discontinuous. The
     rate of such a surface jumps where the surface is reached. Sides of other surfaces
-    are constants. switches : those of the equations.
+    are constants. switches : the switches of the equations.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -205,7 +205,7 @@ def surface_functions(
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
     """Return the functions of the surfaces, and the pattern of their rows J.
 
-    switches : those of the equations.
+    switches : the switches of the equations.
 
     Returns
     -------
@@ -254,7 +254,8 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
     """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
 
     The levers of a surface determine the jump of a corner's row across the surface, see
-    `corners`; without corners the list is empty. switches : those of the equations.
+    `corners`; without corners the list is empty. switches : the switches of the
+    equations.
     """
     if not switches.corners:
         return []
@@ -362,7 +363,8 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 
     The inertias are the pivots of M if these are short expressions, since a pivot
     vanishes where other coordinates can replace the coordinate (Euler angles at theta =
-    0); else the diagonal of M. plan : with the symbolic solution, if there is one.
+    0); else the diagonal of M. plan : the plan, with the symbolic solution, if there is
+    one.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -380,8 +382,8 @@ def _solved(
 ) -> dict[str, list[int]]:
     """Return the functions of equations that were solved symbolically, by name.
 
-    switching : see `functions`. plan : with the symbolic solution. columns : the
-    quantities of an output row.
+    switching : see `functions`. plan : the plan, with the symbolic solution. columns :
+    the quantities of an output row.
     """
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
@@ -459,8 +461,8 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 def _powers(e: Equations, plan: Plan) -> list[int]:
     """Return the nodes of the rates of works, with q'' replaced by its solution.
 
-    q'' occurs in the power of an eliminated moving constraint. plan : with the symbolic
-    solution, if there is one.
+    q'' occurs in the power of an eliminated moving constraint. plan : the plan, with
+    the symbolic solution, if there is one.
     """
     g = e.graph
     if plan.elimination is None or g.depends(e.powers).isdisjoint(e.accelerations):

@@ -284,7 +284,7 @@ def share_out(p: Parameters) -> None:
 def solve_rows(p: Parameters, sliding: int) -> None:
     """Solve S x = p.w in place, group by group; x is nan where S is singular.
 
-    sliding : as for `couple`, which is called if the factors are not known.
+    sliding : see `couple`, which is called if the factors are not known.
     """
     if p.factored < 2.0:
         couple(p, sliding)
@@ -307,7 +307,7 @@ def solve_rows(p: Parameters, sliding: int) -> None:
 def solve_in_place(count: int, band: int, S: Floats, pivots: Floats, x: Floats) -> None:
     """Replace x (count,) by S^-1 x; nan where S is singular.
 
-    band, pivots : as for `decompose`.
+    band, pivots : as for `methods.parts.newton.decompose`.
     """
     if decompose(1, count, band, S, pivots) == 0:
         x[:count] = nan

@@ -345,7 +345,8 @@ class System:
     def bound(self, model: Model, plan: Plan) -> System:
         """Return a copy of the system for other values, with its compiled functions.
 
-        model, plan : with the other values; the plan must fit, see `fits`.
+        model, plan : the model and its plan with the other values; the plan must fit,
+        see `fits`.
         """
         new = copy(self)
         new.take_values(model, plan)
@@ -525,7 +526,10 @@ class System:
         return self._fixed()["file_modes"]
 
     def length_words(self, k: int) -> list[int]:
-        """Return the indices in p at which the length of constraint row k is stored."""
+        """Return the indices in p that hold the length of constraint row k.
+
+        With loops the length is stored three times: as a variable, and in two arrays.
+        """
         words = [self.place(f"length.{self.equations.rows[k].name}")]
         if self.has_loops:
             words += [self.p.place(name) + k for name in ("lengths", "usual_lengths")]
@@ -763,7 +767,7 @@ class Runner:
     def over(self, system: System) -> Runner:
         """Return a copy of the runner that works in the memory of another system.
 
-        system : from `System.bound`, with the code of this runner's system.
+        system : a result of `System.bound`, with the code of this runner's system.
         """
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
@@ -868,7 +872,7 @@ def of_method(
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
     """Return a method's kernels to compile, and their compile-time constants by name.
 
-    name : of the method.
+    name : the name of the method.
     """
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]

@@ -324,7 +324,7 @@ class Run:
     def _recorded(self, now: InstantRecord) -> Ending | None:
         """Write the rows and lists of a settled instant; return its ending, or None.
 
-        now : the record of the instant, see `settle`.
+        now : the record of the instant, see `run.settle.settle`.
         """
         for rows in now.rows:
             self.recorder.hand_on(rows)

@@ -89,8 +89,8 @@ class Fallback(Source):
 def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Return the decision to continue by the method `ANY`, which handles every model.
 
-    reason : of the change, for the reader. numbers : new values of numbers in the
-    method's memory, by their names in `methods.parts.driver.State`.
+    reason : the reason of the change, for the reader. numbers : new values of numbers
+    in the method's memory, by their names in `methods.parts.driver.State`.
     """
     arc = arc.by(replace(arc.plan, method=ANY), arc.system)
     return by_method(arc, reason, {"h": 0.0, **numbers})
@@ -99,8 +99,8 @@ def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision
 def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Return the decision to continue with `arc`, the present arc with another method.
 
-    reason : of the change, for the reader. numbers : new values of numbers in the
-    method's memory, by their names in `methods.parts.driver.State`.
+    reason : the reason of the change, for the reader. numbers : new values of numbers
+    in the method's memory, by their names in `methods.parts.driver.State`.
     """
     choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
     return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
@@ -579,8 +579,8 @@ def _trial(arc: Arc) -> tuple[State, State]:
 def _cost(arc: Arc, before: State, after: State) -> float:
     """Return the number of operations per unit of simulated time between two states.
 
-    before, after : the memory of the method at both times, as from `_trial`. inf if no
-    time has passed between them.
+    before, after : the memory of the method at both times, as returned by `_trial`. inf
+    if no time has passed between them.
     """
     n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t

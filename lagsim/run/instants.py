@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def width(settings: Settings, time: float) -> float:
     """Return the largest difference between `time` and another time of its instant.
 
-    settings : of the run, which define the size of an instant.
+    settings : the settings of the run, which define the size of an instant.
     """
     return SAME_INSTANT * max(abs(time), abs(settings.start))
 
@@ -33,7 +33,7 @@ def width(settings: Settings, time: float) -> float:
 def is_same(settings: Settings, time: float, other: float) -> bool:
     """Whether two times belong to one instant.
 
-    Both differ by at most `width`. settings : of the run.
+    Both differ by at most `width`. settings : the settings of the run.
     """
     size = max(abs(time), abs(other), abs(settings.start))
     return abs(other - time) <= SAME_INSTANT * size
@@ -42,7 +42,7 @@ def is_same(settings: Settings, time: float, other: float) -> bool:
 def row_near(settings: Settings, time: float) -> float:
     """Return the output time closest to `time`, the end of the run included.
 
-    settings : of the run, which define the output times.
+    settings : the settings of the run, which define the output times.
     """
     start, step, end = settings.start, settings.output_step, settings.end
     row = start + max(math.floor((time - start) / step + 0.5), 0) * step

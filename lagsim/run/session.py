@@ -328,7 +328,7 @@ def suited(model: Model, settings: Settings) -> Model:
     """Return a model whose elements, if any, the method of a run can integrate.
 
     The result is the model, or the model with all elements written out, see
-    `language.elements`. settings : of the run, with its method.
+    `language.elements`. settings : the settings of the run, with its method.
 
     Raises
     ------
@@ -363,7 +363,8 @@ def after_start_events(
     """Return the equations with the modes set by events at the start, and the report.
 
     The report is that on the start with these modes. classify : passed to `examine`.
-    equations : with the modes of the file before the events. settings : of the run.
+    equations : the equations with the modes of the file before the events. settings :
+    the settings of the run.
     """
     from lagsim.admissibility.examination import examine
     from lagsim.mechanics.forces import lost_impulses
@@ -496,7 +497,7 @@ def _too_frequent_events(model: Model, settings: Settings) -> list[Problem]:
 def unknown_names(settings: Settings) -> list[Problem]:
     """Return problems with a method and a formulation that do not exist.
 
-    settings : of the run. The list is empty if both exist.
+    settings : the settings of the run. The list is empty if both exist.
     """
     from lagsim.methods import method_problems
     from lagsim.plan.formulation import formulation_problems

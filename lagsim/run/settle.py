@@ -573,10 +573,10 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
 
 @phase
 def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """List the acts at the start, and apply their impulses.
+    """List the events that acted at the start, and apply their impulses.
 
-    The row before an impulse has the forces of the modes in which the state would stay
-    without the impulse. now : the record of the start. by : the parts of the run that
+    The row before the impulses shows the forces of the modes that the state would keep
+    without the impulses. now : the record of the start. by : the parts of the run that
     decide.
     """
     arc, transitions = now.arc, by.transitions

@@ -159,7 +159,7 @@ class Located(NamedTuple):
     Attributes
     ----------
     surface, law : int
-        The number of the switching surface or of the law; -1 for none.
+        The index of the switching surface or of the law; -1 for none.
     off : float
         Largest distance of the surface's expression from its level, by the error of
         the time located.
@@ -287,7 +287,8 @@ class Source:
     ) -> tuple[Caution, ...]:
         """Return a caution, or () if one with this code and subject was returned.
 
-        code, text : of the caution. about : its subject, such as the name of a law.
+        code, text : the code and the text of the caution. about : its subject, such as
+        the name of a law.
         """
         if f"{code} {about}" in self._warned:
             return ()

@@ -71,7 +71,8 @@ DATA = (
 def as_python(equations: Equations, version: str) -> str:
     """Return the text of the Python module of `derive --format python`.
 
-    It is described in docs/derive.md. version : of lagsim, for the head of the module.
+    It is described in docs/derive.md. version : the version of lagsim, for the head of
+    the module.
     """
     e, g = equations, equations.graph
     model = e.model
@@ -141,8 +142,8 @@ def _function(
 ) -> str:
     """Return the Python code of a function that returns an array.
 
-    name, letter : of the function and of its result. nodes : the entries. shape : of
-    the array.
+    name, letter : the name of the function, and the letter of its result. nodes : the
+    entries. shape : the shape of the array.
     """
     g, first = e.graph, ", s" if e.states else ""
     size = ", ".join(map(str, shape))

@@ -289,7 +289,8 @@ def _null_vectors(
 
     Only vectors that consist of -1, 0 and 1 are yielded.
 
-    rows : of the matrix, each as {index of a column: entry}. size : number of columns.
+    rows : the rows of the matrix, each as {index of a column: entry}. size : number of
+    columns.
     """
     found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
     entries = [row for row in found if row]

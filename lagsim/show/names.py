@@ -134,7 +134,7 @@ class ModelNames:
     def joined(self, base: str, below: str, order: int) -> str:
         """Return a name made of the letter `base`, subscript `below` and order.
 
-        order : of the derivative, 0 to 2.
+        order : the order of the derivative, 0 to 2.
         """
         return indexed(rate_of(f"{base}{below}", order))
 
@@ -167,7 +167,7 @@ class UnicodeNames(ModelNames):
     def joined(self, base: str, below: str, order: int) -> str:
         """Return `base` with dots above and subscript `below`; words end in `_dot`.
 
-        order : of the derivative, 0 to 2.
+        order : the order of the derivative, 0 to 2.
         """
         if len(base) > 1 and order:
             return f"{base}{below}_{DOTS[order]}"

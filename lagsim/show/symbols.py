@@ -91,7 +91,8 @@ def _refuse_digits(base: Any, exponent: Any) -> None:
 def _table(name: str, orders: tuple[int, ...]) -> type[Spelled]:
     """Return the sympy function of a table or of a derivative of it: f', or ∂₁f.
 
-    name : of the table. orders : of the derivative, by each argument.
+    name : the name of the table. orders : the orders of the derivative, by each
+    argument.
     """
     signs = (f"∂{'₁₂'[k]}" * order for k, order in enumerate(orders))
     spelled = name + "'" * orders[0] if len(orders) == 1 else "".join(signs) + name
@@ -237,7 +238,7 @@ class Translation:
     names : dict
         Symbol -> its name as displayed.
     rank : dict
-        Symbol -> its position in products and sums; see `Printer`.
+        Symbol -> its position in products and sums; see `printers.Printer`.
     tidy : Tidier
     """
 
@@ -375,7 +376,7 @@ class Translation:
     def sympy(self, nodes: Iterable[int | None], *, written: bool = False) -> list[Any]:
         """Return simplified sympy expressions of nodes; None in the place of None.
 
-        written : whether the expressions are written so in the file, see `Tidier`.
+        written : whether the expressions are written so in the file, see `tidy.Tidier`.
 
         Raises
         ------

@@ -278,8 +278,8 @@ class Outline:
     ) -> None:
         """Write a matrix as a square if it fits, else one entry per line.
 
-        letter : of the matrix. rows : its entries. labels, names : names of rows and
-        columns; one object if the matrix is symmetric.
+        letter : the letter of the matrix. rows : its entries. labels, names : names of
+        rows and columns; one object if the matrix is symmetric.
         """
         written = [[self.write(e) for e in row] for row in rows]
         columns = zip(*written, strict=True)

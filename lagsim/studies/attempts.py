@@ -371,8 +371,8 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     def way(plan: Plan, longest: float, session: Session = session) -> Session:
         """Return `session` with a plan, and with a largest step size for a repeat.
 
-        plan : of the repeat. longest : the largest step size requested, which is
-        increased if the repeat would exceed BUDGET operations.
+        plan : the plan of the repeat. longest : the largest step size requested, which
+        is increased if the repeat would exceed BUDGET operations.
         """
         own = own_cost(session.system, trajectory)
         most = min(max(2.0 * own, SHORT), BUDGET / 2.0)

@@ -50,7 +50,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     kind, constraint, switch and name are equal and their times are mutually nearest. An
     event that only one run contains is left out.
 
-    events, others : of the first and of the second run.
+    events, others : the events of the first run, and of the second run.
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [
@@ -60,7 +60,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Return marks (rows,) of the times t (rows,) in an interval of `pairs` (k, 2).
+    """Return a mask (rows,) of the times t (rows,) in an interval of `pairs` (k, 2).
 
     Examples
     --------

@@ -280,7 +280,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     At most MOST_COLUMNS are selected, evenly spaced. Accelerations, constraint forces
     and residuals are stored only if fewer other columns exist.
 
-    columns : of the table.
+    columns : the columns of the table.
     """
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or made(x, FORCE, RESIDUAL)]
@@ -357,7 +357,7 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """Raise an InputError if columns have values or bounds that are not finite.
 
-    names : of the columns. rows, bounds : (k, columns).
+    names : the names of the columns. rows, bounds : (k, columns).
     """
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
@@ -687,7 +687,7 @@ def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Sampled
 def judge(case: Case, motion: SampledMotion, golden: Golden) -> Verdict:
     """Compare a motion of the case with its golden, and return the verdict.
 
-    motion : with rows at the times of the golden, see `run`.
+    motion : the motion, with rows at the times of the golden, see `run`.
     """
     about, model = golden.about, case.model
     pairs = dict(_pairs(case, motion, golden))

@@ -100,7 +100,7 @@ class SampledMotion:
 
 
 def before_impacts(t: Floats) -> Flags:
-    """Return marks (k,) of the rows before an impact, among the times t (k,).
+    """Return a mask (k,) of the rows before an impact, among the times t (k,).
 
     Such a row has the time of the next row, and of no other row.
 
@@ -114,7 +114,7 @@ def before_impacts(t: Floats) -> Flags:
 
 
 def at_impacts(t: Floats) -> Flags:
-    """Return marks (k,) of both rows of each impact, among the times t (k,).
+    """Return a mask (k,) of both rows of each impact, among the times t (k,).
 
     Examples
     --------

@@ -125,7 +125,7 @@ class _Surfaces:
     Attributes
     ----------
     levels : dict of int to float
-        The level of each of these surfaces, by the number of its side.
+        The level of each of these surfaces, by the index of its side.
     """
 
     def __init__(self, steady: Linearised, errors: Mapping[str, float]) -> None:
@@ -222,7 +222,12 @@ class _Surfaces:
         return bool(np.all(signs * (rows @ along) > COMPUTED_ZERO))
 
     def _combinations(self) -> Iterator[dict[int, bool]]:
-        """Generate the sides that are compared, by the number of a surface."""
+        """Generate the combinations of sides whose equations are compared.
+
+        Each maps the index of a surface to True for its upper side. Combinations that
+        small motions cannot reach are left out; of many surfaces, only one at a time is
+        on its lower side, or all are.
+        """
         chosen = self.chosen
         found: Iterator[tuple[bool, ...]]
         if len(chosen) <= MOST_COMBINED:

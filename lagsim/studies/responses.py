@@ -202,7 +202,7 @@ class _Changes:
     def of_parameter(self, name: str, size: float) -> Response:
         """Return the response to a change of the parameter `name`.
 
-        size : of the parameter, to which the change is relative.
+        size : the size of the parameter, to which the change is relative.
         """
         value = {p.name: p.value for p in self.case.model.parameters}[name]
 
@@ -214,7 +214,7 @@ class _Changes:
     def of_start(self, name: str, size: float) -> Response:
         """Return the response to a change of the start value `name`.
 
-        size : of the start value, to which the change is relative.
+        size : the size of the start value, to which the change is relative.
         """
         value = {x.name: x.value for x in self.case.model.initial}[name]
 

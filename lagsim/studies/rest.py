@@ -234,13 +234,13 @@ def _steady(
     setting : Setting
     state : Instant
     held : sequence of Row
-        Rows of active laws, see `AtRest`.
+        Rows of active laws, see `admissibility.rest.AtRest`.
     free : sequence of str
         Coordinates that no force depends on.
     sticks : bool
         Whether friction, or a limited equality, holds the state.
     corner : RestCorner or None
-        See `AtRest`.
+        See `admissibility.rest.AtRest`.
     """
     e, edges = corner or (setting.equations, ())
     e = replace(e, rows=(*e.rows, *held, *edges), laws=())
@@ -429,7 +429,7 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
 
 
 def turning(point: Point, others: Sequence[int] = ()) -> Flags:
-    """Return marks of the coordinates that are angles of period 2 pi, shape (n,).
+    """Return a mask of the coordinates that are angles of period 2 pi, shape (n,).
 
     A whole turn of an angle changes no equation, and none of the nodes `others`, at the
     start and beside it.
@@ -473,13 +473,14 @@ class Search:
 
     @cached_property
     def angles(self) -> Flags:
-        """Marks (n,) of the coordinates that are angles."""
+        """Mask (n,) of the coordinates that are angles."""
         return turning(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
         """Return the rest to which a search from the start leads; None without one.
 
-        ways : of the search, see `find_rest`; by default all.
+        ways : the ways of the search, see `admissibility.rest.find_rest`; by default
+        all.
         """
         return self._found(self._point, ways or (Way.NEAR, Way.CORNER, Way.FAR))
 
@@ -508,7 +509,7 @@ class Search:
             yield self._found(start, (Way.DOWN, Way.CORNER))
 
     def _without_force(self) -> Flags:
-        """Return marks (n,) of the coordinates on which no force depends."""
+        """Return a mask (n,) of the coordinates on which no force depends."""
         point, random = self._point, np.random.default_rng(SEED)
         rest = Rest(point, (), [law.row for law in point.e.laws], self._every)
         found = np.ones(point.n, bool)

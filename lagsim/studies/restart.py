@@ -325,7 +325,10 @@ def _key() -> bytes | None:
 
 
 def _own_key(path: Path) -> bytes | None:
-    """Return the key in a file; None if other users can read or write the file."""
+    """Return the key stored in a file; None if other users can access the file.
+
+    None also if the file cannot be read, or has another length than a key.
+    """
     try:
         handle = files.held(path, os.O_RDONLY)
     except OSError:

@@ -197,7 +197,8 @@ class _Runs:
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
         """Return the rows of runs at several offsets, shape (offsets, k, columns).
 
-        offsets : numbers of steps. power : of FACTOR in the step, see `trial`.
+        offsets : numbers of steps. power : the exponent of FACTOR in the step, see
+        `trial`.
         """
         return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
 
@@ -442,7 +443,7 @@ class Sensitivities:
 
     @property
     def reached(self) -> Flags:
-        """Return marks (k,) of the rows that the run itself reaches."""
+        """Return a mask (k,) of the rows that the run itself reaches."""
         return np.asarray(np.all(np.isfinite(self.rows(self.centre)), axis=1))
 
     def _determined(self, runs: _Runs) -> bool:
@@ -676,9 +677,9 @@ def appended(
 
 
 def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> Flags:
-    """Return marks of the times (k,) of impacts, at which a state has two values.
+    """Return a mask of the times (k,) of impacts, at which a state has two values.
 
-    events : of the run.
+    events : the events of the run.
     """
     struck = np.array([e.time for e in events if e.jumps])
     apart = np.abs(times[:, np.newaxis] - struck)

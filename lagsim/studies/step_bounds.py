@@ -181,7 +181,7 @@ class LinearisedState(NamedTuple):
         The eigenvalues, in 1/s.
     shapes : ndarray, shape (n + l, k)
         Parts of coordinates and states in each mode, each at most 1, see
-        `Eigenmodes.parts`.
+        `linearisation.Eigenmodes.parts`.
     energies : ndarray, shape (k,)
         Energies of the modes with their conjugates; 0 for modes that do not oscillate.
     """
@@ -390,8 +390,8 @@ class _StepCheck(NamedTuple):
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
         """Return the fraction of a mode's energy that numerical damping removes.
 
-        h : the step. eigenvalue : of the mode. left : the time during which it is
-        damped; by default the length of the run.
+        h : the step. eigenvalue : the eigenvalue of the mode. left : the time during
+        which it is damped; by default the length of the run.
         """
         size = self.module.amplification(h * eigenvalue)
         if size <= 0.0:

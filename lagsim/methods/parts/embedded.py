@@ -419,7 +419,7 @@ def step_to(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
 def interpolate_rates(s: Embedded, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    The components written are those of y' after q'.
+    The components written are the rates that follow q' in y'.
     """
     u = 1.0 - x
     for i in range(s.n, s.size):

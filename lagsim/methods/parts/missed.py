@@ -298,7 +298,8 @@ def closest(s: SearchTable, k: int) -> float:
 def nearest(s: SearchTable, k: int, half: int) -> float:
     """Return a bound of signal k in half the stretch, on the side of its activity.
 
-    The signal is nowhere closer to that value in half of the stretch, see `lowest`.
+    The signal is nowhere closer to that value in half of the stretch, see
+    `search_table.lowest`.
     """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, half)

@@ -200,7 +200,7 @@ def solve(
 ) -> None:
     """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`.
 
-    band : as for `decompose`. width : number of doubles of an entry, 1 or 2.
+    band : see `decompose`. width : number of doubles of an entry, 1 or 2.
     """
     for k in range(n):
         best = int(pivots[k])
@@ -296,8 +296,8 @@ def solve_newton(
 ) -> None:  # fmt: skip
     """Solve the Newton system for the right side r (size,), in place.
 
-    g, J, K, pivots : as in `decompose_newton`. x : (n + states,), working memory. width
-    : number of doubles of a number, 1 (real) or 2 (complex).
+    g, J, K, pivots : see `decompose_newton`. x : (n + states,), working memory. width :
+    number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = s.n
     combine(width, n, g, r, x)

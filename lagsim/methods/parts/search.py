@@ -265,7 +265,7 @@ def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
 def find_end(s: Crossings, p: Parameters) -> None:
     """Search the last step for its first event, and end the step there.
 
-    s.switched becomes the number of the surface or law, or s.event that of the
+    s.switched becomes the index of the surface or law, or s.event that of the
     condition, from 1. A condition that is true is followed until it is false, and is
     armed from there on: located when it becomes true again.
     """

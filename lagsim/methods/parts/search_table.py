@@ -300,7 +300,7 @@ def distance(kind: float, power: float, u: float) -> float:
     """Return -log of a term relative to 1, where its signal is u.
 
     The result is the distance of the signal from activity of the term. kind, power :
-    see `Indicator`. 0 for the kind FALLING.
+    see `program.localized.Indicator`. 0 for the kind FALLING.
     """
     if kind == FALLING:
         return 0.0
@@ -314,7 +314,10 @@ def distance(kind: float, power: float, u: float) -> float:
 
 
 def away(s: SearchTable, k: int, at_point: Floats) -> float:
-    """Return the distance of signal k, with the values of all rows in `at_point`."""
+    """Return the distance of signal k from the activity of its localized term.
+
+    at_point : (R,), the values of all rows of the table at one point of the step.
+    """
     return distance(s.kinds[k - events(s)], s.powers[k - events(s)], at_point[k])
 
 

@@ -226,5 +226,5 @@ def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
     """Write the derivative of the dense output at x to components n ... of out (size,).
 
-    The components written are those of y' after q'.
+    The components written are the rates that follow q' in y'.
     """

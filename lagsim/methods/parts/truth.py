@@ -113,7 +113,10 @@ def speed_of(s: SearchTable, i: int) -> float:
 
 
 def terms_of(s: SearchTable, k: int) -> float:
-    """Return the size of the terms of condition k at the largest state so far."""
+    """Return the magnitude of the terms of condition k, at the largest states so far.
+
+    It is sum_i |dc_k/dy_i| max |y_i|, or the size of the terms at present if larger.
+    """
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     terms = 0.0
     for i in range(s.dynamic.stop):

@@ -183,9 +183,9 @@ class Expansion:
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
         """Add a hidden definition and return a reference, which stands for its value.
 
-        name : of the definition. value : its tree, or a tuple of trees for a vector,
-        see `trees`. at : the scalar to whose text the offsets of names in the value
-        refer.
+        name : the name of the definition. value : its tree, or a tuple of trees for a
+        vector, see `trees`. at : the scalar to whose text the offsets of names in the
+        value refer.
         """
         single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value

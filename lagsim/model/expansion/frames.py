@@ -418,7 +418,7 @@ class FrameReader(SectionReader):
     def _turned(self, name: str, parent: Frame, own: Chart, at: Scalar) -> Frame:
         """Return the frame with the rotation `own` relative to `parent`, and record it.
 
-        name : of the frame. at : its scalar, for messages.
+        name : the name of the frame. at : its scalar, for messages.
         """
         made = composed(name, parent, own, partial(self.x.hide, at=at))
         assert not isinstance(made.omega, Tree)

@@ -108,7 +108,8 @@ def over(word: str, first: Tree, last: Tree, term: Tree) -> Tree:
 def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -> Tree:
     """Return the tree of a member of a family whose subscripts contain indices.
 
-    name, letter : the family, and a component or "". offset : of the name in the text.
+    name, letter : the family, and a component or "". offset : the offset of the name in
+    the text.
     """
     return Tree(REFERENCE, f"{name}\0{letter}", offset, tuple(subscripts))
 

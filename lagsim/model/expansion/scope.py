@@ -502,7 +502,7 @@ class Scope:
     def _value_of(self, name: str, offset: int) -> float:
         """Return the value of a parameter that subscripts or ranges contain.
 
-        offset : of the name in the text, for messages.
+        offset : the offset of the name in the text, for messages.
         """
         self._check_number(name, offset)
         self._asked.add(name)
@@ -582,7 +582,7 @@ class Scope:
     def _check_number(self, name: str, offset: int) -> None:
         """Raise an ExpressionError if a parameter has no value for ranges.
 
-        offset : of the name in the text.
+        offset : the offset of the name in the text.
         """
         if name in self.numbers:
             return
@@ -622,8 +622,8 @@ def _check(family: Family) -> None:
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
     """Return the tree of a member of a family; for a vector, a tuple of trees.
 
-    name : of the family, or of its rate. member : the subscripts. offset : of the name
-    in the text.
+    name : the name of the family, or of its rate. member : the subscripts. offset : the
+    offset of the name in the text.
     """
     if not family.letters:
         return trees.name(dotted(name, member), offset)
@@ -703,10 +703,11 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
 
 
 class MemberReading:
-    """Evaluation of a scalar's text for one member of a family, and one component.
+    """Evaluation of an expression for one member of a family.
 
-    `indices` are the values of the member's indices; `component` is the index of the
-    component, of `size` in all; None for a number.
+    `indices` are the values of the member's indices. Of an expression whose value is a
+    vector, component number `component` of `size` is read; `component` is None where
+    the value must be a number.
     """
 
     __slots__ = ("_last", "component", "indices", "scope", "size")

@@ -260,7 +260,7 @@ class File:
         self.instead = {k: t for k, t in overrides.items() if k not in starting}
 
     def rewritten(self, values: MappingType[str, float]) -> str:
-        """Return the text of the file with other values of some names, see `Stated`."""
+        """Return the text of the file with other values, see `model.model.Stated`."""
         from lagsim.model.reader.rewriting import rewritten
 
         for text in rewritten(self.node, values):
@@ -418,7 +418,7 @@ class File:
         parameters: MappingType[str, str],
         initial: MappingType[str, str],
     ) -> Model:
-        """Return a model of this file with other values, see `Model.bind`."""
+        """Return a model of this file with other values, see `model.Model.bind`."""
         faults = Faults(self.file)
         old = {name: self.instead.get(name) for name in parameters}
         if any(old[name] != parameters[name] for name in self.structural() & {*old}):
@@ -442,7 +442,7 @@ class File:
     def formulas(self) -> dict[str, Parsed]:
         """Return the expressions of parameters, start values and settings, by name.
 
-        See `Stated`.
+        See `model.model.Stated`.
         """
         x = self.x.over(Faults(self.file), {})
         parameters = values.ParameterReader(x, self.instead)
@@ -457,13 +457,13 @@ class File:
         return found
 
     def places(self) -> NumberPlaces:
-        """Return the places of the numbers in the text of the file, see `Stated`."""
+        """Return the places of the numbers in the file, see `model.model.Stated`."""
         from lagsim.model.reader.rewriting import places
 
         return places(self.node)
 
     def compiled(self, text: str, option: str) -> int:
-        """Return the graph node of an expression of table columns, see `Stated`."""
+        """Return the node of an expression of columns, see `model.model.Stated`."""
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.known)
         found = x.compile(argument(option, text), "the expression", Level.OUTPUT)
@@ -474,14 +474,14 @@ class File:
     def shifted(self, model: Model, table: str, point: int, part: float) -> Model:
         """Return a model of this file with one value of a table changed.
 
-        See `Stated`.
+        See `model.model.Stated`.
         """
         again = self._read_again({})
         again.shifts = {table: (point, part)}
         return again.read(model.sha256)
 
     def written_out(self, model: Model) -> Model:
-        """Return a model of this file without elements, see `Stated`."""
+        """Return a model of this file without elements, see `model.model.Stated`."""
         again = self._read_again({}, gathers=False)
         again.shifts = self.shifts
         return again.read(model.sha256)

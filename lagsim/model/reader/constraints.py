@@ -409,7 +409,7 @@ class _ConstraintReader:
         """Report a static bound that is below the dynamic bound.
 
         key : `friction` or `limit`. most, least : values of the static and of the
-        dynamic bound. place : of the static bound.
+        dynamic bound. place : the place of the static bound.
         """
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
@@ -445,7 +445,7 @@ class _ConstraintReader:
         """Return graph nodes of a bound that depends on the slip: sliding, and at rest.
 
         The second is None where both are equal. key, node : key and value (a YAML node)
-        in the file. bound : graph node of the value. slips, rates : as for `at_rest`.
+        in the file. bound : graph node of the value. slips, rates : see `at_rest`.
         """
         x, g = self.x, self.x.graph
         if bound is None or node is None:

@@ -172,7 +172,9 @@ def _along(
 
 
 def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | None:
-    """Return the graph node of the direction of a force, and its level, see `Force`.
+    """Return the node of the expression along which a force acts, and its level.
+
+    See `model.model.Force`.
 
     None after a fault. key : the name of a coordinate or a definition, along which the
     force acts. noun : `force` or `impulse`, for messages.

@@ -247,7 +247,8 @@ class Expressions:
     ) -> None:
         """Report the fault that the parser found in the text of a scalar.
 
-        parser : of a relation, or of another expression. beside : see `text`.
+        parser : the parser of a relation, or of another expression. beside : see
+        `text`.
         """
         text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
@@ -284,8 +285,8 @@ class Expressions:
         """Return the graph node of an expression; None without one, or after a fault.
 
         node, what : the expression in the file, and its name in messages. most : the
-        highest level of names that it may contain, see `Level`. condition : whether it
-        is a condition, as the first argument of `if`.
+        highest level of names that it may contain, see `model.model.Level`. condition :
+        whether it is a condition, as the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -447,8 +448,8 @@ class Expressions:
     ) -> None:
         """Report an unknown name; only once where one hint covers several names.
 
-        used, scalar : the name, and the expression. among : see `Names.unknown`. output
-        : whether accelerations are permitted here.
+        used, scalar : the name, and the expression. among : see `names.Names.unknown`.
+        output : whether accelerations are permitted here.
         """
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)

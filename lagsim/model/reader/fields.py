@@ -64,7 +64,7 @@ class Faults:
     ) -> None:
         """Add a fault at a node or place; once for members that share the place.
 
-        code, text, hint : see `Problem`.
+        code, text, hint : see `lagsim.errors.Problem`.
         """
         place = at if at is None or isinstance(at, Place) else at.place
         if self.is_known(code, place):
@@ -288,7 +288,7 @@ class Fields:
     ) -> bool:
         """Whether exactly one of two keys is present; else a fault is reported.
 
-        one, other : the keys. hint, place : of the fault.
+        one, other : the keys. hint, place : the hint and the place of the fault.
         """
         both = one in self and other in self
         if both or not (one in self or other in self):

@@ -386,7 +386,7 @@ def of_text(
     The correction of each fault is inserted until no fault is left. If that fails, the
     hint is that for the first fault.
 
-    known : variables of the file. moving : those of them that have rates. beside :
+    known : variables of the file. moving : the variables that have rates. beside :
     whether the expression is the value of a parameter or a definition, which can have a
     unit.
     """
@@ -604,7 +604,8 @@ def _moves(name: str, moving: Collection[str]) -> bool:
 def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
     """Return a hint for a call such as `diff(x)` of another language; else "".
 
-    name, argument : of the call. moving : names that have rates.
+    name, argument : the name and the argument of the call. moving : names that have
+    rates.
     """
     if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
         square = spelt_call("square", argument)

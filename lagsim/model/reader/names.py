@@ -50,7 +50,7 @@ class NameKind(Enum):
     """Kinds of names in expressions.
 
     `text` describes the kind in messages; `level` is the level of quantities on which
-    an expression with such a name depends, see `Level`.
+    an expression with such a name depends, see `model.model.Level`.
     """
 
     PI = "the number pi", Level.NUMBER

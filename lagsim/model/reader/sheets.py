@@ -100,7 +100,7 @@ def _cells(line: str, separator: str) -> list[str]:
 def _separator(lines: list[str]) -> str:
     """Return the separator with which rows have as many cells as the header.
 
-    lines : of the file, the header first.
+    lines : the lines of the file, the header first.
     """
     several = []
     for separator in SEPARATORS:

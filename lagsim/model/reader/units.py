@@ -157,8 +157,8 @@ class _UnitCheck:
     def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
         """Return the quantity that an expression should have; unknown if any is right.
 
-        kind : such as `the force on`. name : of the coordinate. energy : the quantity
-        of energies.
+        kind : such as `the force on`. name : the name of the coordinate. energy : the
+        quantity of energies.
         """
         per_second = {"s": -1.0}
         if kind in ("the definition", "the parameter", "the mode"):

@@ -284,9 +284,9 @@ class _Numbers:
         """Return an entry's scalar, parsed expression, and value with rounding error.
 
         None after a fault. node, what : the value in the file, and its name in
-        messages. rule : see `Expressions.check_by`. beside : whether a unit may be
-        given beside the expression. wanted : False to check the expression only, and
-        return None.
+        messages. rule : see `expressions.Expressions.check_by`. beside : whether a unit
+        may be given beside the expression. wanted : False to check the expression only,
+        and return None.
         """
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
@@ -338,7 +338,7 @@ class ParameterReader(_Numbers):
         """Return the value of `uncertainty`, a standard deviation; 0 without the key.
 
         node : the value of the key. what : the parameter, for messages. rule : see
-        `Expressions.check_by`.
+        `expressions.Expressions.check_by`.
         """
         if node is None:
             return 0.0

@@ -117,7 +117,7 @@ def nodes_of(functions: Functions) -> dict[str, list[int]]:
 def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
     """Return a digest of all inputs that determine the code of `functions`.
 
-    functions : by name, the nodes of the results or a Loop. manner : further arguments
+    functions : the nodes of the results, or a Loop, by name. manner : further arguments
     of the code generator. Nodes enter by their order, not by their numbers.
     """
     made = nodes_of(functions)

@@ -191,7 +191,7 @@ class LaneWriter(FunctionWriter):
         return value if value.startswith("0x") else self._equal_lanes(value)
 
     def store(self, value: str, place: Place) -> None:
-        """Write the store of a vector at a place."""
+        """Write an instruction that stores a vector at `place`."""
         array, k = place
         at = self.address((array, LANES * k) if array == "out" else place)
         self.lines.append(f"store {VECTOR} {_operand(value)}, ptr {at}, align 8")

@@ -159,8 +159,8 @@ class Lines:
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
         """Write an operation on values, and return the name of its value.
 
-        op : as in the graph. exponent : of a power with a constant exponent; else None.
-        operands : the names of the values.
+        op : the operation, as in the graph. exponent : the exponent of a power with a
+        constant exponent; else None. operands : the names of the values.
         """
         if op == "pow" and exponent is not None and is_product(exponent):
             return self._power(operands[0], exponent)

@@ -166,7 +166,7 @@ class _Orders:
                 yield w.line(f"extractelement {kind} {value}, i32 {lane}")
 
     def _vector(self, j: int, first: int, width: int, which: int) -> str:
-        """Write the load of a vector of factors of order j; return the vector's name.
+        """Write code that loads a vector of factors of order j; return its name.
 
         first, width : index of the first sum to which the factors belong, and their
         number. which : 0 for the first factors, 1 for the second.

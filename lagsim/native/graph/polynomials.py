@@ -114,17 +114,17 @@ class _Writer:
         return self.add(low, self.mul(high, square))
 
     def bend(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `bend`; terms : as for `polynomial`."""
+        """Write the function `bend`; for `terms` see `polynomial`."""
         _, value, square = self._powers_and_value(terms)
         self._store(self.mul(value, square), "out")
 
     def slope(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `slope`; terms : as for `polynomial`."""
+        """Write the function `slope`; for `terms` see `polynomial`."""
         _, value, _ = self._powers_and_value(terms)
         self._store(value, "out")
 
     def reached(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `reached`; terms : of orders from 2 on."""
+        """Write the function `reached`; `terms` are the terms of orders from 2 on."""
         h, value, square = self._powers_and_value(terms)
         lost = self.line(f"load {self.kind}, ptr %lost.at, align 8")
         first = self.add(self.mul(h, self.coefficient(1, 1.0)), lost)
@@ -161,8 +161,8 @@ def _function(
 ) -> str:
     """Return the IR of the function `name`, for series of `size` components.
 
-    write : writes the code for the components in one vector. more : the arrays of the
-    function besides `c` and `out`.
+    write : function that writes the code for one vector of components with a `_Writer`.
+    more : names of the array parameters besides `c` and `out`, two or none.
     """
     arrays = ("c", more[0], "out", more[1]) if more else ("c", "out")
     signature = ", ".join(f"ptr %{x}" for x in arrays)

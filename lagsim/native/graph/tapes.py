@@ -147,7 +147,8 @@ def tape_functions(
 def _copied(array: str, name: str, first: int, count: int) -> str:
     """Return IR that copies the first numbers of `array` to p.
 
-    name : a fresh name. first : index in p of the first number. count : of the numbers.
+    name : a fresh name. first : index in p of the first number. count : the count of
+    the numbers.
     """
     return (
         f"%{name} = getelementptr double, ptr %p, i64 {first}\ncall void "
@@ -493,7 +494,7 @@ class Interpreter(Lines):
     def _evaluation(self, kind: OperationKind, at: str) -> int:
         """Write the code of one evaluation; return the number of its fields.
 
-        kind : of the operation. at : the name of the address of its fields.
+        kind : the kind of the operation. at : the name of the address of its fields.
         """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)

@@ -322,7 +322,7 @@ class FunctionWriter(Lines):
         return value
 
     def _vector(self, values: Sequence[str], place: Place) -> None:
-        """Write the store of values side by side in one vector, with zeros behind."""
+        """Write code that stores values side by side in one vector, padded with 0."""
         vector = "zeroinitializer"
         for lane, value in enumerate(values):
             one = f"double {value}, i32 {lane}"
@@ -332,11 +332,11 @@ class FunctionWriter(Lines):
         )
 
     def load(self, place: Place) -> str:
-        """Write the load of the double at a place; return its name."""
+        """Write an instruction that loads the double at `place`; return its name."""
         return self.line(f"load double, ptr {self.address(place)}")
 
     def store(self, value: str, place: Place) -> None:
-        """Write the store of a value at a place."""
+        """Write an instruction that stores a value at `place`."""
         self.lines.append(f"store double {value}, ptr {self.address(place)}")
 
     def address(self, place: Place) -> str:

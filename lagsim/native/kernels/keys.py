@@ -31,7 +31,7 @@ def fingerprint(
 ) -> str:
     """Return a digest of all inputs that determine the text written by `translate`.
 
-    functions, statics : as for `translate`. The digest covers the files of the
+    functions, statics : see `translation.translate`. The digest covers the files of the
     translator and of the modules of all kernels reached, and the values of the static
     globals that the kernels use, also values computed from other modules.
     """

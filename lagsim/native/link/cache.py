@@ -110,7 +110,7 @@ class ProgramPart:
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
-    """Return the program part of a graph's functions.
+    """Return the `ProgramPart` of functions that are generated from a graph.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Progr
 def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> ProgramPart:
-    """Return the program part of kernels.
+    """Return the `ProgramPart` of kernels.
 
-    The kernels are translated unless the cache has the code. functions, statics : as
-    for `translation.translate`.
+    The kernels are translated unless the cache has the code. functions, statics : see
+    `translation.translate`.
     """
     # The digest is computed once in a process: it takes nearly as long as a short run.
     known = *functions, repr(statics)

@@ -134,8 +134,8 @@ class Film(NamedTuple):
     tracks : dict of str to Track
     links : sequence of pairs of names
     looks : sequence of str
-        Kind of each link, as in `Scene`, "" where its length determines the kind; ()
-        means all "".
+        Kind of each link, as in `model.model.Scene`, "" where its length determines the
+        kind; () means all "".
     lengths : sequence of float or None
         Stated length of each link that is a string; () means no stated lengths.
     shapes : sequence of Body
@@ -337,7 +337,7 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Return marks (frames,) of the frames after which positions must be linear.
+    """Return a mask (frames,) of the frames after which positions must be linear.
 
     There the interpolation from positions and rates of two frames would overshoot.
 
@@ -548,9 +548,10 @@ class Carriers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Yield the reactions among the columns as forces on points of the scene.
+    """Yield the reaction forces on points of the scene, from columns of the table.
 
-    These are the reactions of definitions that are components of points.
+    A point has a reaction if one of its components is a definition with a column of its
+    reaction; other components of the force are 0.
 
     columns : the columns of the table by name.
     """
@@ -778,7 +779,7 @@ def _box(every: Floats) -> list[list[float]]:
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
     """Return a shape as JSON data; the script of the page computes the last axis.
 
-    body : the shape in all frames. names : of the points of the film.
+    body : the shape in all frames. names : the names of the points of the film.
     """
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
@@ -849,7 +850,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
 def page_part(name: str) -> str:
     """Return the text of a file that is a part of pages.
 
-    name : of a file in this package.
+    name : the name of a file in this package.
     """
     return (Path(__file__).parent / name).read_text("utf-8")
 

@@ -223,8 +223,8 @@ class Accumulation:
     def _since(self, ratio: float) -> float:
         """Return the length of the longest window since the lengths began to decrease.
 
-        ratio : of the last two windows. Windows count from the last one back, while
-        their lengths grow by at most REGULAR / ratio.
+        ratio : the ratio of the last two windows. Windows count from the last one back,
+        while their lengths grow by at most REGULAR / ratio.
         """
         longest = self._stretch(0)
         for k in range(1, (len(self.recent) - 1) // self.window):
@@ -257,7 +257,7 @@ class Accumulation:
         return len(own) == STUCK and own[-1] - own[0] <= least
 
     def restless(self) -> list[int]:
-        """Return the numbers of contacts that came to rest `RESTS` times in short time.
+        """Return the indices of contacts that came to rest `RESTS` times in short time.
 
         The time is the part `NO_PART` of the duration of the run.
         """

@@ -243,7 +243,7 @@ class Division:
         interval `rough`, also where it is shorter than the length of `rough` over
         GROWTH, so that a long undecided interval costs few cells.
 
-        cells : of which the tasks are changed in place. rough : (lo, hi), the last
+        cells : the cells, whose tasks are changed in place. rough : (lo, hi), the last
         interval of time in which the value of the function stayed undecided.
         """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
@@ -293,7 +293,7 @@ class Division:
 def finest(start: float, end: float) -> float:
     """Return the width of the narrowest cells near t = 0, in units of time.
 
-    start, end : of the time interval that is searched.
+    start, end : the ends of the time interval that is searched.
     """
     return 2.0**-106 * max(abs(start), abs(end))
 
@@ -465,8 +465,8 @@ class TimedTable(NamedTuple):
     ) -> Iterator[tuple[float, int, int]]:
         """Yield (time, cell before, cell after) of each knot from `start` to `end`.
 
-        values : of the parameters. The times are exact to rounding. The iterator is
-        lazy: each time is computed when it is requested.
+        values : the values of the parameters. The times are exact to rounding. The
+        iterator is lazy: each time is computed when it is requested.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)
@@ -492,7 +492,8 @@ def _knots_located(
 
     False : none is a pause of the search, see `Division.times`. discrete : the node of
     the number of the cell. clock : the table. ends : start and end of the run. Each
-    double lies near a knot of `TimedTable.knots`. values : of the parameters.
+    double lies near a knot of `TimedTable.knots`. values : the values of the
+    parameters.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):
@@ -515,8 +516,8 @@ def _clusters(
 ) -> Iterator[_Cluster]:
     """Yield clusters of breaks within one instant; first `start`, last `end`.
 
-    times : pairs (time, pause) in order of time, see `Division.times`. start, end : of
-    the run, each a cluster of its own.
+    times : pairs (time, pause) in order of time, see `Division.times`. start, end : the
+    ends of the run, each a cluster of its own.
     """
 
     def near(t: float) -> float:

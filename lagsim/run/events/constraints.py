@@ -162,7 +162,7 @@ def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
     continue.
 
     before : the table row before the instant. now : ndarray, shape (k,), the columns of
-    the table at the state reached. bent : the numbers of the corners that the state is
+    the table at the state reached. bent : the indices of the corners that the state is
     on.
     """
     names = arc.system.columns.names
@@ -188,7 +188,7 @@ def _corners(
     switching : Switching
         The switching surfaces of the run, of which corners are some.
     bent : collection of int
-        The numbers of the corners that the state is on; several may belong to one
+        The indices of the corners that the state is on; several may belong to one
         constraint, as the kink and a knot of `table(abs(x))`.
     energy : float
         The change of the energy in the impact; only the first event has it.
@@ -236,7 +236,7 @@ def _is_far(arc: Arc, bent: Collection[int]) -> bool:
 
     The distance is relative to the ranges of the coordinates so far, since all terms of
     a residual may vanish at one position. The displacement by a jump of a rate within
-    the rounding of the time is subtracted. At a corner of `bent`, the numbers of
+    the rounding of the time is subtracted. At a corner of `bent`, the indices of
     corners, the distance may be the rounding of the surface's expression.
     """
     n = arc.system.n

@@ -233,7 +233,7 @@ class Contacts(Source):
         code : str
             A key of `WARNINGS`.
         some : list of int
-            Numbers of the laws.
+            Indices of the laws.
         **numbers
             Fields of the text.
         """
@@ -258,7 +258,7 @@ class Contacts(Source):
         laws : LawsAt
             The laws at the instant.
         met : int
-            Number of the law whose mode has ended, or -1.
+            Index of the law whose mode has ended, or -1.
         corners : CornerSides or None
             The corners of equalities that the state may be on; their sides are changed.
         decided : bool
@@ -355,7 +355,7 @@ class Contacts(Source):
     ) -> Floats:
         """Return the state (size,) in which slips that stop are at rest.
 
-        held, slid : numbers of laws that hold from now on, and that slid until now.
+        held, slid : indices of laws that hold from now on, and that slid until now.
         here : all laws at the state reached.
         """
         y, velocities = here.arc.y.copy(), here.arc.velocities
@@ -419,7 +419,7 @@ class Contacts(Source):
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Return the end time of each series of bounces that ends with this impact.
 
-        The keys are the numbers of the contacts. closed : whether each law is closed.
+        The keys are the indices of the contacts. closed : whether each law is closed.
         Each contact is judged by its own flights. All series that end are ended at this
         impact, as one accumulation; the result is empty if none of their contacts
         strikes now. here : all laws just before the impact.
@@ -458,7 +458,7 @@ class Contacts(Source):
         here : Kinematics
             The laws just before the impact.
         some : list of int
-            Numbers of the laws with impulses.
+            Indices of the laws with impulses.
         ends : dict of int to float
             End times of the series of bounces that end with this impact, by contact.
         found : StateAfter
@@ -533,9 +533,9 @@ class Contacts(Source):
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or gains energy, to `found`.
 
-        some : numbers of the laws struck. result : of the impact. ending : whether the
-        impact ends a series of bounces; then a gain is not reported. here : all laws
-        just before the impact.
+        some : indices of the laws struck. result : the result of the impact. ending :
+        whether the impact ends a series of bounces; then a gain is not reported. here :
+        all laws just before the impact.
         """
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)
@@ -621,7 +621,7 @@ def _blow_beside(
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
-    """Return the depths of contacts in flight that turn back at the ground, by number.
+    """Return the depths of contacts in flight that turn back at the ground, by index.
 
     A depth within the error of a gap is no impact: the closing speed, of the order of
     the square root of the depth, would be a jump of a thousand times the tolerance.

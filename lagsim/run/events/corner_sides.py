@@ -59,7 +59,7 @@ class CornerSides:
     Attributes
     ----------
     corners : dict of int to float
-        The level of each corner's surface, by its number, in the order of dependence.
+        The level of each corner's surface, by its index, in the order of dependence.
     stopped : frozenset of int, or None
         The corners at which the last jump has stopped velocities; None before a jump.
     """
@@ -187,7 +187,7 @@ class CornerSides:
     def _stops(self, jump: Jump, sides: Sides, some: Sequence[int]) -> bool:
         """Whether no stopped corner of `some` has a side onto which the jump leads.
 
-        sides : of all corners. jump : see `after`.
+        sides : the sides of all corners. jump : see `after`.
         """
         for i in some:
             if sides[i] != SLIDING:
@@ -253,8 +253,8 @@ class CornerSides:
     def _least(self, jump: Jump, sides: Sides) -> float:
         """Return the least speed from a corner onto its side, in units of rounding.
 
-        Corners that are stopped have no part in it. sides : of all corners. jump : see
-        `after`.
+        Corners that are stopped have no part in it. sides : the sides of all corners.
+        jump : see `after`.
         """
         speeds = self._speed(jump, sides)
         own = [x for x, side in zip(speeds, sides, strict=True) if side != SLIDING]
@@ -264,8 +264,8 @@ class CornerSides:
         """Return the speeds (c,) from c corners onto their sides, after a jump.
 
         The speeds are in units of their rounding; 0 at corners that are stopped,
-        infinite at corners whose surfaces are off their levels with these sides. sides
-        : of all corners. jump : see `after`.
+        infinite at corners whose surfaces are off their levels with these sides.
+        sides : the sides of all corners. jump : see `after`.
         """
         if (known := self._speeds.get(sides)) is not None:
             return known

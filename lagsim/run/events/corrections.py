@@ -90,7 +90,7 @@ def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
     """Set the rates of stopped laws to 0 in `here.y`; return the laws at this state.
 
     Corrections of gaps may have changed these rates. The velocities in `here.y` get the
-    least change, in place. stopped : ndarray of int, shape (r,), the numbers of the
+    least change, in place. stopped : ndarray of int, shape (r,), the indices of the
     laws.
     """
     rates = here.rates[stopped]

@@ -396,7 +396,7 @@ class FilippovCone:
         sides
             The sides of the surfaces that do not attract.
         some : ndarray of int, shape (s,)
-            The numbers of the surfaces that attract.
+            The indices of the surfaces that attract.
         unit, tolerance : ndarray, shape (n,)
             Factors that scale the rates of surfaces, and their scaled tolerances.
         base : ndarray, shape (n + r,)
@@ -488,7 +488,7 @@ class Carried(NamedTuple):
     Attributes
     ----------
     leader
-        The number of the leader.
+        The index of the leader.
     high
         The side of the carried surface on the upper side of the leader.
     ends_below, ends_above
@@ -581,7 +581,7 @@ class SurfaceModes:
         return Selected(self.levels.copy(), {**self.carried}, (*self.watched,))
 
     def _ordered(self) -> list[int]:
-        """Return the numbers of the surfaces, each after those on which it depends."""
+        """Return the indices of the surfaces, each after those on which it depends."""
         found: list[int] = []
         left = list(range(self.count))
         while left:
@@ -740,7 +740,7 @@ class SurfaceModes:
         )
 
     def held(self) -> dict[int, float]:
-        """Return, by number, the surfaces at whose level constraints keep the motion.
+        """Return, by index, the surfaces at whose level constraints keep the motion.
 
         The value of each is a bound: the largest distance from its level that rounding
         causes in the duration of the run. The rates of these surfaces are rounding on
@@ -847,7 +847,7 @@ class SurfaceModes:
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
         """Return q'' and s' (n + l,) at y and t, on the sides that were last written.
 
-        t : by default the present time.
+        t : the time, by default the present time.
         """
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
@@ -860,10 +860,10 @@ class SurfaceModes:
     def sizes(self, rows: Rows) -> Floats:
         """Return the magnitude of each surface's terms (K,), at the sizes so far.
 
-        rows : of the surfaces at the state. The magnitude is at least the change by
-        rounding of the state, divided by the unit of rounding, since slopes may vanish.
-        Equalities transmit the rounding of one coordinate to others: on a rod u - x =
-        1e5 the coordinate x has the rounding of 1e5, however small it is.
+        rows : the rows of the surfaces at the state. The magnitude is at least the
+        change by rounding of the state, divided by the unit of rounding, since slopes
+        may vanish. Equalities transmit the rounding of one coordinate to others: on a
+        rod u - x = 1e5 the coordinate x has the rounding of 1e5, however small it is.
         """
         arc, seen = self.arc, self.arc.seen
         slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()

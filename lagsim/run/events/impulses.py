@@ -83,7 +83,7 @@ def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> 
     """Return the jump of the velocities (n,), then the impulses of the rows (R,).
 
     now : masses and rows at the state. P : (n,), the generalized impulse. groups : see
-    `ImpulseFunction.groups`.
+    `program.impulses.ImpulseFunction.groups`.
     """
     jump, given = np.zeros(len(P)), np.zeros(len(now.rows))
     for group, rows in groups:
@@ -151,7 +151,7 @@ def _extrapolated(
 ) -> tuple[Floats, bool]:
     """Return x (k,) after one step of a length, and whether its error is negligible.
 
-    The equation is x' = change(x), as in `_followed`. length : of the step.
+    The equation is x' = change(x), as in `_followed`. length : the length of the step.
     n : the first n numbers of x are compared.
     """
     table: list[Floats] = []

@@ -315,7 +315,7 @@ class Kinematics:
         closed
             The numbers of the closed laws.
         met
-            The numbers of the laws whose event functions were located at this time.
+            The indices of the laws whose event functions were located at this time.
         """
         table, e, mu = self.table, self.restitutions, self.bounds
         negative = table.bounded & (mu <= 0.0)
@@ -466,7 +466,7 @@ class Kinematics:
     def delassus_in(self, corners: Collection[int]) -> Delassus:
         """Return the accelerations of the laws per multiplier in corners of equalities.
 
-        corners : the numbers of the surfaces at which the equalities hold the motion.
+        corners : the indices of the surfaces at which the equalities hold the motion.
         """
         _, J = self.arc.surface_rows(self.t, self.y)
         rows = np.vstack(
@@ -497,7 +497,7 @@ class Kinematics:
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Return whether each of the L laws is closed.
 
-        also : the numbers of laws that count as closed at any gap.
+        also : the indices of laws that count as closed at any gap.
         """
         if not also:
             return self.closed
@@ -586,7 +586,7 @@ class Kinematics:
         """Return the time until contact k has ended its series of bounces, or None.
 
         None if the bounces still matter: if the height of the next flight is more than
-        `least`. restitution : of the contact.
+        `least`. restitution : the restitution of the contact.
         """
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):
@@ -659,7 +659,7 @@ class Kinematics:
     def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
         """Return some laws as the rows of the problem that selects their modes.
 
-        some : the numbers of the laws. left : for some laws the number of times at this
+        some : the indices of the laws. left : for some laws the number of times at this
         instant at which they reached the end of their mode
         (`mechanics.row_modes.modes`).
         """

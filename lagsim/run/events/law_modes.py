@@ -74,7 +74,7 @@ def ahead_of(
     here : Kinematics
         All laws at the present state.
     some : list of int, length r
-        Numbers of the laws.
+        Indices of the laws.
     others : callable
         Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
         which returns the rates (k,) of other rows. These come first in the result.
@@ -123,7 +123,7 @@ class Chosen(NamedTuple):
     mode, direction : ndarray, shape (L,)
         Mode of each law, and the direction of its friction or limit.
     some : list of int, length r
-        Numbers of the laws that could act.
+        Indices of the laws that could act.
     multipliers, D : ndarray, shape (r,)
         Their multipliers, and the diagonal of their matrix D, accelerations per
         multiplier.
@@ -228,7 +228,7 @@ def kept_on_by(
     some : list of int
         The laws that could act.
     steady : ndarray of bool, shape (L,), or None
-        See `LawState`; with None no law is known to stay in its mode.
+        See `records.LawState`; with None no law is known to stay in its mode.
     ended : collection of int
         The laws whose modes have ended at this time.
     """

@@ -27,9 +27,9 @@ class Due(NamedTuple):
     Attributes
     ----------
     periodic : frozenset of int
-        The numbers of periodic events.
+        The indices of periodic events.
     conditions : frozenset of int
-        The numbers of conditions of located events, and of `until` after the last.
+        The indices of conditions of located events, and of `until` after the last.
     waits : bool
         Whether the truth of the remaining conditions is decided later, after the modes
         of laws are selected: where a law may hold a rate at 0 from now on, an

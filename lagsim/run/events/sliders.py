@@ -92,7 +92,7 @@ def select_sliding(arc: Arc, y: Floats) -> Settled:
 
 
 class _Sliders:
-    """The sliders of a run at a state, each by the number of its first row."""
+    """The sliders of a run at a state, each by the index of its first row."""
 
     def __init__(self, arc: Arc, y: Floats) -> None:
         self.arc, self.y, self.p = arc, y.copy(), arc.system.p

@@ -100,7 +100,7 @@ class Switching(Source):
         The last switches, by which accumulations are found.
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
-        `SurfaceModes.held`.
+        `filippov.SurfaceModes.held`.
     approaches : int
         Number of attempts, since the last surface was reached, to step close to a
         surface beyond which y' may not be finite.
@@ -393,7 +393,7 @@ class Switching(Source):
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Return a caution, once, that the motion past surfaces is not unique.
 
-        several : the numbers of the surfaces; () is returned if there are none.
+        several : the indices of the surfaces; () is returned if there are none.
         """
         names = self._names(several)
         text = (
@@ -575,11 +575,12 @@ class Switching(Source):
         return k if hit else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
-        """Return the decision to pass a surface that the state is on, or None.
+        """Return the decision where no step can pass a surface that the state is on.
 
         Far from the origin no double lies between the position and the surface, and
-        steps too short to change the position make no progress. A series method that
-        does not leave a surface is replaced. None where the state is on no surface.
+        steps too short to change the position make no progress: the surface counts as
+        reached. If the state is on a surface that it does not approach, a Taylor series
+        is replaced by the method `ANY`. None in all other cases.
         """
         k, ahead = self._next(arc)
         if ahead < math.inf and self._is_on(arc, k):
@@ -614,7 +615,7 @@ class Switching(Source):
 
 
 def corners_met(arc: Arc, levels: Collection[int]) -> list[int]:
-    """Return the numbers of the corners of equalities that the state is on.
+    """Return the indices of the corners of equalities that the state is on.
 
     levels : the surfaces that the state is on.
     """

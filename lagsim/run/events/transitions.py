@@ -51,7 +51,7 @@ class Transitions(Source):
     next : list of int
         The number of the next act of each periodic event; -1 for all other events.
     periodic, event_of : list of int
-        The numbers of periodic events; the number of the event of each condition.
+        The indices of periodic events; the index of the event of each condition.
     sequence : Accumulation
         The last acts of each event, by which chatter is found.
     energetic, set_by_modes, kicks : bool
@@ -106,9 +106,10 @@ class Transitions(Source):
     def look_at_start(self, arc: Arc, before: Floats | None) -> tuple[Due, bytes]:
         """Decide which conditions are true at the start, after all modes are set.
 
-        Return the conditions that become true there, see `Truth.become_at_start`, and
-        the truth of all conditions as bytes, see `Truth.decided`. before : the values
-        of the conditions before the impacts at the start, or None without impacts.
+        Return the conditions that become true there, see
+        `conditions.Truth.become_at_start`, and the truth of all conditions as bytes,
+        see `conditions.Truth.decided`. before : the values of the conditions before the
+        impacts at the start, or None without impacts.
         """
         if not len(arc.state.orientation):
             return NOTHING, b""
@@ -339,7 +340,8 @@ def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
 def _chatter(rounds: Sequence[Round]) -> Ending:
     """Return the ending of a run whose events act without end at one instant.
 
-    rounds : the rounds of acts of these events, see `ActsAt`; their names are reported.
+    rounds : the rounds of acts of these events, see `records.ActsAt`; their names are
+    reported.
     """
     about = quoted(name for names, *_ in rounds for name in names)
     return Ending(Outcome.EVENTS_CHATTER, about)

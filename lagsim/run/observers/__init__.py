@@ -24,7 +24,10 @@ class Observer(Protocol):
     """Interface of objects that receive the rows of a run in blocks."""
 
     def add(self, rows: Floats) -> None:
-        """Process the next rows (k, columns), columns as in `System.columns.names`."""
+        """Process the next rows (k, columns).
+
+        The columns are those of `program.system.System.columns.names`.
+        """
 
 
 class Store(Observer, Protocol):

@@ -262,7 +262,7 @@ class Thinning:
         Parameters
         ----------
         corners : (2 k, variants, c), rows just before and just after each of k events,
-            see `Corners`.
+            see `observers.Corners`.
         """
         if len(corners):
             self._corners = corners[corners[:, -1, 0] <= self._last[0]]
@@ -307,7 +307,8 @@ class Thinning:
 
         Up to 4096 rows all values are returned; for more rows, the first row, the least
         and the greatest value of each bucket in time order, and the last row. NaN is a
-        gap: a bucket without a finite value. name : of the column, or of a difference.
+        gap: a bucket without a finite value. name : the name of the column, or of a
+        difference.
         """
         column = self._series_at[name]
         t, values = self._envelope.points(column)

@@ -270,8 +270,8 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     the energy by lambda r. The multiplier is that which fits the largest constraint
     forces best: in a corner the force on one coordinate may be 0.
 
-    balance : of the energy, with its worst row. state : rounding errors (size,) of the
-    state variables.
+    balance : the balance of the energy, with its worst row. state : rounding errors
+    (size,) of the state variables.
     """
     e, row, found = run.equations, balance.worst_row, 0.0
     assert row is not None

@@ -156,7 +156,7 @@ def _by_own(
 ) -> Iterator[ReferenceSolution]:
     """Yield solutions by methods of lagsim, as far as these can handle the model.
 
-    names : of the methods.
+    names : the names of the methods.
     """
     steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
     for name in names:
@@ -251,7 +251,12 @@ class Reference:
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """Sort key of references: larger for rows known longer and more accurately."""
+        """Sort key of references: larger for a better one.
+
+        Compared first: whether all rows agree to within one of the errors `WHOLE`; then
+        the number of rows before the horizon, divided by the level of their error
+        (`LEVELS`); then the smallest error that can be resolved.
+        """
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
         whole = self.horizon is None and level in WHOLE
         return whole, int(self.known / level), -self.floor
@@ -263,7 +268,8 @@ class Reference:
         all events: in rows between the times of one event in both runs, the difference
         of these columns is set to 0.
 
-        rows : of the run, of which the first `count` are compared. events : of the run.
+        rows : the rows of the run, of which the first `count` are compared. events :
+        the events of the run.
         """
         apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]

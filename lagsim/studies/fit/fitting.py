@@ -167,7 +167,7 @@ class Fit:
     vary : sequence of str
         Names with bounds, see `names.parse_names`.
     match : mapping of str to str, optional
-        Expressions by columns, see `matched`.
+        Expressions by columns, see `data.matched`.
     loss : str
         One of LOSSES.
     own : mapping of str to str, optional
@@ -778,8 +778,8 @@ class Fit:
     ) -> Estimate:
         """Return the uncertainties at x (p,).
 
-        noise : (m,), standard deviations of the columns. active : names at a bound. how
-        : as for `jacobian`.
+        noise : (m,), standard deviations of the columns. active : names at a bound.
+        how : see `jacobian`.
         """
         J, _, error = self.jacobian(x, how)
         return estimated(J / noise[self.of][:, None], x, self.names, active, error)

@@ -121,7 +121,7 @@ class Recording(Sensitivities):
 
 
 class Task(NamedTuple):
-    """Derivatives of the runs of a record by a name.
+    """Task of a worker: derivatives of the run of one record by one varied name.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class Task(NamedTuple):
 
 
 def _differentiated(task: Task, interrupt: Interrupt) -> Derivative | LagsimError:
-    """Return the derivatives of a task, or the error that ended the computation."""
+    """Compute the derivatives that a task requests; return a LagsimError, if any."""
     try:
         recording = Recording(
             task.setup, task.values, task.times, centre=task.centre,
@@ -191,7 +191,7 @@ class Team:
     ) -> list[Derivative]:
         """Return the derivatives of all tasks; fewer after an interrupt.
 
-        runs : the recordings of this process, by the number of their record.
+        runs : the recordings of this process, by the index of their record.
         """
         known: dict[int, Derivative | LagsimError | Died] = {}
         if self._wanted and self.most > 1 and len(tasks) > 1:

@@ -56,13 +56,13 @@ def has_pattern(raw: Floats, data: Floats) -> bool:
 def patterned(raw: Floats, data: Floats, groups: Iterable[Flags]) -> bool:
     """Whether the residuals of at least one of several groups of rows follow a pattern.
 
-    raw, data : (n,), see `has_pattern`. groups : marks (n,) of the rows of each group.
+    raw, data : (n,), see `has_pattern`. groups : a mask (n,) of the rows of each group.
     """
     return any(has_pattern(raw[own], data[own]) for own in groups)
 
 
 def parts_of(times: Floats, fewest: int) -> Iterator[Flags]:
-    """Yield marks (n,) of the measurements in growing first parts of the records.
+    """Yield a mask (n,) of the measurements in growing first parts of the records.
 
     The whole time is left out.
 

@@ -316,7 +316,7 @@ class Batch:
         return deciding(model) != deciding(own)
 
     def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
-        """Return marks (runs,) of runs whose start is admissible without examination.
+        """Return a mask (runs,) of runs whose start is admissible without examination.
 
         parameters, starts : see `_judged`.
         """
@@ -332,7 +332,7 @@ class Batch:
         return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Return marks (runs,) of runs with equal energy less work at both ends."""
+        """Return a mask (runs,) of runs with equal energy less work at both ends."""
         names = self.session.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
@@ -364,7 +364,7 @@ def _spans(order: tuple[int, ...]) -> list[tuple[slice, slice]]:
 
 
 def satisfied(session: Session, rows: Floats) -> Flags:
-    """Return marks (k,) of the rows in which all constraints are satisfied.
+    """Return a mask (k,) of the rows in which all constraints are satisfied.
 
     rows : (k, columns).
     """

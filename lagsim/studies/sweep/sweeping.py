@@ -352,7 +352,7 @@ def sampled(
 ) -> Grid:
     """Draw `runs` values of each name from its distribution; return these as points.
 
-    given : pairs of a name and a distribution. seed : of the random numbers.
+    given : pairs of a name and a distribution. seed : the seed of the random numbers.
 
     Raises
     ------
