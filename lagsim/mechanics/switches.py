@@ -662,7 +662,7 @@ class _Finder:
             stack += dict.fromkeys(below)
 
     def _below(self, n: int) -> tuple[int, ...]:
-        """Record node n if it is a switch; return its arguments to be searched."""
+        """Record node n if it is a switch; return its arguments for the search."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)

@@ -291,7 +291,7 @@ class System:
 
     @property
     def _manner(self) -> Manner:
-        """Choices of how code of the model's functions is generated, see `Manner`."""
+        """Choices of how code is generated, see `native.graph.keys.Manner`."""
         matrices = (self.n + self.m) * self.n
         return MANNER._replace(
             blank=(("dynamics", matrices), ("geometry", matrices)),

@@ -340,6 +340,6 @@ class FunctionWriter(Lines):
         self.lines.append(f"store double {value}, ptr {self.address(place)}")
 
     def address(self, place: Place) -> str:
-        """Write the address of a place; return the name of the pointer."""
+        """Write an instruction for the address of `place`; return its name."""
         array, k = place
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
