@@ -94,8 +94,10 @@ def loosest(run, exact):
     """Return the loosest tolerance at which the error of the angles is at most WANTED.
 
     The tuple also has the errors of angles and rates at that tolerance, and the number
-    of evaluations. run : rtol -> last state and evaluations. exact : the reference
-    state.
+    of evaluations.
+
+    run : rtol -> last state and evaluations.
+    exact : the reference state.
     """
     for rtol in TRIED:
         y, evaluations = run(rtol)

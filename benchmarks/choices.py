@@ -121,7 +121,9 @@ def points(rows):
 def rows_of(model, charts=None, budget=BUDGET):
     """Return the table's rows for one model, one for each error.
 
-    If the folder `charts` is given, its chart is drawn there. budget : seconds.
+    If the folder `charts` is given, its chart is drawn there.
+
+    budget : seconds.
     """
     case = open_case(read_file(str(MODELS / f"{model}.yaml")))
     wish = BenchOptions(methods=None if charts else names(), budget=budget)

@@ -52,8 +52,9 @@ class Motion:
     def steps(self, most):
         """Return the first steps: times, lengths, rejections, evaluations (4, steps).
 
-        most : the largest number of steps. The rejections and evaluations are counted
-        from the start of the run.
+        The rejections and evaluations are counted from the start of the run.
+
+        most : the largest number of steps.
         """
         run = Run(self.session.first_arc(), [])
         run.begin()
@@ -68,7 +69,8 @@ class Motion:
 def run(name, sets=None, **options):
     """Run a model of models/failing; return its `Motion`.
 
-    sets : values of parameters. options : settings of the run.
+    sets : values of parameters.
+    options : settings of the run.
     """
     return Motion(name, sets, **options).whole()
 

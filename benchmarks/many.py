@@ -66,8 +66,9 @@ def one(n):
 def table(title, scene, sizes, turns, number=one):
     """Measure a scene at all sizes; return a table with the least time of each stage.
 
-    scene : size -> model text. number : size -> the number of bodies or pairs, of which
-    times are powers; their exponents are in the last column.
+    scene : size -> model text.
+    number : size -> the number of bodies or pairs, of which times are powers; their
+        exponents are in the last column.
     """
     found = {n: [] for n in sizes}
     for _ in range(turns):

@@ -58,8 +58,10 @@ class Table:
 def alternate(candidates, turns, warm=1):
     """Time callables in turn; return name -> Timed.
 
-    A callable may return its own time, in seconds. turns : the number of measurements
-    of each. warm : the number of turns before, which are not counted.
+    A callable may return its own time, in seconds.
+
+    turns : the number of measurements of each.
+    warm : the number of turns before, which are not counted.
     """
     times = {name: Timed() for name in candidates}
     for turn in range(-warm, turns):

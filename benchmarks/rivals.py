@@ -297,7 +297,8 @@ def measured(case, method):
 def first_round(scene, solve, about):
     """Run a candidate once from each start; return its times and errors.
 
-    solve : start -> rows and seconds. about : data about the candidate.
+    solve : start -> rows and seconds.
+    about : data about the candidate.
     """
     timed = Timed(solve, about, [], [])
     for k, start in enumerate(scene.starts):

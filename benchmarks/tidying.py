@@ -60,7 +60,8 @@ class SympyTidier(Tidier):
 def measured(path, tidier, folder):
     """Write the documents of a model; return the time and the cost, None if refused.
 
-    tidier : class that simplifies. folder : where the documents are written.
+    tidier : class that simplifies.
+    folder : where the documents are written.
     """
     symbols.Tidier = tidier
     equations = derive(read_file(str(path)))

@@ -129,8 +129,9 @@ def _terms(
     """Return the terms that seem to be in degrees, by the node of their sum.
 
     The sums are the nodes `arguments` and the nodes below. A number that is added to a
-    time or a length is not in degrees. defined : node of a definition -> its name and
-    unit.
+    time or a length is not in degrees.
+
+    defined : node of a definition -> its name and unit.
     """
     units = {p.name: p.unit for p in model.parameters}
     units |= {q.name: q.unit for q in model.coordinates} | {"t": "s"}
@@ -191,8 +192,9 @@ def rough_starts(
 ) -> Iterator[Caution]:
     """Yield warnings on relations that the start satisfies to a few digits only.
 
-    verdicts, starts : on the constraints, and on start values of definitions. Each
-    warning has advice.
+    Each warning has advice.
+
+    verdicts, starts : on the constraints, and on start values of definitions.
     """
     rows = {row.name: row for row in equations.rows}
     relations = {c.name: c.relation.text for c in equations.model.constraints}
@@ -306,8 +308,8 @@ def about_ranks(
 ) -> Iterator[Caution]:
     """Yield warnings on dependent rows and, if `sound`, on nonunique multipliers.
 
-    thin : rows of a thin set, which are reported elsewhere. sound : whether the start
-    is admissible.
+    thin : rows of a thin set, which are reported elsewhere.
+    sound : whether the start is admissible.
     """
     for d in ranks.dependences:
         if d.name not in thin:

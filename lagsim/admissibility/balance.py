@@ -157,7 +157,9 @@ class Rest(Relations):
         """Return a mask (m,) of the residuals that exceed their rounding errors.
 
         The bound of a residual includes the rounding of all multipliers, and of the
-        distance of x from the guess. errors : error bounds (k,) of x.
+        distance of x from the guess.
+
+        errors : error bounds (k,) of x.
         """
         guesses = len(self.positions) + len(self.states)
         weights = np.sqrt(np.diag(self.metric))

@@ -46,7 +46,8 @@ def raised_by_corners(point: Point) -> int:
 def _holds(point: Point, row: Row, kink: Kink, across: Row) -> bool:
     """Whether the equations of neither branch of a kink lead away from the kink.
 
-    row : the row with the kink. across : the row of the surface on which the kink lies.
+    row : the row with the kink.
+    across : the row of the surface on which the kink lies.
     """
     e, g = point.e, point.g
     for way, side in ((1.0, kink.above), (-1.0, kink.below)):

@@ -407,8 +407,8 @@ class _Examiner:
     ) -> Relations:
         """Return the relations that determine the unknowns with the indices `free`.
 
-        velocities : whether the unknowns are velocities, not positions. definitions :
-        whether the relations include stated start values of definitions.
+        velocities : whether the unknowns are velocities, not positions.
+        definitions : whether the relations include stated start values of definitions.
         """
         e = self.e
         # Contacts that touch imply no equation for the rate: an impact decides it.
@@ -487,8 +487,9 @@ class _Examiner:
     def _exact_values(self, point: Point, *, velocities: bool) -> Point:
         """Return the nearest point that satisfies the constraints to rounding.
 
-        Values that are exact to rounding stay unchanged. velocities : whether
-        velocities are changed, not positions.
+        Values that are exact to rounding stay unchanged.
+
+        velocities : whether velocities are changed, not positions.
         """
         relations = self._relations(
             point, range(self.n), velocities=velocities, definitions=False
@@ -550,7 +551,9 @@ class _Examiner:
     def _rest(self, positions: Sequence[int], states: Sequence[int]) -> AtRest | None:
         """Return a state of rest, found by variation of the given positions and states.
 
-        positions, states : indices of the unknowns. None if no rest is found.
+        None if no rest is found.
+
+        positions, states : indices of the unknowns.
         """
         from lagsim.admissibility.rest import find_rest
 
@@ -562,7 +565,7 @@ class _Examiner:
         """Return the relations from which guesses are solved.
 
         block : 0 for positions, 1 for velocities, 2 for first-order states, whose rates
-        are to be 0.
+            are to be 0.
         """
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:
@@ -613,8 +616,9 @@ class _Examiner:
     def _closest_root(self, relations: Relations, found: NewtonResult) -> NewtonResult:
         """Search other roots of the relations; return the root nearest to the guess.
 
-        found : a first root. A warning is stored if another root is about as near as
-        the nearest.
+        A warning is stored if another root is about as near as the nearest.
+
+        found : a first root.
         """
         x0, k = relations.x0, len(relations.free)
         J = relations(found.x)[1]
@@ -675,7 +679,9 @@ class _Examiner:
     def _exact(self, point: Point, laws: Sequence[RelationResiduals]) -> _Judged:
         """Analyse the nearest exact state: its rows, ranks and contradictions.
 
-        laws : verdicts on the laws. Values that are exact to rounding stay unchanged.
+        Values that are exact to rounding stay unchanged.
+
+        laws : verdicts on the laws.
         """
         passed = {
             x.name

@@ -369,7 +369,8 @@ class Kinks:
     ) -> Point:
         """Return `point` with the equations of the given sides, and more rows in force.
 
-        held : the rows that are added to those in force. sides, pins : see `frozen`.
+        held : the rows that are added to those in force.
+        sides, pins : see `frozen`.
         """
         e, more = self.on(sides, pins), self.rows(held, sides, pins)
         return point.of(replace(e, rows=(*e.rows, *more)))
@@ -409,7 +410,9 @@ class Kinks:
 def _root(node: int, level: float, start: Point, end: Point) -> float:
     """Return the fraction of the straight path at which a node has the value `level`.
 
-    start, end : the ends of the path. The fraction is computed by bisection.
+    The fraction is computed by bisection.
+
+    start, end : the ends of the path.
     """
 
     def off(part: float) -> float:
@@ -427,8 +430,9 @@ def _root(node: int, level: float, start: Point, end: Point) -> float:
 def drift(point: Point, rows: Sequence[Row]) -> tuple[Floats, Floats]:
     """Return accelerations (n,) and rates of first-order states (s,) at a point.
 
-    Accelerations within rounding are 0. rows : further rows in force, beside the rows
-    of the point's equations.
+    Accelerations within rounding are 0.
+
+    rows : further rows in force, beside the rows of the point's equations.
     """
     e = replace(point.e, rows=(*point.e.rows, *rows))
     a, terms, _ = accelerations(point.of(e))

@@ -184,7 +184,9 @@ class Relations:
         """Return a mask (m,) of the relations that are not satisfied at x (k,).
 
         A relation is satisfied if its residual is at most a given part of its terms, or
-        within its rounding error. errors : error bounds (k,) of x.
+        within its rounding error.
+
+        errors : error bounds (k,) of x.
         """
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
@@ -447,7 +449,9 @@ def _others(
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
     """Return the distance from x0 within which second-order expansions of r hold.
 
-    The distance is 0 if it is unknown. L : Cholesky factor (k, k) of the metric.
+    The distance is 0 if it is unknown.
+
+    L : Cholesky factor (k, k) of the metric.
     """
     r = relations(x0)[0]
     found = 0.0
@@ -539,7 +543,9 @@ def _damped(
     """Return x, r, dr/dx after the largest part of a step that lowers |r|, or None.
 
     The parts 1, 1/2, 1/4, ... are tried; with `once`, 1 alone. None if no part lowers
-    |r|. weights : lengths (m,) by which the residuals are divided.
+    |r|.
+
+    weights : lengths (m,) by which the residuals are divided.
     """
     before = np.linalg.norm(r / weights)
     damping = 1.0
@@ -555,8 +561,10 @@ def _damped(
 def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
     """Return the rows of J L^-T scaled to length 1 (m, n), and the lengths before (m,).
 
-    J : (m, n). L : Cholesky factor of the metric. A row of zeros is unchanged, and its
-    length is returned as 1.
+    A row of zeros is unchanged, and its length is returned as 1.
+
+    J : (m, n).
+    L : Cholesky factor of the metric.
     """
     Y, lengths = whitened_rows(J, L)
     lengths[lengths == 0] = 1.0
@@ -568,9 +576,9 @@ def _explained(
 ) -> NewtonResult:
     """Return the point of least |r|, with the reason why no root was found.
 
-    If that point satisfies the relations, the result has `converged` True. reached :
-    the result of the iteration that failed.
+    If that point satisfies the relations, the result has `converged` True.
 
+    reached : the result of the iteration that failed.
     metric : (k, k), of the iteration.
     """
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):

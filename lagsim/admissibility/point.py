@@ -233,8 +233,8 @@ class Point:
     ) -> Entries:
         """Return the entries of the rows' gradients A that do not vanish identically.
 
-        rows : the m rows of A (m, n). rounded : whether entries within rounding count
-        as 0.
+        rows : the m rows of A (m, n).
+        rounded : whether entries within rounding count as 0.
         """
         return self._entries([row.A.entries for row in rows], rounded=rounded)
 
@@ -388,8 +388,9 @@ class _ScaledGradient(NamedTuple):
     def longest(self, lengths: Floats) -> float:
         """Return the largest |gradient_j| times length_j over the coordinates j.
 
-        lengths : (n,), of all coordinates. The result is -inf if no coordinate of the
-        gradient has a known length.
+        The result is -inf if no coordinate of the gradient has a known length.
+
+        lengths : (n,), of all coordinates.
         """
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)
@@ -594,8 +595,8 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
 def _length(size: float, first: float, second: float) -> float:
     """Return the distance over which a gradient changes by its own size.
 
-    size : the size of the gradient. first, second : sizes of its first and second
-    derivative.
+    size : the size of the gradient.
+    first, second : sizes of its first and second derivative.
     """
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf

@@ -332,8 +332,11 @@ def _combinations(
     """Return each dependent row as a combination of independent rows.
 
     The result maps the index of a dependent row to coefficients by index of an
-    independent row. Y : rows (m, n) scaled to length 1. lengths : their lengths before
-    (m,). flags : marks of dependent rows (m,).
+    independent row.
+
+    Y : rows (m, n) scaled to length 1.
+    lengths : their lengths before (m,).
+    flags : marks of dependent rows (m,).
     """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
@@ -352,7 +355,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
     """Return right-hand sides (m,) of the rows' equations, with error bounds (m,).
 
     levels : the equations: some of "position", "velocity", "acceleration", which are
-    the keys of the result.
+        the keys of the result.
     """
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
@@ -379,9 +382,11 @@ def _contradictions(
 ) -> dict[str, float]:
     """Return the differences between row i's right-hand sides and the implied ones.
 
-    Only those beyond rounding, by level ("position", ...). demands : the result of
-    `_demands`. i : index of the row. others : index -> coefficient of the rows in the
-    combination that equals row i.
+    Only those beyond rounding, by level ("position", ...).
+
+    demands : the result of `_demands`.
+    i : index of the row.
+    others : index -> coefficient of the rows in the combination that equals row i.
     """
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
@@ -437,8 +442,8 @@ class Neighbourhood:
     ) -> Floats:
         """Return positions or velocities (n,), varied at random.
 
-        size : the variation in units of the spread. velocities : whether velocities are
-        varied.
+        size : the variation in units of the spread.
+        velocities : whether velocities are varied.
         """
         x = self.point.v if velocities else self.point.q
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
@@ -449,8 +454,9 @@ class Neighbourhood:
     ) -> tuple[Point, bool] | None:
         """Return a random state that all rows admit, and whether it is a double root.
 
-        size : the distance of the state, in units of the spread. None if no such state
-        is found.
+        None if no such state is found.
+
+        size : the distance of the state, in units of the spread.
         """
         if not np.all(np.isfinite(self.metric)):
             return None

@@ -221,8 +221,9 @@ def _problem(
 ) -> Problem:
     """Return the fault of an expression that is not finite, with its consequences.
 
-    source : the expression; None if it is unknown. faulty : quantities that are not
-    finite: name, node and value. home : the place of the fault if `source` has none.
+    source : the expression; None if it is unknown.
+    faulty : quantities that are not finite: name, node and value.
+    home : the place of the fault if `source` has none.
     """
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""

@@ -128,7 +128,8 @@ def _balance(
 ) -> _Balance | None:
     """Return a balance of forces with the rows `held` in force; None if none is found.
 
-    point, stated, held, free : see `balance.Rest`. way : see `balance.Way`.
+    point, stated, held, free : see `balance.Rest`.
+    way : see `balance.Way`.
     """
     if way is Way.CORNER:
         return _Walk(point, stated, held, free).found()
@@ -249,7 +250,9 @@ class _Walk:
     def _decided(self, rest: Rest, x: Floats, *, first: bool) -> _Balance | None:
         """Return the balance at x (k,) if the forces hold the state there; else None.
 
-        Without a balance the walk leaves a surface. rest : the equations that x solves.
+        Without a balance the walk leaves a surface.
+
+        rest : the equations that x solves.
         first : whether no surface was met or left before.
         """
         own = self._shares(rest, x)
@@ -288,7 +291,7 @@ class _Walk:
         """Return the pin of each surface that holds the state, by the surface's index.
 
         shares : the values of the shares by the index of the surface; without it the
-        shares are variables.
+            shares are variables.
         """
         g, kinks = self.guess.g, self.kinks
         return {
@@ -395,8 +398,9 @@ class _Walk:
     def _unbalanced(self, rest: Rest) -> Iterator[Point]:
         """Yield the state displaced along the forces that no displacement balances.
 
-        rest : the equations of the balance, whose solution failed. Yield no state if
-        there are no such forces.
+        Yield no state if there are no such forces.
+
+        rest : the equations of the balance, whose solution failed.
         """
         n, m = self.here.n, rest.relations
         r, J = rest(rest.x0)
@@ -427,8 +431,9 @@ class _Walk:
     def _moved(self, rest: Rest, a: Floats, rates: Floats) -> Point:
         """Return the state `here` with its unknown positions and states displaced.
 
-        rest : names the unknowns. a : (n,), the displacement of q. rates : the
-        displacement of the first-order states that are unknowns.
+        rest : names the unknowns.
+        a : (n,), the displacement of q.
+        rates : the displacement of the first-order states that are unknowns.
         """
         q, s = self.here.q.copy(), self.here.state.s.copy()
         q[rest.positions] += a[rest.positions]
@@ -438,8 +443,9 @@ class _Walk:
     def _without(self, k: int, *, above: bool) -> object:
         """Return the key of the walk's position after surface k would be left.
 
-        above : whether to its upper side. The key (see `_mode`) shows whether the walk
-        has been there before.
+        The key (see `_mode`) shows whether the walk has been there before.
+
+        above : whether to its upper side.
         """
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}
@@ -457,9 +463,10 @@ class _Walk:
     def _balance(self, rest: Rest, x: Floats, shares: Mapping[int, float]) -> _Balance:
         """Return the record of a balance: its solution, its state and its corner.
 
-        x : (k,), the solution of `rest`. shares : shares of the upper sides, by the
-        index of the surface. Without surfaces, the equations of the state are those of
-        the model.
+        Without surfaces, the equations of the state are those of the model.
+
+        x : (k,), the solution of `rest`.
+        shares : shares of the upper sides, by the index of the surface.
         """
         there, corner = rest.at(x).of(self.guess.e), None
         there.multipliers = dict(zip(rest.shares, shares.values(), strict=True))
@@ -483,8 +490,8 @@ class _Walk:
 def _mode(levels: Mapping[int, float], sides: Mapping[int, float]) -> object:
     """Return a hashable key of a walk's position among the surfaces.
 
-    levels : the levels of the surfaces that hold the state. sides : the sides of all
-    surfaces, see `_Walk`.
+    levels : the levels of the surfaces that hold the state.
+    sides : the sides of all surfaces, see `_Walk`.
     """
     return frozenset(levels.items()), frozenset(sides.items())
 
@@ -558,8 +565,9 @@ def _changes(
 ) -> set[int]:
     """Return the indices of laws whose rows are to be added to the rest, or removed.
 
-    rest, x, there : the equations, the solution (k,), and the state at rest. held :
-    indices of the laws in force there. off : constraints out of force.
+    rest, x, there : the equations, the solution (k,), and the state at rest.
+    held : indices of the laws in force there.
+    off : constraints out of force.
     """
     laws, verdicts = there.e.laws, judge_laws(there, off)
     if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):

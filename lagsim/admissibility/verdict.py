@@ -219,7 +219,7 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
     """Return residuals of relations at a point, compared with their terms.
 
     pairs : for each relation, the graph nodes of its residual and of the size of its
-    terms.
+        terms.
     """
     nodes = [node for node, _ in pairs]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
@@ -230,9 +230,10 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
     """Return indices of rows on which the scales of the given rows depend.
 
-    asked : indices of the given rows, which the result excludes. The result has the
-    rows that share a coordinate with a given row, directly or through a chain of at
-    most LINKS - 1 other rows.
+    The result has the rows that share a coordinate with a given row, directly or
+    through a chain of at most LINKS - 1 other rows.
+
+    asked : indices of the given rows, which the result excludes.
     """
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
@@ -255,8 +256,9 @@ def _of_size(residual: Residual, own: float) -> Residual:
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Return the residual of a rate, with a scale limited by the size of the motion.
 
-    motion : size of the motion in the relation; a tenth of it is the least scale. body
-    : size of the motion of the bodies in the relation, to which rounding is relative.
+    motion : size of the motion in the relation; a tenth of it is the least scale.
+    body : size of the motion of the bodies in the relation, to which rounding is
+        relative.
     """
     scale, size = residual.scale, residual.size
     if motion < residual.scale:
@@ -270,9 +272,10 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
 def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]:
     """Return |A| |v| for each row A, over all coordinates coupled to it by inertia.
 
-    rows : the entries of each row: index of a coordinate -> node. The norms are those
-    of scaled coordinates, see `point.Point.sizes`. A rate that is compared with this
-    size is accurate to CONVERGED at best.
+    The norms are those of scaled coordinates, see `point.Point.sizes`. A rate that is
+    compared with this size is accurate to CONVERGED at best.
+
+    rows : the entries of each row: index of a coordinate -> node.
     """
     if not rows:
         return []
@@ -397,8 +400,9 @@ def _against_levers(
 ) -> list[Residual]:
     """Return the differences of nodes from target values, with scales, as residuals.
 
-    targets : pairs (node, value). The scale of a residual is the largest of |value| and
-    |q_i dg/dq_i|.
+    The scale of a residual is the largest of |value| and |q_i dg/dq_i|.
+
+    targets : pairs (node, value).
     """
     sizes, nodes = np.abs([*point.q, *point.v]), [node for node, _ in targets]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
@@ -487,7 +491,9 @@ def out_of_force(equations: Equations, time: float) -> frozenset[str]:
 def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
     """Return equations whose rows include the timed equalities that are in force.
 
-    A timed equality has a condition `when`. off : names of constraints out of force.
+    A timed equality has a condition `when`.
+
+    off : names of constraints out of force.
     """
     timed = [
         law.row for law in equations.laws if law.equal and law.constraint not in off

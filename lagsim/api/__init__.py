@@ -192,8 +192,9 @@ def number_range(
 ) -> tuple[float, float]:
     """Return the smaller and the larger end of a range of numbers.
 
-    name : the name of the argument. value : two numbers or texts of numbers. expected :
-    the permitted ranges.
+    name : the name of the argument.
+    value : two numbers or texts of numbers.
+    expected : the permitted ranges.
 
     Raises
     ------

@@ -774,7 +774,8 @@ def _appended(
 ) -> Appended | None:
     """Return the columns of sensitivities and standard deviations; None if none.
 
-    settings : settings of the run. options : options that replace settings of the file.
+    settings : settings of the run.
+    options : options that replace settings of the file.
     times : (k,), times of the values, by default the output times.
     """
     names = model.output.sensitivities

@@ -211,7 +211,9 @@ def unforeseen() -> int:
 def _report_file(trace: str) -> Path | None:
     """Write a report of a bug to a file in the user's cache; return its path.
 
-    trace : the traceback. None if the file cannot be written.
+    None if the file cannot be written.
+
+    trace : the traceback.
     """
     from lagsim.native.link.cache import folder
     from lagsim.outputs.manifest import versions

@@ -270,7 +270,9 @@ def _report(found: Mapping[int, PendingRun | Done], paths: Sequence[str]) -> Non
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:
     """Return the summary of several runs: a line for each model, and a closing line.
 
-    The closing line has the number of complete runs. names : the names of the models.
+    The closing line has the number of complete runs.
+
+    names : the names of the models.
     """
     rows = [HEADS, *((name, *_row(found.get(k))) for k, name in enumerate(names))]
     complete = sum(x.code == 0 for x in found.values())

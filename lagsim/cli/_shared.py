@@ -45,7 +45,8 @@ class PictureFormat(Enum):
 def flag(name: str, text: str) -> Any:
     """Return the declaration for typer of an option without a value.
 
-    name : the name of the option. text : its help.
+    name : the name of the option.
+    text : its help.
     """
     return typer.Option(False, name, help=text)
 
@@ -53,8 +54,9 @@ def flag(name: str, text: str) -> Any:
 def option(metavar: str, text: str, *names: str, **more: Any) -> Any:
     """Return the declaration for typer of an option with a value, None by default.
 
-    metavar : placeholder of the value in the help. text : the help. names : names of
-    the option, if not that of the parameter.
+    metavar : placeholder of the value in the help.
+    text : the help.
+    names : names of the option, if not that of the parameter.
     """
     return typer.Option(None, *names, metavar=metavar, help=text, **more)
 
@@ -133,7 +135,8 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
 def strict_line(name: str, codes: Iterable[str]) -> str:
     """Return the closing line of a command that fails by `--strict`.
 
-    name : the name of the model. codes : codes of the warnings.
+    name : the name of the model.
+    codes : codes of the warnings.
     """
     codes = list(codes)
     named = ", ".join(dict.fromkeys(codes))
@@ -310,8 +313,9 @@ def drawn_or_reported(
 ) -> bytes | None:
     """Return the content of a picture; None, with a printed warning, if drawing fails.
 
-    name : the name of the file. draw : returns the content. warnings : list to which
-    the record of the warning is appended.
+    name : the name of the file.
+    draw : returns the content.
+    warnings : list to which the record of the warning is appended.
     """
     from lagsim.outputs import attempted
 
@@ -390,8 +394,9 @@ def experiment(
     no file is written. The chart is left out after a signal, or if drawing fails. With
     `as_json` the document is printed; it is appended to `documents` if that is given.
 
-    command : the name of the command. folder : the folder of the results. manifest :
-    the file name of the document.
+    command : the name of the command.
+    folder : the folder of the results.
+    manifest : the file name of the document.
     """
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
@@ -462,8 +467,10 @@ def parse_range(
 ) -> tuple[float, float] | None:
     """Parse a range A:B; return its ends, the smaller first, or None after a problem.
 
-    problems : to which a problem is added. option : name of the option in the message.
-    text : the range. expected : the permitted ranges.
+    problems : to which a problem is added.
+    option : name of the option in the message.
+    text : the range.
+    expected : the permitted ranges.
     """
     found = expected.ends(text.split(":"))
     if found is None:
@@ -673,7 +680,8 @@ def annotate(
 ) -> None:  # fmt: skip
     """Annotate a line of a file in GitHub Actions; without effect elsewhere.
 
-    level : `error`, `warning` or `notice`. number : the number of the message.
+    level : `error`, `warning` or `notice`.
+    number : the number of the message.
     """
     if not on_github():
         return

@@ -33,8 +33,9 @@ def report(
 ) -> str:
     """Return the report on a start as text; its first line is the verdict.
 
-    start : the examination. choices : choices of the plan. repair : whether an
-    admissible start is included.
+    start : the examination.
+    choices : choices of the plan.
+    repair : whether an admissible start is included.
     """
     name = equations.model.name
     rows: Sequence[object] = equations.rows
@@ -127,8 +128,8 @@ def _sided(verdict: RelationResiduals) -> str:
 def _status(verdict: RelationResiduals, residual: float) -> str:
     """Return the state of a constraint that holds only at times, in words.
 
-    verdict : the judgement on the constraint. residual : its gap or residual of
-    positions, as shown in the report.
+    verdict : the judgement on the constraint.
+    residual : its gap or residual of positions, as shown in the report.
     """
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"

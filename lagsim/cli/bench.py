@@ -122,7 +122,9 @@ def _opened(
 
     The function is an argument of `experiment`.
 
-    path : the model file. overrides : values of `--set`. wish : options of the bench.
+    path : the model file.
+    overrides : values of `--set`.
+    wish : options of the bench.
     form : format of pictures.
     """
     model = read_file(path, overrides)

@@ -122,8 +122,8 @@ def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> s
 def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
     """Return the verdict as one line: `same: ...`, or `<differs>: ... [number]`.
 
-    differs : the word if the comparison fails. what : the names or rows that were
-    compared, which follow the word.
+    differs : the word if the comparison fails.
+    what : the names or rows that were compared, which follow the word.
     """
     if verdict.passed:
         return f"{coloured('same', '32')}: {what}"
@@ -171,8 +171,9 @@ def _document(
 ) -> dict[str, Any]:
     """Return the comparison as a JSON document.
 
-    Later versions of lagsim add keys and remove none. names : the names of the two
-    results.
+    Later versions of lagsim add keys and remove none.
+
+    names : the names of the two results.
     """
     rows, first = verdict.rows, verdict.first
     assert rows is not None

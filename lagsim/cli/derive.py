@@ -77,7 +77,8 @@ def _refuse(
 ) -> None:
     """Raise an error for options that do not fit the format, and for a bad file.
 
-    options : whether each option is set, by name. output : the file, or None.
+    options : whether each option is set, by name.
+    output : the file, or None.
     """
     meant = {
         EquationFormat.text: ("ascii", "substitute", "solve", "gauss", "expand"),

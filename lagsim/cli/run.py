@@ -262,8 +262,9 @@ class Job:
     ) -> int:
         """Run a model; return the exit code.
 
-        text, file : the text and the name of the model file. overrides : values of
-        `--set`. options : options of the run by key of `simulation`.
+        text, file : the text and the name of the model file.
+        overrides : values of `--set`.
+        options : options of the run by key of `simulation`.
 
         Raises
         ------
@@ -306,7 +307,7 @@ class Job:
         """Open the folder of results, run a session into it, and return the exit code.
 
         wishes : options of the run and its files as a document, by which `--resume`
-        recognises an equal request.
+            recognises an equal request.
         """
         wish, model = self.wish, session.case.model
         folder = self.folder or RESULTS / model.name
@@ -404,7 +405,9 @@ class Job:
 
         The error is the OSError of a disk that is full, or None.
 
-        found : the run. results : the folder. writer : the writer of the table.
+        found : the run.
+        results : the folder.
+        writer : the writer of the table.
         """
         wish, lost, full = self.wish, False, found.fault
         try:
@@ -600,8 +603,9 @@ MOST_NAMES = 2
 def summary(made: Attempt, document: Document, folder: Path) -> str:
     """Return the summary of a run that is printed at its end.
 
-    made : the run. document : the content of run.json. folder : the folder of the
-    results.
+    made : the run.
+    document : the content of run.json.
+    folder : the folder of the results.
     """
     colour = "32" if document["complete"] else "31"
     head = (

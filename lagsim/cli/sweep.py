@@ -214,7 +214,9 @@ def _measured(
 
     After an interrupt, remarks on how to continue are returned.
 
-    found : the sweep. journal : file of its rows. jobs : number of processes, or None.
+    found : the sweep.
+    journal : file of its rows.
+    jobs : number of processes, or None.
     dask : address of a scheduler, or None.
     """
     folder = journal.path.parent

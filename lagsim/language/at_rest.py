@@ -140,8 +140,9 @@ def _coupled(
 ) -> list[int]:
     """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`.
 
-    held : rates of equalities, which are 0 in each motion. Rates that share velocities
-    with a rate already found are found, too.
+    Rates that share velocities with a rate already found are found, too.
+
+    held : rates of equalities, which are 0 in each motion.
     """
     names = g.depends(nodes) & frozenset(velocities)
     left, found = list(held), list[int]()
@@ -177,10 +178,12 @@ def _points(
 ) -> list[_SlipPoint]:
     """Return test points at which all slips and the rates `held` are 0.
 
-    slips, held : nodes of the slips, and of rates that are 0. names : variables of the
-    bound. velocities : the names among these whose values may be changed. known : value
-    and error of each parameter; other variables have arbitrary values. Points at which
-    a slip has no value are left out.
+    Points at which a slip has no value are left out.
+
+    slips, held : nodes of the slips, and of rates that are 0.
+    names : variables of the bound.
+    velocities : the names among these whose values may be changed.
+    known : value and error of each parameter; other variables have arbitrary values.
     """
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
@@ -252,12 +255,12 @@ def _at_zero(
 def _inverse(rows: list[list[float]], first: int) -> list[list[float]] | None:
     """Return r changes of velocities (r, n); change k changes row k alone, by 1.
 
-    rows : coefficients (r, n) of the velocities.
-
     A row is changed by the velocity with the largest slope, by elimination with
     complete pivoting, so that no other velocity is rounded. A row that depends on
     others has the change 0. The result is None if one of the `first` rows depends on
     others.
+
+    rows : coefficients (r, n) of the velocities.
     """
     count = len(rows)
     if not all(math.isfinite(x) for row in rows for x in row) or not rows[0]:
@@ -375,8 +378,8 @@ class _Beside:
     ) -> None:
         """Decide switch n, whose argument vanishes at slip 0, in all four versions.
 
-        below : the versions of each argument. done : the versions of each node, to
-        which those of n are written.
+        below : the versions of each argument.
+        done : the versions of each node, to which those of n are written.
         """
         g, op = self.g, self.g.ops[n]
         parts = [args[0] if op in STEPS else g.call("sub", *args) for args in below]
@@ -403,7 +406,9 @@ class _Beside:
     def _steps_near(self, parts: Sequence[int]) -> bool:
         """Whether an argument changes its sign at a slip too small for any run.
 
-        parts : the versions of the argument. Such a change near slip 0 is recorded.
+        Such a change near slip 0 is recorded.
+
+        parts : the versions of the argument.
         """
         near = [self._changes(parts, x, SPEEDS[0]) for x in self.points]
         self.near = self.near or any(map(any, near))
@@ -417,9 +422,10 @@ class _Beside:
     ) -> list[bool]:
         """Return, for each direction of slip, whether the sign of an argument changes.
 
-        The signs at slip 0 and at a slip of size `slip` are compared. parts : nodes of
-        the argument in the four versions, see `_versions`. point : the values of other
-        variables.
+        The signs at slip 0 and at a slip of size `slip` are compared.
+
+        parts : nodes of the argument in the four versions, see `_versions`.
+        point : the values of other variables.
         """
         found = []
         here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
@@ -483,7 +489,8 @@ class _Beside:
     def _sign(self, part: int, way: float) -> float:
         """Return the sign of an expression at small slips in one direction.
 
-        part : the node of the expression. way : 1 or -1, the direction.
+        part : the node of the expression.
+        way : 1 or -1, the direction.
         """
         found = set()
         for point in (*self.points, *self.others):
@@ -531,9 +538,12 @@ class _Beside:
     def _least(self, part: int, point: _SlipPoint, speed: float, i: int) -> float:
         """Return the least magnitude of an expression over slips near direction i.
 
-        part : node of the expression. point : values of other variables. speed : size
-        of the slips. The minimum is found by repeated division of the range of
-        directions into thirds.
+        The minimum is found by repeated division of the range of directions into
+        thirds.
+
+        part : node of the expression.
+        point : values of other variables.
+        speed : size of the slips.
         """
         low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
         for _ in range(48):

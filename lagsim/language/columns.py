@@ -166,7 +166,7 @@ def halves(rest: str) -> list[tuple[str, str]]:
     """Return all ways to split the text `column.name` at a dot in two parts.
 
     rest : the end of the name of a sensitivity's column: the column that is
-    differentiated, and the parameter. Both may contain dots.
+        differentiated, and the parameter. Both may contain dots.
     """
     parts = rest.split(".")
     return [(".".join(parts[:k]), ".".join(parts[k:])) for k in range(1, len(parts))]

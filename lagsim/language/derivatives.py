@@ -70,8 +70,10 @@ def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
     """Return the derivatives of the sum of weight * node over `weights`, as nodes.
 
-    weights : node -> weight; the weights count as constant. The result maps the
-    variables on which the sum depends, among `variables`, to derivatives.
+    The result maps the variables on which the sum depends, among `variables`, to
+    derivatives.
+
+    weights : node -> weight; the weights count as constant.
     """
     return _Reverse(g, g.cone(weights), variables).gradient(weights)
 
@@ -155,8 +157,8 @@ class _Reverse:
 
         As pairs of nodes: an argument, and the contribution to its adjoint.
 
-        weight : the adjoint of n. of_sums : the adjoint of each component of a vector
-        of sums.
+        weight : the adjoint of n.
+        of_sums : the adjoint of each component of a vector of sums.
         """
         g = self.g
         if g.ops[n] == ELEMENTS:
@@ -218,7 +220,7 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
     """Return the rate of node `n` by the chain rule.
 
     rates : node -> its rate, for the arguments of n; arguments without an entry are
-    constant.
+        constant.
     """
     args = g.args[n]
     if g.ops[n] == ELEMENTS:

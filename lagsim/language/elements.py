@@ -212,8 +212,10 @@ class Elements:
     ) -> Elements:
         """Return elements with the members of these, but other outputs.
 
-        outputs : the outputs. size : length of their vector of sums. more : further
-        slots that outputs use, whose arguments follow the arguments of these elements.
+        outputs : the outputs.
+        size : length of their vector of sums.
+        more : further slots that outputs use, whose arguments follow the arguments of
+            these elements.
         """
         outputs = list(outputs)
         slots = [*self.slots, *more]
@@ -238,8 +240,8 @@ class Elements:
         """Return a slot that reads, in each member, a companion of what `slot` reads.
 
         word : the quantity of the companions, such as `rate`. There is one for each
-        argument of the elements; they follow all arguments, in the order of the
-        arguments.
+            argument of the elements; they follow all arguments, in the order of the
+            arguments.
         """
         name = f"{self.graph.payload(slot.node)}.{word}"
         return slot._replace(
@@ -255,7 +257,8 @@ class Elements:
     def derived(self, method: str, *how: frozenset[int]) -> Elements:
         """Return `method(*how)`, further elements; memoized.
 
-        method : name of a method, such as `slopes`. how : its arguments.
+        method : name of a method, such as `slopes`.
+        how : its arguments.
         """
         if (method, how) not in self._derived:
             self._derived[method, how] = getattr(self, method)(*how)
@@ -264,9 +267,10 @@ class Elements:
     def slopes(self, some: Collection[int]) -> Elements:
         """Return elements for the gradient of the sum of all terms.
 
-        Only where the result is this one number (size 1), such as an energy. some :
-        indices of the arguments by which it is differentiated. Component k of the
-        result, (count,), is the derivative by argument k.
+        Only where the result is this one number (size 1), such as an energy. Component
+        k of the result, (count,), is the derivative by argument k.
+
+        some : indices of the arguments by which it is differentiated.
         """
         assert self.size == 1
         return self._with(
@@ -276,9 +280,10 @@ class Elements:
     def pulled(self, some: Collection[int]) -> Elements:
         """Return elements for the gradient of the sum of weight_i * result_i over i.
 
-        some : indices of the arguments by which it is differentiated. The weights, one
-        for each component of the vector of sums, are further arguments. Component k of
-        the result, (count,), is the derivative by argument k.
+        The weights, one for each component of the vector of sums, are further
+        arguments. Component k of the result, (count,), is the derivative by argument k.
+
+        some : indices of the arguments by which it is differentiated.
         """
         g, more, terms = self.graph, list[Slot](), []
         for o in self.outputs:
@@ -305,8 +310,9 @@ class Elements:
     def pushed(self, some: Collection[int]) -> Elements:
         """Return elements for the time derivatives of the results.
 
-        some : indices of the arguments that vary. The rates of all arguments are
-        further arguments.
+        The rates of all arguments are further arguments.
+
+        some : indices of the arguments that vary.
         """
         g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
         more = [self._beside("rate", slot) for slot in read]
@@ -318,9 +324,11 @@ class Elements:
     def bounded(self, moving: Collection[int], state: Collection[int]) -> Elements:
         """Return elements for roundoff bounds of the results, in units of the roundoff.
 
-        moving : indices of the arguments that vary. state : indices of arguments whose
-        own roundoff is accounted for elsewhere, see `evaluate.roundings`. Bounds of the
-        errors of all arguments are further arguments of the result.
+        Bounds of the errors of all arguments are further arguments of the result.
+
+        moving : indices of the arguments that vary.
+        state : indices of arguments whose own roundoff is accounted for elsewhere, see
+            `evaluate.roundings`.
         """
         g = self.graph
         varying = [x for x in self.slots if self.reads(x, moving)]
@@ -358,7 +366,9 @@ class Elements:
     def without_value(self, arguments: Sequence[float]) -> int | None:
         """Return the first member with a term or slope that is not finite; else None.
 
-        arguments : values of the arguments. Only for elements whose outputs are TOTAL.
+        Only for elements whose outputs are TOTAL.
+
+        arguments : values of the arguments.
         """
         everything = frozenset(range(self.count))
         for of in (self, self.derived("slopes", everything)):
@@ -399,8 +409,11 @@ class Elements:
         """Return the contributions of a vector of sums to adjoints of its arguments.
 
         Each is a pair of nodes: an argument, and the contribution to its adjoint
-        (reverse differentiation). vector : node of the vector in g. weights : index of
-        a component of the vector -> its adjoint. active : nodes that vary.
+        (reverse differentiation).
+
+        vector : node of the vector in g.
+        weights : index of a component of the vector -> its adjoint.
+        active : nodes that vary.
         """
         args = g.args[vector][1:]
         some = _where(args, active)
@@ -421,8 +434,8 @@ class Elements:
     def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
         """Return the node of the time derivative of a vector of these sums.
 
-        vector : node of the vector in g. rates : node of an argument -> node of its
-        rate.
+        vector : node of the vector in g.
+        rates : node of an argument -> node of its rate.
         """
         args = g.args[vector][1:]
         made = self.derived("pushed", _where(args, rates))
@@ -438,9 +451,10 @@ class Elements:
     ) -> int:
         """Return the node of the roundoff bounds of a vector of these sums.
 
-        vector : node of the vector in g. varying : nodes that vary. state : nodes of
-        variables whose own roundoff is accounted for elsewhere. errors : node of an
-        argument -> node of the bound of its error.
+        vector : node of the vector in g.
+        varying : nodes that vary.
+        state : nodes of variables whose own roundoff is accounted for elsewhere.
+        errors : node of an argument -> node of the bound of its error.
         """
         args = g.args[vector][1:]
         made = self.derived("bounded", _where(args, varying), _where(args, state))
@@ -492,8 +506,8 @@ class Elements:
     ) -> tuple[Floats, Floats]:
         """Return the results (size,), and bounds of their errors.
 
-        arguments : values with errors. unit : error of an operation, relative to its
-        result.
+        arguments : values with errors.
+        unit : error of an operation, relative to its result.
         """
         everything = frozenset(range(self.count))
         made = self.derived("bounded", everything, frozenset())
@@ -505,7 +519,8 @@ def _partial_sums(where: Ints, terms: Floats) -> Floats:
     """Return the magnitude of the running sum at each term, shape (members,).
 
     where : (members,), the component to which each term is added; the running sum is
-    that of the component. terms : (members,), added in the order of members.
+        that of the component.
+    terms : (members,), added in the order of members.
     """
     order = np.argsort(where, kind="stable")
     running = np.cumsum(terms[order])

@@ -168,7 +168,8 @@ def evaluate_with_error(
 def _sums_with_error(op: str, args: list[tuple[Any, Any]]) -> tuple[Any, Any]:
     """Return values and errors of a vector of sums, or of one component of it.
 
-    op : `elements.sums` or `elements.part`. args : values and errors of the arguments.
+    op : `elements.sums` or `elements.part`.
+    args : values and errors of the arguments.
     """
     (first, errors), *others = args
     if op == ELEMENTS:
@@ -208,11 +209,10 @@ def roundings(
     The bound is 0 for a node that does not depend on `moving`.
 
     state : variables whose own rounding is accounted for elsewhere. Far from the
-    origin, this rounding is the whole error of an expression that is linear in one such
-    variable, except for a shift, and it is equal in all uses of the variable.
-
+        origin, this rounding is the whole error of an expression that is linear in one
+        such variable, except for a shift, and it is equal in all uses of the variable.
     known : node -> node of the bound of its error, for variables and other nodes; the
-    error of other variables is 0.
+        error of other variables is 0.
     """
     nodes = list(nodes)
     varying, placed = g.dependents(nodes, moving, state)
@@ -242,8 +242,9 @@ def roundings(
 def _less_shift(g: Graph, error: int, linear: int | None) -> int:
     """Return the error bound of a x + b less the part that the rounding of x causes.
 
-    error : the bound, a node. linear : the node a x; None if the expression has another
-    form, for which the bound is returned.
+    error : the bound, a node.
+    linear : the node a x; None if the expression has another form, for which the bound
+        is returned.
     """
     if linear is None or error == g.zero:
         return error
@@ -259,8 +260,9 @@ def _of_sums(
 ) -> int:
     """Return the node of the error bound of a vector of sums, or of one component.
 
-    n : the node of the vector or component. varying, state : see `roundings`. errors :
-    node -> node of its bound.
+    n : the node of the vector or component.
+    varying, state : see `roundings`.
+    errors : node -> node of its bound.
     """
     first, *others = g.args[n]
     if g.ops[n] == PART:
@@ -313,8 +315,10 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
 def _of_root(g: Graph, root: int, error: int) -> int:
     """Return the node of the error bound of a square root.
 
-    root : node of the root. error : node of the error bound of its argument. At 0 the
-    bound is the square root of `error`.
+    At 0 the bound is the square root of `error`.
+
+    root : node of the root.
+    error : node of the error bound of its argument.
     """
     if error == g.zero:
         return g.zero

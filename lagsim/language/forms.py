@@ -146,7 +146,10 @@ class Turning(Products[Atom]):
         """Return sin or cos (`op`) of a + sign b as (number, code of a product).
 
         The value is number times product; the number is -1 where sin(b - a) is used for
-        sin(a - b). a, b : angles. sign : 1 or -1.
+        sin(a - b).
+
+        a, b : angles.
+        sign : 1 or -1.
         """
         raise NotImplementedError
 
@@ -154,8 +157,10 @@ class Turning(Products[Atom]):
         """Merge pairs of terms by identities, in place; return the number of merges.
 
         The identities are sin^2 + cos^2 = 1, then those of sums and differences of
-        angles. terms : code of a product -> its coefficient. count : function that
-        counts operations against the budget.
+        angles.
+
+        terms : code of a product -> its coefficient.
+        count : function that counts operations against the budget.
         """
         joined = 0
         for joint in (self._joint_of_squares, self._joint_of_angles):
@@ -310,9 +315,11 @@ class _Expansion(Turning[int]):
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
         """Return an operation on sums of products as a sum of products.
 
+        The second value is a bound of the exponents. None if the operation is not
+        expanded.
+
         op, args : the operation, and the nodes of its arguments, which are expanded
-        already. The second value is a bound of the exponents. None if the operation is
-        not expanded.
+            already.
         """
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
@@ -647,9 +654,11 @@ class Collected:
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
         """Whether a product keeps its constant factor, not grouped with other products.
 
-        still : the constant factor of the product. factors : all its factors; no other
-        product has the factors that vary. A constant among `factors`, which other
-        expressions can share, is moved to `still` only if fewer constants remain.
+        A constant among `factors`, which other expressions can share, is moved to
+        `still` only if fewer constants remain.
+
+        still : the constant factor of the product.
+        factors : all its factors; no other product has the factors that vary.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]
@@ -822,8 +831,10 @@ class Collected:
     ) -> tuple[int, int]:
         """Return the constant factor and the rest of n, a sum of products.
 
-        n may also be a difference. one, other : the constant and the varying part of
-        each of the two arguments of n. A constant that both share is factored out.
+        n may also be a difference. A constant that both share is factored out.
+
+        one, other : the constant and the varying part of each of the two arguments of
+            n.
         """
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other

@@ -112,8 +112,9 @@ class Function(NamedTuple):
     def chosen(self, g: Builder, a: Arguments, x: int, y: int) -> int:
         """Return the selection of node x or y by the condition of this function.
 
-        a : arguments of the function, which determine the condition. A smooth selection
-        remains smooth.
+        A smooth selection remains smooth.
+
+        a : arguments of the function, which determine the condition.
         """
         assert self.branches is not None
         kept = self.name if self.name == SMOOTH else "if"
@@ -140,7 +141,8 @@ class Function(NamedTuple):
 def called(symbol: str, *kinds: str, attributes: str = "") -> dict[str, Any]:
     """Return entries `native` and `declares` of the functions table, for a C function.
 
-    symbol : name of the C function. kinds : LLVM types of its operands.
+    symbol : name of the C function.
+    kinds : LLVM types of its operands.
     """
     operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
     declared = f"declare double @{symbol}({', '.join(kinds)}) {attributes}"
@@ -219,7 +221,9 @@ JUMPS = (
 def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
     """Return sympy's Piecewise: x where the condition holds, else y.
 
-    s : the module sympy. Nested conditions are not rewritten, which is costly.
+    Nested conditions are not rewritten, which is costly.
+
+    s : the module sympy.
     """
     if condition in (s.true, s.false) or x == y:
         return x if condition != s.false else y
@@ -344,8 +348,9 @@ def _operator(
 ) -> Function:
     """Return the table's row of an arithmetic operator of two arguments.
 
-    sign, binds : sign and binding power of the operator. value : the function, on
-    floats and on sympy's expressions. more : other fields of the row.
+    sign, binds : sign and binding power of the operator.
+    value : the function, on floats and on sympy's expressions.
+    more : other fields of the row.
     """
     usual = {"sympy": lambda _, x, y: value(x, y)}
     return Function(
@@ -634,8 +639,9 @@ def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
 def _piece(op: str, count: int) -> Partials:
     """Return the rule `partials` of an operation that evaluates a piece of a table.
 
-    op : the operation. count : the number of arguments of the table; only the
-    derivatives by these differ from 0.
+    op : the operation.
+    count : the number of arguments of the table; only the derivatives by these differ
+        from 0.
     """
     return lambda g, a, _: (
         *(g.zero,) * (1 + 2 * count),

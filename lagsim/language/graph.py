@@ -77,8 +77,9 @@ def _degrees_of(
 ) -> Degrees | None:
     """Return the degrees of an operation; None if it is no polynomial.
 
-    op : the operation. exponent : the last argument if it is a number. below : degrees
-    of the arguments.
+    op : the operation.
+    exponent : the last argument if it is a number.
+    below : degrees of the arguments.
     """
     if all(d in (FLAT, NOTHING) for d in below):
         return FLAT

@@ -129,7 +129,8 @@ def _but(
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
     """Return bounds, each moved to the next double where the bound is not exact.
 
-    exact : flags. toward : -inf or inf, the direction of the move.
+    exact : flags.
+    toward : -inf or inf, the direction of the move.
     """
     return np.where(exact, bound, np.nextafter(bound, toward))
 
@@ -186,7 +187,9 @@ def _one_sided(
     """Return bounds of a product or quotient of x and y, widened by its rounding.
 
     A bound of 0 is not widened past 0 where the signs of x and y determine the sign of
-    the result. lo, hi : the bounds as computed in doubles.
+    the result.
+
+    lo, hi : the bounds as computed in doubles.
     """
     alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
@@ -274,8 +277,8 @@ def _comparison(
 ) -> Callable[[Interval, Interval], Interval]:
     """Return the rule of a comparison; a comparison with nan is false.
 
-    surely : (x, y) -> whether it is true throughout. never : whether it is false
-    throughout.
+    surely : (x, y) -> whether it is true throughout.
+    never : whether it is false throughout.
     """
 
     def rule(x: Interval, y: Interval) -> Interval:
@@ -347,8 +350,11 @@ def on(
 ) -> Callable[[Interval], Interval]:
     """Return the rule of a monotone function f on the interval [`least`, `most`].
 
-    f : the function on arrays. Values 0 are exact. open_end : whether f is unbounded at
-    the ends of the interval, which do not belong to the domain.
+    Values 0 are exact.
+
+    f : the function on arrays.
+    open_end : whether f is unbounded at the ends of the interval, which do not belong
+        to the domain.
     """
 
     def rule(x: Interval) -> Interval:
@@ -447,8 +453,9 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
     """Return the rule of min or max, with nan as in IEEE 754's comparison.
 
-    choose : np.minimum or np.maximum. The function has the value y where y is selected,
-    and x where x or y is nan.
+    The function has the value y where y is selected, and x where x or y is nan.
+
+    choose : np.minimum or np.maximum.
     """
 
     def rule(x: Interval, y: Interval) -> Interval:
@@ -483,8 +490,10 @@ def table_rate(axis: Data, x: Interval) -> Interval:
 def _each(op: str, axis: Data, x: Interval) -> Floats:
     """Return the values (2, k) of a table's function `op` at the bounds of x.
 
-    op : `table.knot` or `table.rate`. axis : data of the table. Row 0 is for the lower
-    bounds.
+    Row 0 is for the lower bounds.
+
+    op : `table.knot` or `table.rate`.
+    axis : data of the table.
     """
     ends = np.concatenate([x.lo, x.hi]).tolist()
     return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
@@ -535,8 +544,11 @@ def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interv
     """Return the cells at one end of intervals of x, and the distance from their knots.
 
     The first result is (k,), the row of each cell's coefficients; the second encloses x
-    less the lower knot of the cell. axis : data of the table. cells : numbers (2, k) of
-    the first and last cells that x meets. end : 0 for the first cells, 1 for the last.
+    less the lower knot of the cell.
+
+    axis : data of the table.
+    cells : numbers (2, k) of the first and last cells that x meets.
+    end : 0 for the first cells, 1 for the last.
     """
     m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
     cell = cells[end]
@@ -552,8 +564,8 @@ def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interv
 def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
     """Enclose derivatives of polynomials c (k, p) or (k, p, p), lowest power first.
 
-    orders : the order of the derivative in each argument. distances : enclosures of the
-    arguments.
+    orders : the order of the derivative in each argument.
+    distances : enclosures of the arguments.
     """
     found = interval(np.zeros(len(c)), 0.0)
     for j in reversed(range(orders[0], c.shape[1])):
@@ -568,8 +580,9 @@ def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
     """Return a rule that is nan, partial or jumping wherever an argument is.
 
-    rule : the rule for arguments that are always defined and continuous. See `Interval`
-    for the flags `partial` and `jumps`.
+    See `Interval` for the flags `partial` and `jumps`.
+
+    rule : the rule for arguments that are always defined and continuous.
     """
 
     def whole(*args: Interval) -> Interval:

@@ -48,7 +48,8 @@ def rated(name: str) -> tuple[str, int]:
 def member_hint(name: str, columns: Collection[str]) -> str:
     """Return a hint that names the columns of a family or vector; else "".
 
-    name : the name in question. columns : names of all columns.
+    name : the name in question.
+    columns : names of all columns.
     """
     for column in columns:
         if name == in_file(column):

@@ -239,8 +239,8 @@ class Parsed(NamedTuple):
     ) -> int:
         """Return the node of the expression in the graph `g`.
 
-        scope : function that maps each name to its node. tables : functions by name
-        that build the node of a table's value.
+        scope : function that maps each name to its node.
+        tables : functions by name that build the node of a table's value.
 
         Examples
         --------
@@ -466,7 +466,8 @@ class Parser:
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
         """Check the kinds of an operation's arguments; remove these from `kinds`.
 
-        top : the operation. wanted : for each argument, whether it must be a condition.
+        top : the operation.
+        wanted : for each argument, whether it must be a condition.
         """
         args = self.kinds[-len(wanted) :]
         for (condition, at), conditional in zip(args, wanted, strict=True):
@@ -559,7 +560,8 @@ def relation(
 ) -> ParsedRelation:
     """Return the relation that the tokens of a text form; report faults as errors.
 
-    found : the tokens. parsed : function that parses the tokens of one side.
+    found : the tokens.
+    parsed : function that parses the tokens of one side.
     """
     left, right, sense = _sides(text, found)
     other = parsed(right) if right else None

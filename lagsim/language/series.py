@@ -131,9 +131,10 @@ class Coefficients:
     def newest(self, known: int, *terms: tuple[int, int]) -> int:
         """Return `known` plus the sum of the products of `terms`.
 
-        terms : pairs of a factor of order 0 and a coefficient of order k. The product
-        whose coefficient takes the most operations is added last, so that the sum of
-        all other products can be computed before.
+        The product whose coefficient takes the most operations is added last, so that
+        the sum of all other products can be computed before.
+
+        terms : pairs of a factor of order 0 and a coefficient of order k.
         """
         total = known
         for factor, coefficient in sorted(terms, key=lambda term: self._depth(term[1])):
@@ -164,8 +165,9 @@ class Coefficients:
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
         """Return a node of equal value whose series takes fewer operations, or None.
 
-        n : the node, such as x^3. made : function that computes the other node, such as
-        x*x*x; called once for each n.
+        n : the node, such as x^3.
+        made : function that computes the other node, such as x*x*x; called once for
+            each n.
         """
         if n not in self._twins:
             self._twins[n] = made()
@@ -272,8 +274,9 @@ def _hypot(s: Coefficients, n: int) -> int:
 def _integral(s: Coefficients, x: int, slope: int) -> int:
     """Return f_k of a function f of x with f' = slope x', by the chain rule.
 
-    f_k is the sum of j/k x_j slope_(k-j), j from 1 to k. x, slope : nodes of the
-    argument and of df/dx.
+    f_k is the sum of j/k x_j slope_(k-j), j from 1 to k.
+
+    x, slope : nodes of the argument and of df/dx.
     """
     g = s.g
     return g.call("add", s.inner_rate(x, slope), g.call("mul", slope, s(x)))
@@ -400,8 +403,8 @@ def taylor_series(
 def _inner(g: Graph, a: Sequence[int], b: Sequence[int], *, same: bool) -> int:
     """Return the sum of a_j b_(k-j), j from 1 to k - 1; newest terms are added last.
 
-    a, b : nodes of the coefficients of orders 0, 1, ... same : whether a and b are
-    equal.
+    a, b : nodes of the coefficients of orders 0, 1, ...
+    same : whether a and b are equal.
     """
     k = len(a) + 1
     if not same:

@@ -129,8 +129,9 @@ def squares(Z: Sequence[Collection[int]]) -> int:
 def fill(Z: Sequence[Collection[int]]) -> int:
     """Return the number of operations that factor Z^T D^-1 Z, D diagonal.
 
-    Z : for each column of the matrix Z, the row indices of its nonzero entries. The
-    order is that of minimum degree; no products are assumed to cancel.
+    The order is that of minimum degree; no products are assumed to cancel.
+
+    Z : for each column of the matrix Z, the row indices of its nonzero entries.
     """
     holders: dict[int, set[int]] = {}
     for i, z in enumerate(Z):
@@ -171,8 +172,9 @@ class DisjointSets:
     def unite(self, some: Iterable[int | None]) -> int | None:
         """Merge the sets of the given indices; return the first index, or None.
 
-        some : indices, of which None is skipped. The result is None if there is no
-        index.
+        The result is None if there is no index.
+
+        some : indices, of which None is skipped.
         """
         first = None
         for j in some:
@@ -193,8 +195,9 @@ class DisjointSets:
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
     """Return, for each of n coordinates, the least index in its group.
 
-    rows : for each row, the indices of the coordinates that it couples. A group has all
-    coordinates that are coupled directly or through others.
+    A group has all coordinates that are coupled directly or through others.
+
+    rows : for each row, the indices of the coordinates that it couples.
     """
     sets = DisjointSets(n)
     pairs = [pair for row in rows for pair in pairwise(row)]

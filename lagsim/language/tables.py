@@ -150,7 +150,7 @@ def table_chosen(axis: Floats, piece: float) -> int:
     """Return the number of the cell whose polynomial is used for a piece number.
 
     piece : the number of a piece, which may lie beyond the ends of a table that is not
-    periodic: the cell is then that at the end.
+        periodic: the cell is then that at the end.
     """
     k = floor(piece)
     return k if axis[2] > 0.0 else max(-1, min(k, int(axis[0])))
@@ -254,8 +254,8 @@ def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
 def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> int:
     """Return the node of the partial derivative of a piece.
 
-    op, args : the operation of the piece, and its arguments. which : 0 or 1, the
-    argument of the table by which it is differentiated.
+    op, args : the operation of the piece, and its arguments.
+    which : 0 or 1, the argument of the table by which it is differentiated.
     """
     data = 1 + (op == "table.piece2")
     pieces, at = g.payload(args[data]), data + 1 + which
@@ -269,7 +269,8 @@ def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> in
 def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
     """Return the node of a table's value.
 
-    axes, pieces : data of the table, see the module. args : nodes of its arguments.
+    axes, pieces : data of the table, see the module.
+    args : nodes of its arguments.
     """
     chosen = [
         g.call("floor", g.call("table.knot", g.data(axis), x))
@@ -301,8 +302,10 @@ def is_smooth(g: Builder, discrete: int) -> bool:
 def at_ends(g: Builder, axis: Data, x: int) -> int:
     """Return the graph node of a function of x that steps only at a table's ends.
 
-    It is -1 before the first point, 0 within the table and 1 past its end. axis : data
-    of the table. x : the node of the argument.
+    It is -1 before the first point, 0 within the table and 1 past its end.
+
+    axis : data of the table.
+    x : the node of the argument.
     """
     ends = _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
     return g.call("floor", g.call("table.knot", g.data(ends), x))
@@ -325,8 +328,10 @@ def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
 def continuous(axis: Data, order: int) -> tuple[float, float]:
     """Return the open range of knot numbers in which a derivative is continuous.
 
-    axis : data of the table. order : the order of the derivative. The range (0, 0) is
-    empty: the derivative jumps at each knot.
+    The range (0, 0) is empty: the derivative jumps at each knot.
+
+    axis : data of the table.
+    order : the order of the derivative.
     """
     m, smooth, period, ends = axis.values[:FIRST]
     if order > smooth:
@@ -389,9 +394,10 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
     """Return the table beyond whose end a run may not go, and the x of that end.
 
-    knot : node of the knot number of a table. cell : number of the cell in which its
-    argument lies. None if the cell is within the table, or the table goes on beyond its
-    ends.
+    None if the cell is within the table, or the table goes on beyond its ends.
+
+    knot : node of the knot number of a table.
+    cell : number of the cell in which its argument lies.
     """
     if g.ops[knot] != "table.knot":
         return None
@@ -452,8 +458,11 @@ def made(
 def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
     """Return polynomial coefficients (p, m + 2, ...) through the points of a table.
 
-    x : (m + 1,). y : (m + 1, ...). how, outside : see `made`. The first and the last
-    piece are those outside the points.
+    The first and the last piece are those outside the points.
+
+    x : (m + 1,).
+    y : (m + 1, ...).
+    how, outside : see `made`.
     """
     import numpy as np
 
@@ -475,7 +484,9 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
     """Return coefficients (4, m, ...) of cubic pieces by scipy, highest power first.
 
-    x : (m + 1,). y : (m + 1, ...). how, outside : see `made`.
+    x : (m + 1,).
+    y : (m + 1, ...).
+    how, outside : see `made`.
     """
     import numpy as np
     from scipy.interpolate import CubicSpline, PchipInterpolator

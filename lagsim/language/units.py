@@ -108,7 +108,8 @@ def combined(
 ) -> tuple[Unit | None, str]:
     """Return unit and text of an operation; the unit is None if it is unknown.
 
-    parts : the arguments. power : the last argument, if it is a constant.
+    parts : the arguments.
+    power : the last argument, if it is a constant.
     """
     one, other = parts[0], parts[-1]
     if op in ("mul", "div"):

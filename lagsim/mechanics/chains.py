@@ -225,8 +225,10 @@ class Factorisation:
     def forward(self, right: Mapping[int, int]) -> Vector:
         """Return L^-1 right, as unknown -> node.
 
-        right : unknown -> node. The entry of an unknown that is a sum is distributed to
-        the unknowns in that sum.
+        The entry of an unknown that is a sum is distributed to the unknowns in that
+        sum.
+
+        right : unknown -> node.
         """
         z = {i: node for i, node in right.items() if node != self.g.zero}
         for k, column in self._filled:
@@ -240,8 +242,8 @@ class Factorisation:
     def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
         """Return L^-T D^-1 z, as unknown -> node.
 
-        z : unknown -> node. given : values (nodes) of unknowns that have not been
-        eliminated.
+        z : unknown -> node.
+        given : values (nodes) of unknowns that have not been eliminated.
         """
         return self.upward({k: self._over_pivot(z[k], k) for k in z}, given)
 
@@ -251,8 +253,8 @@ class Factorisation:
     def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
         """Return L^-T scaled, as unknown -> node.
 
-        scaled : unknown -> node, such as D^-1 z. given : values (nodes) of unknowns
-        that have not been eliminated.
+        scaled : unknown -> node, such as D^-1 z.
+        given : values (nodes) of unknowns that have not been eliminated.
         """
         g, x = self.g, dict(given or {})
         for k, column in reversed(self.columns.items()):
@@ -318,8 +320,8 @@ class Chains(NamedTuple):
     ) -> Factorisation:
         """Factor M as L D L^T along the chains, as for articulated bodies.
 
-        budget : the number of multiplications that are permitted. kind : the class of
-        the result.
+        budget : the number of multiplications that are permitted.
+        kind : the class of the result.
 
         Raises
         ------
@@ -497,8 +499,8 @@ def _products(
 ) -> dict[tuple[int, int], int]:
     """Return the products of two affine expressions of which L is a sum.
 
-    cone : the nodes of L, in order of evaluation, L last. degrees : node -> its degree
-    in the velocities.
+    cone : the nodes of L, in order of evaluation, L last.
+    degrees : node -> its degree in the velocities.
 
     Returns
     -------
@@ -544,9 +546,11 @@ def _parts(
 ) -> dict[int, list[tuple[int, int]]]:
     """Return the terms of each affine node in use: node -> its pairs from `_slopes`.
 
-    cone : the nodes below L, in order of evaluation. degrees : node -> its degree in
-    the velocities. uses : node -> number of its uses, to which the uses of the terms
-    are added in place. ends : nodes that are not expanded.
+    cone : the nodes below L, in order of evaluation.
+    degrees : node -> its degree in the velocities.
+    uses : node -> number of its uses, to which the uses of the terms are added in
+        place.
+    ends : nodes that are not expanded.
     """
     found = {}
     for n in reversed(cone):
@@ -559,8 +563,9 @@ def _parts(
 def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
     """Return the terms of an affine node `n`: pairs (node, coefficient).
 
-    Terms without velocities are left out. degrees : node -> its degree in the
-    velocities.
+    Terms without velocities are left out.
+
+    degrees : node -> its degree in the velocities.
 
     Raises
     ------
@@ -714,7 +719,9 @@ def shorter_chains(
 def shorter_than_entries(g: Graph, found: Chains) -> bool:
     """Whether factors of M along chains take fewer operations than M and its factors.
 
-    The entries of M are those of composite rigid bodies. found : the chains.
+    The entries of M are those of composite rigid bodies.
+
+    found : the chains.
     """
     along = Budget()
     found.factorisation(g, along)
@@ -757,7 +764,8 @@ def rates_of_places(model: Model, lagrangian: int, flow: Flow) -> dict[int, int]
     Positions are expressions without velocities. Rates that are single variables or
     constants are left out.
 
-    lagrangian : the node of L. flow : the variables of the motion and their rates.
+    lagrangian : the node of L.
+    flow : the variables of the motion and their rates.
 
     Returns
     -------

@@ -220,8 +220,9 @@ def _solved_alone(
 ) -> tuple[Floats, Floats]:
     """Return p (k,) and w (k,) of the k `rows`, which are coupled with no other row.
 
-    The diagonal elements of D of these rows must not be negative. problem : the problem
-    of all rows.
+    The diagonal elements of D of these rows must not be negative.
+
+    problem : the problem of all rows.
     """
     own, c = problem.D.diagonal()[rows], problem.c[rows]
     moves = own > 0.0
@@ -247,8 +248,8 @@ def coupled_groups(problem: ComplementarityProblem) -> list[list[int]]:
 def _groups(r: int, coupled: bytes, *others: tuple[int, ...]) -> list[list[int]]:
     """Return the groups of r rows that are coupled; memoized, since they seldom change.
 
-    coupled : flags (r, r) of coupled rows, as bytes. others : tuples with the index,
-    for each row, of another row in its group, or -1.
+    coupled : flags (r, r) of coupled rows, as bytes.
+    others : tuples with the index, for each row, of another row in its group, or -1.
     """
     sets = DisjointSets(r)
     pairs = np.frombuffer(coupled, dtype=bool).reshape(r, r)
@@ -481,7 +482,9 @@ def _start(unit: ComplementarityProblem) -> Floats:
     definite, the solution is unique: the start is then the solution with all rows held,
     cut at the bounds. (From 0, Newton's method would reach the rows of a stack one by
     one.) In other cases, as for dependent rows, the start is 0: the former start would
-    end at an arbitrary one of several solutions. unit : the scaled problem.
+    end at an arbitrary one of several solutions.
+
+    unit : the scaled problem.
     """
     D, start = unit.D, np.zeros(len(unit.c))
     plain = unit.is_constant and not unit.discs
@@ -515,7 +518,9 @@ def _smoothed(unit: ComplementarityProblem) -> Floats:
     + sum of b_g |w_g|, w = D p + c, over single rows and discs g. |w| is replaced by
     sqrt(|w|^2 + e^2) with ever smaller e: Newton's method follows the minimum also
     where inertias in the directions of a disc differ by many powers of ten, since
-    nothing is compared across these directions. unit : the scaled problem.
+    nothing is compared across these directions.
+
+    unit : the scaled problem.
     """
     D, pairs, b = unit.D, unit.pairs, unit.high[0]
     p, unit_rows = np.zeros(len(b)), np.eye(len(b))
@@ -690,8 +695,8 @@ CORNERS = (8, 32)
 def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
     """Compute multipliers (r,) by Lemke's method, or 0 where it ends on a ray.
 
-    corners : the number of corners of the polygon that replaces each disc. problem :
-    the problem, scaled.
+    corners : the number of corners of the polygon that replaces each disc.
+    problem : the problem, scaled.
     """
     r, pairs = len(problem.c), problem.pairs
     lowest, highest = problem.low[0], problem.high[0]

@@ -133,8 +133,10 @@ class Flow:
 def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     """Derive the row of an equality constraint `node` = 0.
 
-    The constraint is holonomic where `node` does not depend on a velocity. name : the
-    name of the constraint. flow : the variables of the motion and their rates.
+    The constraint is holonomic where `node` does not depend on a velocity.
+
+    name : the name of the constraint.
+    flow : the variables of the motion and their rates.
     """
     names = g.depends([node])
     holonomic = not names & flow.velocities
@@ -487,8 +489,9 @@ def _slips(
 ) -> Iterator[Law]:
     """Derive the laws of the slips of a contact.
 
-    name, law : the contact, and its law in the model. normal : its index among the
-    laws. flow : the variables of the motion and their rates.
+    name, law : the contact, and its law in the model.
+    normal : its index among the laws.
+    flow : the variables of the motion and their rates.
     """
     count = len(law.slips)
     if not count or law.friction is None:

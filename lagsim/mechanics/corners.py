@@ -83,8 +83,9 @@ def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:
 
     A side may change with another side if its expression depends on that side, directly
     or through further sides. The argument of `abs(mod(x, 2) - 1)` jumps with the
-    `floor` of `mod`, from 1 to -1, where the value of `abs` is continuous. switches :
-    the switches of the equations.
+    `floor` of `mod`, from 1 to -1, where the value of `abs` is continuous.
+
+    switches : the switches of the equations.
     """
     nodes = switches.freeze([x.node for x in switches.sides])
     pairs = [*zip(switches.sides, nodes, strict=True)]

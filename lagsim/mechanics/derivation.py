@@ -92,7 +92,9 @@ def _entries(g: Graph, momenta: Iterable[int], rates: Iterable[int]) -> int:
     """Return the number of entries of M that may differ from 0.
 
     It is the number of pairs of a momentum and a velocity on which the momentum
-    depends. momenta, rates : nodes.
+    depends.
+
+    momenta, rates : nodes.
     """
     below = {v: 1 << j for j, v in enumerate(rates)}  # node -> bit set of velocities
     momenta = list(momenta)

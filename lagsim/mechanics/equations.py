@@ -279,7 +279,9 @@ class Equations:
         """Return roundoff bounds of nodes for which general bounds are poor.
 
         These are the entries of matrices of a tree of frames: node -> node of its
-        bound. Empty without a tree. moving, state : see `evaluate.roundings`.
+        bound. Empty without a tree.
+
+        moving, state : see `evaluate.roundings`.
         """
         return self.tree.roundings(self.graph, moving, state) if self.tree else {}
 
@@ -444,8 +446,9 @@ def pushes(e: Equations) -> list[int]:
 def _size(g: Graph, n: int, moving: set[int]) -> int:
     """Return the node of the magnitude of a term; for elements, of all their terms.
 
-    moving : nodes that vary with the motion. Factors that do not vary belong to each
-    term.
+    Factors that do not vary belong to each term.
+
+    moving : nodes that vary with the motion.
     """
     if g.ops[n] == PART:
         return sizes(g, n)

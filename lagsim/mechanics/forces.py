@@ -21,7 +21,9 @@ def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
     """Return the generalized forces Q (n,): nodes.
 
     Q_j is the virtual work of the applied forces per unit of q_j, less dF/dq_j' for a
-    dissipation function F. flow : the variables of the motion and their rates.
+    dissipation function F.
+
+    flow : the variables of the motion and their rates.
     """
     Q = _components(g, model.forces, flow)
     if model.dissipation is not None:
@@ -67,8 +69,9 @@ def lost_impulses(e: Equations) -> list[Problem]:
 def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:
     """Return the components (n,) of forces, or impulses, along the coordinates.
 
-    Each force acts along the gradient of its direction. flow : the variables of the
-    motion and their rates.
+    Each force acts along the gradient of its direction.
+
+    flow : the variables of the motion and their rates.
     """
     Q = [g.zero] * len(flow.rates)
     for force in forces:

@@ -99,6 +99,7 @@ def tree_of_frames(model: Model, flow: Flow) -> TreeOfFrames | None:
     """Return the tree of the frames of a model.
 
     None where no more than NESTED rotations are composed, or L has no rates of frames.
+
     flow : the variables of the motion and their rates.
     """
     depths: list[int] = []

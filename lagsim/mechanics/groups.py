@@ -149,8 +149,9 @@ def _addends(
 ) -> list[tuple[int, int]]:
     """Return the terms of `factor * n` as pairs (node, factor); [] where n is no sum.
 
-    Factors of n that depend on no group are multiplied into `factor`. owners : see
-    `owners_of`.
+    Factors of n that depend on no group are multiplied into `factor`.
+
+    owners : see `owners_of`.
     """
     op, args = g.ops[n], g.args[n]
     if op in ("add", "sub"):
@@ -207,9 +208,11 @@ def _of_groups(
 ) -> tuple[Work, ...]:
     """Return the work on each group on which forces have power or impacts act.
 
-    timed : whether energies depend on t. found : the coordinates of each group. The
-    result is () where a term of an energy or of a power depends on several groups. Q :
-    the generalized forces, nodes (n,).
+    The result is () where a term of an energy or of a power depends on several groups.
+
+    timed : whether energies depend on t.
+    found : the coordinates of each group.
+    Q : the generalized forces, nodes (n,).
     """
     g = e.graph
     energies, _ = shared(e, found, e.energy)

@@ -101,8 +101,9 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
 def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
     """Compute the impact of a single one-sided row.
 
-    rate : before the impact. roundoff : rates up to this size count as 0. closed : the
-    row.
+    rate : before the impact.
+    roundoff : rates up to this size count as 0.
+    closed : the row.
     """
     own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
     before = 0.0 if abs(rate) <= roundoff else rate
@@ -119,8 +120,10 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
 def _at_rest(closed: Closed, rates: Floats) -> Flags:
     """Return a mask (r,) of the slips at rest with a static coefficient of friction.
 
-    The coefficient counts where it differs from the dynamic one. rates : (r,). closed :
-    the r rows that are struck.
+    The coefficient counts where it differs from the dynamic one.
+
+    rates : (r,).
+    closed : the r rows that are struck.
     """
     pairs = closed.table.pairs
     still = (rates == 0.0) & ((pairs < 0) | (rates[pairs] == 0.0))
@@ -185,8 +188,9 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     This is so where two contacts that are struck are coupled, unless both have neither
     restitution nor friction and their impulses lower each other's rates.
 
-    before : rates (r,) before the impact. p : impulses (r,). closed : the r rows that
-    are struck.
+    before : rates (r,) before the impact.
+    p : impulses (r,).
+    closed : the r rows that are struck.
     """
     pushed = np.abs(p) > SOLUTION_ROUNDOFF * np.abs(p).max(initial=0.0)
     struck = np.flatnonzero(closed.table.gapped & (pushed | (before < 0.0))).tolist()

@@ -40,8 +40,9 @@ def _begin(e: Equations, values: dict[str, float]) -> Begun:
     the round before. If events undo each other without end, only these are recorded, as
     `chatter`, with the names of all acts.
 
-    values : numbers by name (t, parameters, modes, state) at the start. The assignments
-    of the events change the entries in place.
+    The assignments of the events change the entries in place.
+
+    values : numbers by name (t, parameters, modes, state) at the start.
     """
     g, model = e.graph, e.model
     impulses = generalized_impulses(e) if model.kicks else []
@@ -88,7 +89,8 @@ def _comes(equality: bool, before: float, after: float) -> bool:
     """Whether a condition changed from false to true between two values.
 
     equality : whether the condition is an equation, which is true where its value
-    crosses 0. before, after : the values, not negative where an inequality is true.
+        crosses 0.
+    before, after : the values, not negative where an inequality is true.
     """
     least = FALSE * abs(after - before)
     if equality and before > 0.0:

@@ -57,7 +57,9 @@ class Scaled(NamedTuple):
 def without_content(x: Collected, row: Row) -> Scaled:
     """Return the row divided by the numeric factor that most of its entries contain.
 
-    x : rewriter of the graph. The weight of the result is the inverse of the factor.
+    The weight of the result is the inverse of the factor.
+
+    x : rewriter of the graph.
     """
     g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
@@ -92,8 +94,9 @@ WORTH = 4
 def affordable(n: int, m: int) -> int:
     """Return the count of multiplications beyond which loops are faster than code.
 
-    n, m : numbers of coordinates and rows. The loops are in `dense`, the code is
-    straight-line code for the elimination.
+    The loops are in `dense`, the code is straight-line code for the elimination.
+
+    n, m : numbers of coordinates and rows.
     """
     return max(BUDGET, dense_operations(n, m) // WORTH)
 
@@ -307,7 +310,8 @@ class Elimination:
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
         """Return the node of b - z^T D^-1 f, the right-hand side for one multiplier.
 
-        b : right-hand side of the row. z, f : sparse vectors L^-1 A_k and L^-1 f.
+        b : right-hand side of the row.
+        z, f : sparse vectors L^-1 A_k and L^-1 f.
         """
         g, x = self.g, self.collected
         minus = g.constant(-1.0)
@@ -324,7 +328,8 @@ class Elimination:
     def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
         """Return M^-1 (f + A^T lam), from L^-1 f.
 
-        f : L^-1 f, from `Factorisation.forward`. lam : multipliers in the unit of mass.
+        f : L^-1 f, from `Factorisation.forward`.
+        lam : multipliers in the unit of mass.
         """
         g, x, mass = self.g, self.collected, self.mass
         terms: dict[int, list[tuple[int, ...]]] = {}

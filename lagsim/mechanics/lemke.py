@@ -89,8 +89,9 @@ def _leaving_row(T: Floats, column: Floats, artificial: Flags) -> int:
 def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
     """Solve M z + q = 0 for the entries of z in the basis; return z (n,).
 
-    All other entries are 0. basis : indices of basic variables; index n + i is that of
-    z_i. The solution is accurate to rounding.
+    All other entries are 0. The solution is accurate to rounding.
+
+    basis : indices of basic variables; index n + i is that of z_i.
     """
     z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
     B = M[np.ix_(some, some)]

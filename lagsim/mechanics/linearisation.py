@@ -760,7 +760,7 @@ def _filled(rows: Sequence[set[int]]) -> list[list[int]]:
     """Return the columns right of the diagonal in each row of the factors, ascending.
 
     rows : the columns of the nonzero entries in each row of the symmetric pattern, in
-    the order of elimination.
+        the order of elimination.
     """
     upper = [{j for j in row if j > i} for i, row in enumerate(rows)]
     for row in upper:

@@ -71,8 +71,9 @@ class Cost(NamedTuple):
 def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
     """Estimate the cost of the Taylor series of a step with the tolerance `rtol`.
 
-    The cost is that of the cheaper form of the equations. elimination : their symbolic
-    solution.
+    The cost is that of the cheaper form of the equations.
+
+    elimination : their symbolic solution.
     """
     g, state = equations.graph, _state(equations)
     rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))
@@ -129,7 +130,9 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
     """Return the operations of one order, and the number of its sums of products.
 
-    The sum of a square counts half. loop : the loop over the orders of the series.
+    The sum of a square counts half.
+
+    loop : the loop over the orders of the series.
     """
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)

@@ -205,8 +205,9 @@ class _Pieces:
     def _each(self, op: str, *several: list[Piece]) -> list[Piece]:
         """Return the pieces of `op`, one per combination of its arguments' pieces.
 
-        several : the pieces of each argument. Combinations on different sides of one
-        kink are left out.
+        Combinations on different sides of one kink are left out.
+
+        several : the pieces of each argument.
         """
         found: dict[Piece, None] = {}
         for some in product(*several):
@@ -281,9 +282,10 @@ class _Pieces:
     def _apart(self, n: int, way: int) -> list[Piece]:
         """Return two pieces of node n, by the sides of its innermost kink, or n alone.
 
-        way : see `of`. The derivative with respect to the kinked expression is
-        evaluated on the present side of the kink: on the other side it may have no
-        value.
+        The derivative with respect to the kinked expression is evaluated on the present
+        side of the kink: on the other side it may have no value.
+
+        way : see `of`.
         """
         g = self.g
         atom = next(iter(self.kinked([n])))
@@ -353,8 +355,9 @@ class _Pieces:
     def _of_table(self, n: int, way: int) -> list[Piece]:
         """Return the pieces of a linear table of a smooth argument.
 
-        The pieces are lines, and a table with the kinks that cannot be removed. way :
-        see `of`.
+        The pieces are lines, and a table with the kinks that cannot be removed.
+
+        way : see `of`.
         """
         g = self.g
         axis, data = (g.payload(a) for a in g.args[n][:2])
@@ -389,8 +392,9 @@ def _lines(axis: Data, data: Data) -> tuple[Floats, Floats, Floats]:
     """Return knots x and values y (m + 1,) of a linear table, and its slopes (m + 2,).
 
     The first and the last slope hold outside the knots; for a table that ends the run
-    at its ends, these are the slopes of the first and last cell. axis, data : the
-    arguments and the values of the table.
+    at its ends, these are the slopes of the first and last cell.
+
+    axis, data : the arguments and the values of the table.
     """
     x = np.array(axis.values[tables.FIRST :])
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -425,7 +429,8 @@ def _line(
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
     """Return the node of a piecewise linear function of w, which is 0 for w < x[0].
 
-    x : (k,), the knots. jumps : (k,), the jumps of the slope at the knots.
+    x : (k,), the knots.
+    jumps : (k,), the jumps of the slope at the knots.
     """
     if not len(x):
         return g.zero
@@ -446,8 +451,8 @@ def _of_repeated(g: Graph, axis: Data, data: Data, w: int, way: int) -> list[int
     piece continues its line beyond the nearest groove over half a cell; farther inside
     it has a value above the table (below it for the maximum).
 
-    way : LEAST for the minimum, else the maximum. axis, data : the arguments and the
-    values of the table.
+    way : LEAST for the minimum, else the maximum.
+    axis, data : the arguments and the values of the table.
     """
     m, period = int(axis.values[0]), axis.values[2]
     values, slope = np.array(data.values[1:]).reshape(-1, tables.LINEAR).T
@@ -497,8 +502,10 @@ def _chosen(
 ) -> int:
     """Return the node of a periodic table of w that consists of lines.
 
+    Neighbouring lines that continue each other are joined.
+
     lines : the starts of the lines, a pair (value, slope) at each start, and the
-    period. Neighbouring lines that continue each other are joined.
+        period.
     """
     starts, pairs, period = lines
     kept = [0]

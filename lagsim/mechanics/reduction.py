@@ -147,8 +147,8 @@ def reduced_vector(
 ) -> SparseVector:
     """Return the sparse vector of the entries at the coordinates `left`.
 
-    left : indices of the remaining coordinates among all. entries : index among all
-    coordinates -> node.
+    left : indices of the remaining coordinates among all.
+    entries : index among all coordinates -> node.
     """
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}
@@ -218,8 +218,8 @@ def usable(
     edge (x = 1 of y = sqrt(1 - x)) the relation ends, and the motion of the remaining
     coordinates would rebound.
 
-    values : the values of all variables at the start. moving : names of variables that
-    change.
+    values : the values of all variables at the start.
+    moving : names of variables that change.
     """
     cone = deciding_cone(g, [row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)
@@ -396,8 +396,9 @@ class Reduction(NamedTuple):
     def kept(self, full: Floats) -> Floats:
         """Return the entries of the remaining coordinates in a vector of all.
 
-        full : coordinates or velocities, (all coordinates,). A vector with the length
-        of the remaining coordinates is returned unchanged.
+        A vector with the length of the remaining coordinates is returned unchanged.
+
+        full : coordinates or velocities, (all coordinates,).
         """
         if len(full) == len(self.equations.q):
             return full
@@ -454,7 +455,7 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
     remain without inertia, also with a static limit that differs from the dynamic one.
 
     gathers : whether the equations keep the elements of the model, see
-    `derivation.may_gather`.
+        `derivation.may_gather`.
     """
     e = derive(model, gathers=gathers)
     if not any(law.limited for law in e.laws):
@@ -539,7 +540,7 @@ def _slider(
     None where no spring or damper acts between the slider and the rest.
 
     multipliers : the multipliers of sliders found before, by the index of the law, see
-    `_multipliers`.
+        `_multipliers`.
     """
     g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k

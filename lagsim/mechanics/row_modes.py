@@ -230,8 +230,11 @@ def _leaves(own: float, soon: tuple[Floats, Floats], way: float, left: int) -> b
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
     """Return a mask (r,) of the rows that slide, and directions (r,) of their friction.
 
-    rates : (r,). slip_noise : (r,), rates up to this size count as 0. The direction of
-    a row of a pair is a component of a unit vector; it is 0 for rows that do not slide.
+    The direction of a row of a pair is a component of a unit vector; it is 0 for rows
+    that do not slide.
+
+    rates : (r,).
+    slip_noise : (r,), rates up to this size count as 0.
     closed : the r rows.
     """
     bounded, pairs = closed.table.bounded, closed.table.pairs
@@ -276,6 +279,7 @@ class _Edges(NamedTuple):
 
         A row whose multiplier is strictly between its bounds is held; a row with an
         acceleration is at a bound; any other row is tied. Held rows are independent.
+
         solution : multipliers and accelerations of the r rows.
         """
         p, own = solution.p, self.closed.D.diagonal()
@@ -401,8 +405,11 @@ class _Edges(NamedTuple):
         """Return a rotation (r, r) of the rows to the axes of the forces of tied discs.
 
         The two rows of each tied disc become one row across and one along the force of
-        the disc; other rows are unchanged. None where no disc is tied. p : multipliers
-        (r,). tied : indices of tied rows. pressed : mask (r,) of the rows with a limit.
+        the disc; other rows are unchanged. None where no disc is tied.
+
+        p : multipliers (r,).
+        tied : indices of tied rows.
+        pressed : mask (r,) of the rows with a limit.
         """
         discs = [(i, k) for i, k in self.rows.problem.discs if k in tied and pressed[k]]
         if not discs:
@@ -518,8 +525,9 @@ def _expressed(
     """Express the multipliers p of all rows by those of held rows: p = E x + p0.
 
     Return E (r, r) and p0 (r,). x : the multipliers of the held rows. The other
-    multipliers are at their bounds, in the given directions (r,). modes : the mode of
-    each row.
+    multipliers are at their bounds, in the given directions (r,).
+
+    modes : the mode of each row.
     """
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
@@ -537,8 +545,8 @@ def _expressed(
 def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowModes:
     """Solve for the multipliers of the held rows, and return all modes.
 
-    modes : the mode of each row. directions : (r,), multipliers of rows at their bounds
-    as parts of the bounds.
+    modes : the mode of each row.
+    directions : (r,), multipliers of rows at their bounds as parts of the bounds.
     """
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
     # Returned directions are parts of the bounds in force, not of the problem's.
@@ -667,8 +675,8 @@ def _rubs_openly(rows: ContactRows, modes: list[Mode], directions: Floats) -> bo
     rows, with the friction that they cause, can change such that none of these rows
     accelerates, but the forces change.
 
-    modes : the mode of each row. directions : (r,), multipliers at bounds as parts of
-    the bounds.
+    modes : the mode of each row.
+    directions : (r,), multipliers at bounds as parts of the bounds.
     """
     bears = ~rows.closed.table.bounded | (rows.sizes > 0.0)
     both: list[Mode] = [
@@ -690,8 +698,9 @@ def _jams(rows: ContactRows, E: Floats, held: list[int]) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
     A force on such a contact does not separate it. Each contact is tested alone; the
-    rows that are coupled are tested by the sign of their determinant with friction. E :
-    the multipliers of all rows per multiplier of held rows, from `_expressed`.
+    rows that are coupled are tested by the sign of their determinant with friction.
+
+    E : the multipliers of all rows per multiplier of held rows, from `_expressed`.
     """
     D = rows.closed.D
     free = np.flatnonzero(rows.closed.table.equal)

@@ -84,7 +84,7 @@ class ContactRows:
         rest without a force has the scale of its friction.
 
         coupled : whether the bounds are those of all rows coupled with discs, whose
-        multipliers are known less exactly.
+            multipliers are known less exactly.
         """
         problem = self.problem
         pushes = np.maximum(np.abs(p), limits)
@@ -96,7 +96,8 @@ class ContactRows:
     def part(self, p: Floats, some: Flags) -> float:
         """Return the largest friction of the rows `some`, as a part of its bound.
 
-        p : multipliers (r,). some : mask (r,).
+        p : multipliers (r,).
+        some : mask (r,).
         """
         limits, most = self.problem.limits(p), 0.0
         for k in np.flatnonzero(some & (limits > 0.0)).tolist():
@@ -260,8 +261,9 @@ def _spare(rows: ContactRows, solution: Solution) -> list[int]:
 
     The multipliers are changed along a null vector of the dependent contacts, in both
     directions, up to the first multiplier that reaches 0. The list is empty where the
-    contacts with a force are independent. rows, solution : all r rows, and their
-    multipliers.
+    contacts with a force are independent.
+
+    rows, solution : all r rows, and their multipliers.
     """
     p, span = solution.p, Independent(rows.closed.columns)
     bear = [k for k in rows.one_sided if p[k] > 0.0]

@@ -172,8 +172,8 @@ def state_space(
 def _order(L: Linearisation, levels: Floats) -> int:
     """Return the order of the highest derivative of an input that enters the rows.
 
-    levels : (m,), the change of each row's right-hand side per unit of the input. L :
-    the equations, linearised at any state.
+    levels : (m,), the change of each row's right-hand side per unit of the input.
+    L : the equations, linearised at any state.
     """
     held = np.flatnonzero(levels)
     return max((2 if L.holonomic[i] else 1 for i in held), default=0)
@@ -185,8 +185,11 @@ def _pushed(
     """Return the changes of residuals, and of right-hand sides, per unit of an input.
 
     They have the shapes (n + m + l,) and (m,); residuals are those of `Slopes`, and the
-    right-hand sides those of the constraint rows. values : the values of all variables.
-    one : the input. L : the equations, linearised at any state.
+    right-hand sides those of the constraint rows.
+
+    values : the values of all variables.
+    one : the input.
+    L : the equations, linearised at any state.
     """
     e, g, n, m = L.e, L.g, L.n, L.m
     change, levels = np.zeros(n + m + L.first), np.zeros(m)

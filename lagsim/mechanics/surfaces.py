@@ -44,7 +44,9 @@ class Surface(NamedTuple):
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
     """Return the nodes `and`, `or`, `not` at and below a condition.
 
-    discrete : the node of the condition. The nodes are in the order of evaluation.
+    The nodes are in the order of evaluation.
+
+    discrete : the node of the condition.
     """
     found: set[int] = set()
     stack = [discrete]
@@ -145,10 +147,12 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
     """Return the node of the value of a discrete function, given its mode variable.
 
-    op : the function, or a comparison, whose truth is returned. side : the node of its
-    mode variable. sign : the sign of its expression relative to the side, see
-    `oriented`. Where the expression keeps its level on an interval, the variable is 0,
-    or a whole number minus 1/2, and the value is the function's at the level.
+    Where the expression keeps its level on an interval, the variable is 0, or a whole
+    number minus 1/2, and the value is the function's at the level.
+
+    op : the function, or a comparison, whose truth is returned.
+    side : the node of its mode variable.
+    sign : the sign of its expression relative to the side, see `oriented`.
     """
     if op == "floor":
         return g.call("ceil", side)

@@ -108,7 +108,8 @@ class Roots(NamedTuple):
     ) -> Roots:
         """Return the roots below `nodes` whose arguments are surfaces of velocities.
 
-        speeds : the names of velocities. sides : the sides of all surfaces.
+        speeds : the names of velocities.
+        sides : the sides of all surfaces.
         """
         fast = g.dependent([s.node for s in sides], speeds)
         names = {
@@ -148,8 +149,9 @@ class Roots(NamedTuple):
     def _inside(self, n: int) -> tuple[int, float]:
         """Return u and c > 0 with |n| = c |u|, where u is the expression of a surface.
 
-        n : the argument of a root. Where n is no multiple of a surface's expression, u
-        is n or a part of n.
+        Where n is no multiple of a surface's expression, u is n or a part of n.
+
+        n : the argument of a root.
         """
         g, factor = self.graph, 1.0
         while n not in self.floors:
@@ -266,8 +268,10 @@ class Switches:
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
         """Return discrete functions that depend on `names` with other sides frozen.
 
-        discrete : nodes of discrete functions. A function such as `sign(sign(x))`
-        changes only with another switch and is left out.
+        A function such as `sign(sign(x))` changes only with another switch and is left
+        out.
+
+        discrete : nodes of discrete functions.
         """
         g = self.graph
         nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
@@ -288,7 +292,8 @@ class Switches:
     ) -> int:
         """Return the switch n with arguments `args`, decided by a mode variable.
 
-        variable : the mode variable, a node. sign : see `surfaces.oriented`.
+        variable : the mode variable, a node.
+        sign : see `surfaces.oriented`.
         """
         g, op = self.graph, self.graph.ops[n]
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
@@ -347,8 +352,10 @@ class Switches:
         """Return the product or quotient of frozen arguments.
 
         An argument that is 0 on one side makes the result 0 on that side, also where
-        the other argument is unbounded, as the derivative of a root at 0. op : "mul" or
-        "div". first, second : nodes.
+        the other argument is unbounded, as the derivative of a root at 0.
+
+        op : "mul" or "div".
+        first, second : nodes.
         """
         g = self.graph
         pairs = [(first, second)] if op == "div" else [(first, second), (second, first)]
@@ -362,10 +369,12 @@ class Switches:
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
         """Return n as a node: frozen in the domain of its function, else as written.
 
-        args : the frozen arguments. A stage past the surface could evaluate the root of
-        a negative number, where the expression as written has no root. frozen : the
-        first argument with all switches frozen. If it equals the argument frozen by
-        time switches alone, no stage leaves the domain.
+        A stage past the surface could evaluate the root of a negative number, where the
+        expression as written has no root.
+
+        args : the frozen arguments.
+        frozen : the first argument with all switches frozen. If it equals the argument
+            frozen by time switches alone, no stage leaves the domain.
         """
         g = self.graph
         op = g.ops[n]
@@ -453,8 +462,10 @@ class Switches:
     ) -> int:
         """Return root n of arguments `args`, bounded below by its floor.
 
-        The floor is 0 unless the motion slides. by_mode : function of a step, and of
-        its node as written, that returns the step for output rows.
+        The floor is 0 unless the motion slides.
+
+        by_mode : function of a step, and of its node as written, that returns the step
+            for output rows.
         """
         g, op = self.graph, self.graph.ops[n]
         if op != "cbrt":
@@ -472,8 +483,10 @@ def prevailing(
 ) -> list[float]:
     """Return the values of step functions on an interval in which none of them steps.
 
-    value : t -> the values of all functions. The majority of three samples in (start,
-    end) excludes a value at one instant only, like sign(0).
+    The majority of three samples in (start, end) excludes a value at one instant only,
+    like sign(0).
+
+    value : t -> the values of all functions.
     """
     samples = [
         [float(x) for x in value(start + part * (end - start))]
@@ -554,8 +567,10 @@ def _sides(
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
     """Return one side for each surface, and the side of each discrete function.
 
-    switches : discrete function (node) -> its text. The second result maps discrete
-    functions to pairs: the mode variable (a node), and the sign of `oriented`.
+    The second result maps discrete functions to pairs: the mode variable (a node), and
+    the sign of `oriented`.
+
+    switches : discrete function (node) -> its text.
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
@@ -572,13 +587,14 @@ def _sides(
 def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, float]:
     """Return the open interval of a table's cell numbers at which y' is continuous.
 
-    discrete : the node of the cell's number. orders : cell -> the order of derivatives
-    of the table in y'. Derivatives up to this order are continuous at the knots of the
-    interval. No event occurs there: an impact, the end of a contact, or sliding along
-    the knot needs a jump. Sliding needs vector fields of both sides that point to the
-    knot (Filippov), but here both fields are equal: a motion crosses the knot at its
-    rate, turns back where it only touches, and stays at rest if at rest. (0, 0) for
-    other functions.
+    Derivatives up to this order are continuous at the knots of the interval. No event
+    occurs there: an impact, the end of a contact, or sliding along the knot needs a
+    jump. Sliding needs vector fields of both sides that point to the knot (Filippov),
+    but here both fields are equal: a motion crosses the knot at its rate, turns back
+    where it only touches, and stays at rest if at rest. (0, 0) for other functions.
+
+    discrete : the node of the cell's number.
+    orders : cell -> the order of derivatives of the table in y'.
     """
     cell = cell_of(g, discrete)
     return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)
@@ -598,9 +614,10 @@ def _passed(
     where the rate is not 0 the motion crosses the level, even if y' jumps, unless a
     velocity jumps because the rate of a row, or the expression of another side, does.
 
-    orders : cell of a table -> order of its derivatives in y'. rates : residuals and
-    rates of rows, or None. speeds : the names of velocities. found : the switches,
-    without these levels.
+    orders : cell of a table -> order of its derivatives in y'.
+    rates : residuals and rates of rows, or None.
+    speeds : the names of velocities.
+    found : the switches, without these levels.
     """
     others = [*(rates or ()), *(s.node for s in found.sides)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))

@@ -128,8 +128,10 @@ def _places(
 ) -> dict[int, tuple[int, int]]:
     """Return the sums that are rates of known positions.
 
-    As sum -> (position, sign), nodes. found : the chains, whose sums they are. flow :
-    the variables of the motion and their rates.
+    As sum -> (position, sign), nodes.
+
+    found : the chains, whose sums they are.
+    flow : the variables of the motion and their rates.
     """
     known, minus = rates_of_places(model, model.lagrangian, flow), g.constant(-1.0)
     places = {}
@@ -147,8 +149,8 @@ def _places(
 def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
     """Return the rate (node) of each sum at constant velocities and inner sums.
 
-    found : the chains, whose sums they are. flow : the variables of the motion and
-    their rates.
+    found : the chains, whose sums they are.
+    flow : the variables of the motion and their rates.
     """
     below = {a for node in found.rates for a in g.args[node]}
     rates = tangent(g, below, flow.forward | dict.fromkeys(found.rates, g.zero))
@@ -201,8 +203,9 @@ def joints(
 ) -> Joints | None:
     """Return the joints of massless links; None where a joint is not supported.
 
-    held : Newton's laws. free : the massless velocities. moving : the names of
-    variables that change along a motion.
+    held : Newton's laws.
+    free : the massless velocities.
+    moving : the names of variables that change along a motion.
     """
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
     found = Joints([], [], {})
@@ -239,8 +242,10 @@ def _join(
 
     The joint is supported if there are at most 3 sums, and as many sums as velocities
     or one more; else return False. On lines and in planes, fixed unit directions
-    replace the missing velocities of space. held : Newton's laws. moving : names of
-    variables that change along a motion.
+    replace the missing velocities of space.
+
+    held : Newton's laws.
+    moving : names of variables that change along a motion.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
@@ -314,7 +319,8 @@ def square_groups(
 ) -> list[Group]:
     """Return the squares of S, grouped by the unknowns that they contain.
 
-    pulls : tension t -> mass u -> coefficient p_tu. weights : mass u -> w_u; all nodes.
+    pulls : tension t -> mass u -> coefficient p_tu.
+    weights : mass u -> w_u; all nodes.
     """
     alike: dict[tuple[int, ...], Vector] = {}
     for u, members in _holders(pulls).items():
@@ -477,7 +483,9 @@ def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int,
     """Eliminate massless velocities that occur in one sum each.
 
     The sums replace these velocities as unknowns. Return the laws without these sums,
-    and the sum of each eliminated velocity. size : the number of velocities.
+    and the sum of each eliminated velocity.
+
+    size : the number of velocities.
     """
     users = Counter(i for form in laws.sums.values() for i in form)
     sums, forces, leaders = dict(laws.sums), dict(laws.forces), dict[int, int]()
@@ -505,8 +513,9 @@ def _solution(
     combined to sines and cosines of differences of angles in the drifts and in the
     inner products of links and joints; forces are not rewritten.
 
-    held : Newton's laws. met : the joints of massless links. moving : names of
-    variables that change along a motion.
+    held : Newton's laws.
+    met : the joints of massless links.
+    moving : names of variables that change along a motion.
     """
     mass, length = (_commonest(g, x.values()) for x in (held.masses, met.lengths))
     weights = _quotients(g, dict.fromkeys(held.masses, mass), held.masses)
@@ -572,8 +581,9 @@ def _fall(g: Graph, held: NewtonsLaws, length: int, moving: frozenset[str]) -> V
 
     Accelerations are in units of `length`; torques on massless links are left out.
 
-    held : Newton's laws. length : node of the unit. moving : names of variables that
-    change along a motion.
+    held : Newton's laws.
+    length : node of the unit.
+    moving : names of variables that change along a motion.
     """
     pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
     moved = g.dependent(pushed.values(), moving)
@@ -594,7 +604,10 @@ def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vecto
     """Return the drifts of sums divided by `length`, the internal unit of length.
 
     A drift is first divided by the constant length of its sum, if there is one, so that
-    common factors cancel. held : Newton's laws. met : the joints.
+    common factors cancel.
+
+    held : Newton's laws.
+    met : the joints.
     """
     own = dict.fromkeys(held.sums, length) | met.lengths
     drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)
@@ -605,7 +618,8 @@ def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vecto
 def _back(g: Graph, held: NewtonsLaws, parts: Vector) -> Vector:
     """Return the forces C^T F on the masses due to forces F on sums: mass -> node.
 
-    parts : sum -> node of F. held : Newton's laws.
+    parts : sum -> node of F.
+    held : Newton's laws.
     """
     total = dict(parts)
     for k, part in parts.items():
@@ -624,8 +638,10 @@ def _products(
 ) -> dict[int, Vector]:
     """Return weighted inner products of rows and columns that act on a common mass.
 
-    rows, columns : t -> mass u -> coefficient. The result maps t of rows to t of
-    columns to the node. weights : mass u -> node.
+    The result maps t of rows to t of columns to the node.
+
+    rows, columns : t -> mass u -> coefficient.
+    weights : mass u -> node.
     """
     holders = _holders(columns)
     found = {}

@@ -98,9 +98,10 @@ class Gauss(Fixed):
 def refusal(scene: Structure) -> str:
     """Return the reason why the method cannot handle a model, or "" if it can.
 
-    scene : the structure of the model. The method cannot handle constraints, where
-    momenta cannot replace the velocities, and models too large for the dense matrices
-    of Newton's method.
+    The method cannot handle constraints, where momenta cannot replace the velocities,
+    and models too large for the dense matrices of Newton's method.
+
+    scene : the structure of the model.
     """
     if scene.constraints == "holonomic":
         return (
@@ -232,7 +233,8 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
     """Write the state of a stage, positions Q and velocities V, to z (size,).
 
-    stage : the index of the stage, from 0. h : the length of the step.
+    stage : the index of the stage, from 0.
+    h : the length of the step.
     """
     n, v = s.n, z[s.velocities]
     for i in range(n):
@@ -272,8 +274,8 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
     """Return an entry of Newton's matrix, d(dL/dq'(Q_i, V_i) - h sum_j a_ij F_j)/dV_k.
 
-    i, k : indices of stages. rc : index of the entry in the block (n, n) of both, row
-    by row.
+    i, k : indices of stages.
+    rc : index of the entry in the block (n, n) of both, row by row.
     """
     square = s.n * s.n
     stages, slopes, a = s.stages, s.slopes, s.coefficients

@@ -62,7 +62,9 @@ def amplification(z: complex, radius: float = RADIUS) -> float:
     """Return the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
     The result is the spectral radius of the matrix (3, 3) that advances (q, q', a)
-    (Chung and Hulbert, section 3). radius : the method's `spectral_radius`.
+    (Chung and Hulbert, section 3).
+
+    radius : the method's `spectral_radius`.
     """
     import numpy as np
 
@@ -233,7 +235,9 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Factor Newton's matrix of the balance at `after`; return 0 if singular, else 1.
 
     The matrix is (1 - alpha_m) - (1 - alpha_f)(h^2 beta Jq + h gamma Jv), with Jq and
-    Jv the derivatives of the accelerations. after : the time after the step h.
+    Jv the derivatives of the accelerations.
+
+    after : the time after the step h.
     """
     n, J, factors, radius = s.n, s.J, s.factors, s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)

@@ -225,8 +225,9 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
 def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
     """Add the works of forces and of impulses in a step h to the new state.
 
-    middle : the time at which forces are evaluated. An impulse acts at the mean of the
-    velocities before and after.
+    An impulse acts at the mean of the velocities before and after.
+
+    middle : the time at which forces are evaluated.
     """
     z, new = s.z, s.new
     works, before = new[s.quadratures], s.y[s.quadratures]
@@ -355,8 +356,9 @@ def respond(p: Impulses, x: Floats) -> None:
 def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
     """List the active rows with their target rates and responses; return their number.
 
-    v, w : (n,), the velocities before the step, and after it without impulses. h : the
-    length of the step. room : (n,), working memory.
+    v, w : (n,), the velocities before the step, and after it without impulses.
+    h : the length of the step.
+    room : (n,), working memory.
     """
     gapped, gaps = p.row_gapped, p.row_gaps
     place, aims = p.among, p.aims
@@ -386,7 +388,9 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
     """Store M^-1 A_k^T and A_k M^-1 A_k^T of row k, as active row number `count`.
 
-    Return 0 if the latter is not positive, else 1. room : (n,), working memory.
+    Return 0 if the latter is not positive, else 1.
+
+    room : (n,), working memory.
     """
     starts = p.slope_starts
     room[: p.n] = 0.0
@@ -435,10 +439,13 @@ def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
 def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
     """Compute the impulses of the active rows; return the number of sweeps.
 
-    The number is 0 if the relaxation does not converge. count : the number of active
-    rows. h : the length of the step. v : (n,), the velocities before. w : (n,), the
-    velocities without impulses; on return the velocities after the step. `struck`
-    contains a first guess, and on return the impulses.
+    The number is 0 if the relaxation does not converge. `struck` contains a first
+    guess, and on return the impulses.
+
+    count : the number of active rows.
+    h : the length of the step.
+    v : (n,), the velocities before.
+    w : (n,), the velocities without impulses; on return the velocities after the step.
     """
     for i in range(count):
         push(p, i, p.struck[i], w)
@@ -458,8 +465,10 @@ def share_out(p: Impulses, count: int, h: float, v: Floats) -> None:
     """Share the impulses of parallel rows, within their limits: the least norm.
 
     The motion does not depend on the shares, and relaxation makes them depend on the
-    order of the rows. count : the number of active rows. v : (n,), the velocities
-    before a step h.
+    order of the rows.
+
+    count : the number of active rows.
+    v : (n,), the velocities before a step h.
     """
     worst = 1.0
     sweep = 0
@@ -510,7 +519,9 @@ def share(p: Impulses, i: int, j: int, ratio: float, h: float, v: Floats) -> flo
     """Share the impulse of active rows i and j; return the relative change of j's.
 
     Beside an equality the impulse of a limited row is 0. `ratio` : row j divided by row
-    i. h, v : see `share_out`.
+    i.
+
+    h, v : see `share_out`.
     """
     before = float(p.struck[j])
     whole = p.struck[i] + ratio * before
@@ -553,8 +564,10 @@ def satisfy(
     """Update the impulse of active row i, and w, by one relaxation step for its law.
 
     Return the change of the rate relative to the row's scale; 0 for the first of two
-    slips on a disc, which are updated with the second. h, v, w : see `relax`. beyond :
-    factor of over-relaxation.
+    slips on a disc, which are updated with the second.
+
+    h, v, w : see `relax`.
+    beyond : factor of over-relaxation.
     """
     k = int(p.acting[i])
     pair = int(p.row_pair[k])
@@ -586,7 +599,9 @@ def satisfy_disc(
 ) -> float:
     """Set the impulses of two slips, active rows i and other, on the disc of friction.
 
-    Return the change of the rates relative to their scale. h, v, w : see `relax`.
+    Return the change of the rates relative to their scale.
+
+    h, v, w : see `relax`.
     """
     struck = p.struck
     k = int(p.acting[i])

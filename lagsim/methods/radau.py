@@ -105,8 +105,8 @@ def step(s: Radau, p: SparseNewton) -> int:
 def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
     """Choose the next step after one of length h, and whether to keep the Jacobian.
 
-    ahead : the length of the next step by the error estimates. rejected : whether an
-    attempt at the last step was rejected.
+    ahead : the length of the next step by the error estimates.
+    rejected : whether an attempt at the last step was rejected.
     """
     s.h = min(ahead, h) if rejected else ahead
     if s.ceiling > 0.0:
@@ -122,10 +122,11 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
 def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
     """Whether a step begins at a loss of rank, passes one, or fails just before one.
 
-    rejected : whether an attempt at this step was rejected. Near a loss of rank the
-    accelerations off the constraints, and their derivatives, grow with the inverse of
-    sigma: Newton's method for the stages finds a false solution, or none. An explicit
-    method has its stages at a distance from the loss.
+    Near a loss of rank the accelerations off the constraints, and their derivatives,
+    grow with the inverse of sigma: Newton's method for the stages finds a false
+    solution, or none. An explicit method has its stages at a distance from the loss.
+
+    rejected : whether an attempt at this step was rejected.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
         return constraints.time_to_loss(s, p, s.sigma / s.falling) > 0.0
@@ -137,7 +138,7 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
     """Return the code of an attempted step h; s.h becomes the next step to try.
 
     error : the error of the step in units of the tolerance, negative if Newton's method
-    failed.
+        failed.
     """
     if not error < OVERFLOW:
         s.h = 0.1 * h
@@ -159,8 +160,9 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
 def change(s: Radau, error: float) -> float:
     """Return the factor by which the step is divided, IV.8 (8.21).
 
-    The factor is larger after many Newton iterations. error : in units of the
-    tolerance.
+    The factor is larger after many Newton iterations.
+
+    error : in units of the tolerance.
     """
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
@@ -169,8 +171,9 @@ def change(s: Radau, error: float) -> float:
 def predict(s: Radau, h: float, error: float) -> float:
     """Return the factor by which the step is divided, IV.8 (8.25).
 
-    The factor follows from the errors of the last two steps. h, error : the accepted
-    step, and its error in units of the tolerance.
+    The factor follows from the errors of the last two steps.
+
+    h, error : the accepted step, and its error in units of the tolerance.
     """
     quotient = change(s, error)
     if s.previous_h > 0.0:
@@ -230,10 +233,11 @@ def estimate(s: Radau, p: SparseNewton, h: float) -> float:
 def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
     """Solve for the errors (size,) in place; return their norm in tolerances.
 
-    errors : the right side of (8.19) or (8.20). The tolerance is that of the estimate,
-    which varies as h^4, while the error of the whole motion varies as h^5: with the
-    estimate held to tolerance^(4/5), the error is proportional to the tolerance (RADAU5
-    uses 2/3).
+    The tolerance is that of the estimate, which varies as h^4, while the error of the
+    whole motion varies as h^5: with the estimate held to tolerance^(4/5), the error is
+    proportional to the tolerance (RADAU5 uses 2/3).
+
+    errors : the right side of (8.19) or (8.20).
     """
     solve(1, s, p, errors)
     error = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2

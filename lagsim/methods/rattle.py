@@ -117,12 +117,13 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
 def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
-    after, h : the time after the step, and its length. Return 0 on failure, else 1. A
-    Newton step would be along the gradients at the new positions; projected onto the
-    span of the old gradients, the step leaves an error that grows with the angle
-    between both, and Broyden's method corrects the steps for the projection (C. T.
-    Kelley, Iterative Methods for Linear and Nonlinear Equations, SIAM 1995, section
-    7.3: only the steps are stored).
+    Return 0 on failure, else 1. A Newton step would be along the gradients at the new
+    positions; projected onto the span of the old gradients, the step leaves an error
+    that grows with the angle between both, and Broyden's method corrects the steps for
+    the projection (C. T. Kelley, Iterative Methods for Linear and Nonlinear Equations,
+    SIAM 1995, section 7.3: only the steps are stored).
+
+    after, h : the time after the step, and its length.
     """
     n, new, work = s.n, s.new, s.change
     v = new[s.velocities]
@@ -152,8 +153,10 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project a correction of the positions onto the span of the old gradients.
 
     The gradients are those of the constraints at the start of the step, multiplied by
-    M^-1. The correction (n,) is in `change`, which is overwritten. h : the length of
-    the step. moved : (n,), on return the projection divided by h.
+    M^-1. The correction (n,) is in `change`, which is overwritten.
+
+    h : the length of the step.
+    moved : (n,), on return the projection divided by h.
     """
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
@@ -166,8 +169,9 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
 def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
     """Replace the last of `steps` (made + 1, n), a plain step, by Broyden's step.
 
-    The `made` steps before it, of the same iteration, give the correction. masses :
-    (n,), the diagonal of the metric in which steps are compared.
+    The `made` steps before it, of the same iteration, give the correction.
+
+    masses : (n,), the diagonal of the metric in which steps are compared.
     """
     last = steps[made * n :]
     for j in range(made):

@@ -206,8 +206,9 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
 def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
     """Accept the new state after a step h, and its series.
 
-    The old series becomes the dense output. held : whether the step may be held by
-    stability.
+    The old series becomes the dense output.
+
+    held : whether the step may be held by stability.
     """
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
@@ -316,7 +317,9 @@ STATE = Taylor
 def buffer(size: int, which: float) -> int:
     """Return the index in memory at which series 0 or 1 (`which`) begins.
 
-    For which = 2 it is the length of both series. size : the number of components of y.
+    For which = 2 it is the length of both series.
+
+    size : the number of components of y.
     """
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
@@ -324,9 +327,11 @@ def buffer(size: int, which: float) -> int:
 def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
     """Evaluate the series c at a time h after its start; write the state to out.
 
-    out : (size,). lost : (size,), the compensation at the start, which is added. The
-    roundoff is stored in `remainder`. At the end of the step this is the new state to
-    the last bit, so that both are on one side of a switch.
+    The roundoff is stored in `remainder`. At the end of the step this is the new state
+    to the last bit, so that both are on one side of a switch.
+
+    out : (size,).
+    lost : (size,), the compensation at the start, which is added.
     """
     if s.rtol >= control.TIGHT:
         reached(h, c, lost, out, s.remainder)
@@ -383,8 +388,10 @@ def safety(s: Taylor) -> float:
 def bound(term: float, shrink: float, k: int) -> float:
     """Return log2 h of the longest step h with `term` h^k at most 2^shrink.
 
-    The error is 1e-4/k, small enough for the length of a step. term : |y_k|, the size
-    of the coefficient of order k in tolerances. UNBOUNDED if the term is 0.
+    The error is 1e-4/k, small enough for the length of a step. UNBOUNDED if the term is
+    0.
+
+    term : |y_k|, the size of the coefficient of order k in tolerances.
     """
     part = 1.0 / k
     found = (shrink - rough_log2(max(term, LEAST_NUMBER))) * part
@@ -439,9 +446,12 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
 def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
     """Return a step's error in tolerances: the difference of y' at its end.
 
+    The square of a finite error is finite. OVERFLOW if a difference is not finite.
+
     rates : (size,), y' at the end by the equations; the other rate is that of the
-    series. order : the order of the series. h : the length of the step. The square of a
-    finite error is finite. OVERFLOW if a difference is not finite.
+        series.
+    order : the order of the series.
+    h : the length of the step.
     """
     part = h / (order + 1.0)
     worst = 0.0

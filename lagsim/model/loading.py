@@ -309,8 +309,9 @@ class _Builder:
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
         """Return keys and values in turn, or items, with calls joined that YAML split.
 
-        `[min(0,4*N, 1)]` is a list of two items for YAML. mapping : whether parts are
-        keys and values.
+        `[min(0,4*N, 1)]` is a list of two items for YAML.
+
+        mapping : whether parts are keys and values.
         """
         whole: list[Node] = []
         step, i = 1 + mapping, 0
@@ -334,8 +335,9 @@ class _Builder:
 def _keys(parts: list[Node], i: int) -> list[Any]:
     """Return the parts of key i that YAML split at commas, up to its parenthesis.
 
-    YAML splits the key `c(i = 1..2, j = 1..3)` at its comma. parts : keys and values in
-    turn.
+    YAML splits the key `c(i = 1..2, j = 1..3)` at its comma.
+
+    parts : keys and values in turn.
     """
     keys, depth = [parts[i]], _left_open(parts[i])
     while depth > 0 and i + 2 < len(parts):
@@ -499,8 +501,8 @@ class _Case:
     ) -> Diagnosis:
         """Return a diagnosis with the text of its message and a hint.
 
-        at : line and column; by default where the parser stopped. length : the length
-        of the marked text.
+        at : line and column; by default where the parser stopped.
+        length : the length of the marked text.
         """
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)

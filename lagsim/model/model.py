@@ -506,8 +506,10 @@ class Stated(Protocol):
     def depends_on(self, names: Collection[str]) -> bool:
         """Whether another number of the file can change when `names` change.
 
-        names : parameters or start values. Such a number is a parameter, a start value
-        or a setting whose expression contains one of `names`.
+        Such a number is a parameter, a start value or a setting whose expression
+        contains one of `names`.
+
+        names : parameters or start values.
         """
 
     def rewritten(self, values: Mapping[str, float]) -> str:

@@ -75,8 +75,9 @@ class Reading(Protocol):
     def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
         """Return a text as postfix for this member: its names are single variables.
 
-        For the member i = 2, `q(i) + 1` is `q.2 + 1`. parser : the function that parses
-        the text as an expression or as a relation.
+        For the member i = 2, `q(i) + 1` is `q.2 + 1`.
+
+        parser : the function that parses the text as an expression or as a relation.
         """
 
     def words(self, text: str) -> Collection[str]:
@@ -111,8 +112,8 @@ class Scalar(NamedTuple):
     def place_of_name(self, name: str, offset: int) -> Place:
         """Return the place in the file of a name in this scalar's expression.
 
-        name : the variable in the model, such as `q.2`. offset : offset in the text at
-        which the file writes it, such as `q(i)`.
+        name : the variable in the model, such as `q.2`.
+        offset : offset in the text at which the file writes it, such as `q(i)`.
         """
         if self.text.startswith(name, offset):
             return self.place_of(offset, len(name))
@@ -177,7 +178,8 @@ def _next(scalar: Scalar, index: int) -> tuple[int, int]:
 def _escape(raw: str, index: int) -> tuple[int, bool]:
     """Return the length of an escape in double quotes, and whether it is a blank.
 
-    raw : the text of the file. index : the offset of the backslash.
+    raw : the text of the file.
+    index : the offset of the backslash.
     """
     letter = raw[index + 1]
     length = _LONG_ESCAPES.get(letter)

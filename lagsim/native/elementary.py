@@ -168,7 +168,7 @@ def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> fl
     """Return (y + y_low) log(x) + more, or e to the power (y + y_low) log(x).
 
     kind : VALUE for the former, POWER for the latter, which ignores `more`, a small
-    correction.
+        correction.
     """
     if not x > 0.0 or x == inf:
         return nan if x < 0.0 else -inf if x == 0.0 else x

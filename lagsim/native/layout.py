@@ -146,7 +146,9 @@ def part(whole: str, length: Length, first: Length = "") -> Any:
 def after(other: str, length: Length) -> Any:
     """Declare an array that begins at the end of the array `other`.
 
-    Both arrays lie within one array that is declared by `array`. length : see `array`.
+    Both arrays lie within one array that is declared by `array`.
+
+    length : see `array`.
     """
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 

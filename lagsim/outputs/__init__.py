@@ -35,8 +35,9 @@ class TableFormat(StrEnum):
 def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
     """Return the result of `draw()`; if it raises, a warning that names the file.
 
-    name : the file that `draw` creates. A failure thus stops neither the run nor the
-    other files.
+    A failure thus stops neither the run nor the other files.
+
+    name : the file that `draw` creates.
     """
     import traceback
 

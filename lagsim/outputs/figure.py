@@ -188,8 +188,8 @@ def legend(
 def in_columns(entries: Sequence[Entry], width: float) -> tuple[list[str], int]:
     """Return the names of a legend, cut to fit, and its number of columns.
 
-    entries : names with pens. width : the width of the legend in inches, to which each
-    name is cut.
+    entries : names with pens.
+    width : the width of the legend in inches, to which each name is cut.
     """
     most = int(OF_SMALL_PRINT * width)
     names = [cut_text(name, most - BESIDE) for name, _ in entries]
@@ -277,8 +277,9 @@ def header(
 ) -> int:
     """Add a title and a legend above all panels; return the legend's number of lines.
 
-    of : the figure, or the part of it, to which both are added. entries : names with
-    pens. width : in inches.
+    of : the figure, or the part of it, to which both are added.
+    entries : names with pens.
+    width : in inches.
     """
     if title or entries:
         legend(
@@ -441,7 +442,8 @@ def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
     Both are the envelope of the extremes in each pixel: pixels with and without turning
     points would alternate visibly.
 
-    low, high : (k,), the extremes in each pixel. values : (n,), the oscillation.
+    low, high : (k,), the extremes in each pixel.
+    values : (n,), the oscillation.
     """
     turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
     swing = 2.0 * len(low) / max(turns, 1)

@@ -328,7 +328,8 @@ def against_time(
 ) -> None:
     """Draw columns (times, values) against time, and mark the events.
 
-    pens : the pens of the columns. draw : function that draws one column.
+    pens : the pens of the columns.
+    draw : function that draws one column.
     """
     mark_events(data, axes)
     for (t, values), pen in zip(drawn, pens, strict=False):
@@ -344,7 +345,8 @@ def label_greatest(
 ) -> None:
     """Label the linear part of a scale, and the greatest value of the curves.
 
-    drawn : the curves (times, values). above : whether the labels are above the panel.
+    drawn : the curves (times, values).
+    above : whether the labels are above the panel.
     """
     if not scale.linear:
         return
@@ -394,8 +396,9 @@ SIDES = ("y", "y2")
 def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
     """Return the picture of one entry of the model's `output.plots`.
 
-    number : the number of the entry, from 0. wanted : the entry. scene : the scene, by
-    which paths of points are recognised.
+    number : the number of the entry, from 0.
+    wanted : the entry.
+    scene : the scene, by which paths of points are recognised.
     """
     curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
     x, *names = curves
@@ -465,7 +468,8 @@ def _values(
 ) -> tuple[Array, Array]:
     """Return abscissae and ordinates of a curve; nan where a logarithm is undefined.
 
-    x, name : the columns. timed : whether the abscissa is time.
+    x, name : the columns.
+    timed : whether the abscissa is time.
     """
     # Against time the envelope keeps spikes; others need both values of a row.
     across, up = data.rows.series(name) if timed else data.rows.path(x, name)
@@ -483,8 +487,9 @@ def _xs(drawn: Curves) -> list[Array]:
 def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scale:
     """Return the scale of the vertical axis for the curves of one side of a plot.
 
-    drawn : pairs (abscissae, values). log : whether the scale is logarithmic. timed :
-    whether the horizontal axis is time.
+    drawn : pairs (abscissae, values).
+    log : whether the scale is logarithmic.
+    timed : whether the horizontal axis is time.
     """
     values = [up for _, up in drawn]
     if log:
@@ -500,7 +505,8 @@ def _are_directions(
     This is so if their units are equal, or if all are coordinates of points or called
     x, y or z, and if their ranges are not too different.
 
-    curves : the ordinates by column. drawn : abscissae and values of each curve.
+    curves : the ordinates by column.
+    drawn : abscissae and values of each curve.
     """
     units = {data.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}
@@ -515,7 +521,9 @@ def _are_directions(
 def _sides(x: tuple[float, float], y: tuple[float, float]) -> tuple[float, float]:
     """Return the width of a picture and the height of its panel, for equal scales.
 
-    Both are in inches. x, y : the ranges of abscissa and ordinate of a path.
+    Both are in inches.
+
+    x, y : the ranges of abscissa and ordinate of a path.
     """
     ratio = (y[1] - y[0]) / (x[1] - x[0])
     height = min(max(LOWEST, PANEL * ratio), TALLEST)

@@ -124,8 +124,9 @@ def size_of(axes: Axes) -> tuple[float, float]:
 def per_inch(axes: Axes, ends: Ends) -> float:
     """Return the data units per inch with which both ranges fit into a panel.
 
-    Both axes then have one scale. ends : the ranges of the horizontal and vertical
-    axis.
+    Both axes then have one scale.
+
+    ends : the ranges of the horizontal and vertical axis.
     """
     sides = zip(ends, size_of(axes), strict=True)
     return max((high - low) / side for (low, high), side in sides)
@@ -134,7 +135,8 @@ def per_inch(axes: Axes, ends: Ends) -> float:
 def put_around(axes: Axes, ends: Ends, each: float) -> None:
     """Set both axes of a panel to one scale, centred on given ranges.
 
-    ends : the ranges of the horizontal and vertical axis. each : data units per inch.
+    ends : the ranges of the horizontal and vertical axis.
+    each : data units per inch.
     """
     across, up = (
         Scale(middle - half, middle + half)
@@ -148,8 +150,9 @@ def put_around(axes: Axes, ends: Ends, each: float) -> None:
 def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -> None:
     """Label an axis with name, unit, power of ten and offset of its numbers.
 
-    The name is cut to the length of the axis. text : the Text above the panel that is
-    set; by default the label of the axis.
+    The name is cut to the length of the axis.
+
+    text : the Text above the panel that is set; by default the label of the axis.
     """
     width, height = size_of(axis.axes)
     across = text is not None or axis is axis.axes.xaxis
@@ -359,9 +362,10 @@ def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
 def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Scale:
     """Return a scale that is linear up to `linear`, and logarithmic beyond it.
 
-    plain : the linear scale of the values. most : the largest |value|. share : length
-    of the linear part in decades; by default a little shorter than the logarithmic
-    part.
+    plain : the linear scale of the values.
+    most : the largest |value|.
+    share : length of the linear part in decades; by default a little shorter than the
+        logarithmic part.
     """
     decades = max(math.log10(most / linear), 1.0)
     # The margin of a linear scale may be larger than all that is on the other side.

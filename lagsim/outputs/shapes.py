@@ -227,7 +227,9 @@ def _flat(corners: Floats, *, closed: bool) -> Mesh:
 def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
     """Return a body in its own axes; `turns` adds a line that shows the rotation.
 
-    kind : the kind of shape. sizes : its lengths. d : 2 or 3.
+    kind : the kind of shape.
+    sizes : its lengths.
+    d : 2 or 3.
     """
     if kind == "ground":  # a plane: the height of one place in it
         return np.array([[0.0, 0.0, sizes[0]]]), [], [], []
@@ -368,7 +370,8 @@ def projected(body: Body, row: int, view: Floats) -> ProjectedBody | None:
 def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
     """Return edges as one path (n, 2), with gaps between edges that do not meet.
 
-    flat : (n, 2), the projected corners. edges : pairs of corners.
+    flat : (n, 2), the projected corners.
+    edges : pairs of corners.
     """
     gap, found, last = np.full(2, np.nan), [], -1
     for i, j in edges:

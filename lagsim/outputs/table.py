@@ -124,7 +124,7 @@ class Writer:
         """Return the number of whole rows at the beginning of `text`, and their bytes.
 
         text : part of the file, from the beginning of a row on; a full disk may have
-        cut it.
+            cut it.
         """
         rows = len(text) // (8 * self._width)
         return rows, 8 * self._width * rows
@@ -376,7 +376,8 @@ def arrow() -> Any:
 def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> None:
     """Write an archive with an array (rows,) for each column, as `numpy.savez` would.
 
-    units : columns with their units. blocks : all rows, in blocks.
+    units : columns with their units.
+    blocks : all rows, in blocks.
     """
     head = {"descr": "<f8", "fortran_order": False, "shape": (rows,)}
     with zipfile.ZipFile(path, "w") as archive:
@@ -393,7 +394,8 @@ def _as_parquet(
 ) -> None:
     """Write a Parquet file with each column, and its unit if known.
 
-    units : columns with their units. blocks : all rows, in blocks.
+    units : columns with their units.
+    blocks : all rows, in blocks.
     """
     import pyarrow as pa
 

@@ -168,8 +168,8 @@ def _of_differences(
     """Return the unit of a sensitivity or of a standard deviation; "" if unknown.
 
     name : the name of a column `d.<column>.<name>`, or of a standard deviation.
-    columns : units of columns by name. named : units of parameters, coordinates and
-    states by name.
+    columns : units of columns by name.
+    named : units of parameters, coordinates and states by name.
     """
     kind, rest = parsed_column(name) or (RESIDUAL, "")
     if kind is DEVIATION:
@@ -237,7 +237,8 @@ def _per(energy: Unit, along: Unit, level: Level) -> Unit:
 
     On the level of velocities it is power / along.
 
-    along : the unit of the coordinate, or of the relation. level : its level.
+    along : the unit of the coordinate, or of the relation.
+    level : its level.
     """
     force = times(energy, along, -1.0)
     return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)

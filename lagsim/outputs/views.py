@@ -148,7 +148,7 @@ class Views:
         """Return a scale in data units per inch with a margin around the scene.
 
         scale : that without a margin; 0 for a scene at rest, for which the result is
-        positive.
+            positive.
         """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
@@ -313,8 +313,9 @@ class Views:
     def _slack(self, a: str, b: str, row: int, length: float | None) -> float:
         """Return sqrt(length^2 - distance^2) of a string in one row; 0 if it is taut.
 
-        a, b : the points at its ends. length : None for a string without a stated
-        length, which is as long as the largest distance of its ends.
+        a, b : the points at its ends.
+        length : None for a string without a stated length, which is as long as the
+            largest distance of its ends.
         """
         apart = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
         longest = float(np.nanmax(apart)) if length is None else length
@@ -397,7 +398,8 @@ def inch_of(axes: Axes) -> float:
 def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
     """Draw the visible and the hidden edges (n, 2) of a body.
 
-    lines, hidden : see `projected`. look : the pen.
+    lines, hidden : see `projected`.
+    look : the pen.
     """
     inch, kind = inch_of(axes), body.shape.kind
     if kind == "ground":
@@ -438,7 +440,8 @@ def _hatched(lines: Array, inch: float) -> Array:
 def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
     """Return the shaft (2, 2) of an arrow, and the corners of its head (3, 2).
 
-    ends : (2, 2), tail and tip. inch : data units per inch.
+    ends : (2, 2), tail and tip.
+    inch : data units per inch.
     """
     length, u, left = _along(*ends)
     head = min(HEAD * inch, 0.6 * length)
@@ -452,7 +455,8 @@ def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
 def _spring(a: Array, b: Array, inch: float) -> Array:
     """Return a zigzag from a to b, as a path (n, 2).
 
-    a, b : (2,), the ends. inch : data units per inch.
+    a, b : (2,), the ends.
+    inch : data units per inch.
     """
     length, u, left = _along(a, b)
     along = np.concatenate(([0.0], np.linspace(0.12, 0.88, 2 * TURNS + 2), [1.0]))
@@ -464,7 +468,8 @@ def _spring(a: Array, b: Array, inch: float) -> Array:
 def _damper(a: Array, b: Array, inch: float) -> Array:
     """Return a cylinder that is open towards b, with a piston, as a path (n, 2).
 
-    a, b : (2,), the ends. inch : data units per inch.
+    a, b : (2,), the ends.
+    inch : data units per inch.
     """
     length, u, left = _along(a, b)
     wide, gap = COIL * inch * left, np.full(2, np.nan)
@@ -490,8 +495,9 @@ def plane(
 ) -> None:
     """Draw a level ground of space: a line in a side view, an area from above.
 
-    view : (2, 3), directions right and up. z : height of the ground. extents : range of
-    each component.
+    view : (2, 3), directions right and up.
+    z : height of the ground.
+    extents : range of each component.
     """
     (left, right), (front, back), _ = extents
     look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}

@@ -173,7 +173,8 @@ def _whole(
 ) -> Formulation:
     """Return a formulation named `name` of the full equations, without reduction.
 
-    reason : text of the choice for the user. projected : whether states are projected.
+    reason : text of the choice for the user.
+    projected : whether states are projected.
     gain : the rate of `baumgarte`, else 0.
     """
     choices = (Choice(f"formulation: {name}", reason),)
@@ -300,8 +301,10 @@ def _chosen(
 ) -> Formulation:
     """Return the cheapest formulation that the method can integrate.
 
-    suits : see `formulate`. Elimination is chosen where a step costs less than PAYS of
-    that of the full equations, or where the method cannot integrate the full equations.
+    Elimination is chosen where a step costs less than PAYS of that of the full
+    equations, or where the method cannot integrate the full equations.
+
+    suits : see `formulate`.
     """
     whole = _full(equations, start)
     if equations.laws or not equations.rows or len(equations.q) > LARGEST:
@@ -319,7 +322,8 @@ def _chosen(
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     """Return the formulation of a reduction, with its start and its choices.
 
-    start : the start of the full equations. reason : the reason of the choice.
+    start : the start of the full equations.
+    reason : the reason of the choice.
     """
     rows = reduction.equations.rows
     given = [f"{q} from {row}" for q, row in reduction.eliminated]
@@ -366,8 +370,9 @@ PER_COMPONENT = 16
 def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
     """Return the number of operations of one evaluation of graph nodes.
 
-    loops : whether the operations of a dense solve are added. Expressions of parameters
-    alone are not counted, since they are computed once.
+    Expressions of parameters alone are not counted, since they are computed once.
+
+    loops : whether the operations of a dense solve are added.
     """
     moving = {*equations.moving}
     solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0

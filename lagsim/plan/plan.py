@@ -49,8 +49,9 @@ if TYPE_CHECKING:
 def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """Return the sparse Newton matrix of an implicit method, or None.
 
-    name : the name of the method. None if the method has no sparse solver, or if a
-    dense matrix is cheaper.
+    None if the method has no sparse solver, or if a dense matrix is cheaper.
+
+    name : the name of the method.
     """
     if not hasattr(method(name), "SPARSE"):
         return None
@@ -339,8 +340,10 @@ def _automatic(equations: Equations, solved: Elimination | None, rtol: float) ->
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
     """Return the estimated time of DOP853 divided by that of a Taylor series.
 
-    solved : the solution for q'' and lambda. rtol : the relative tolerance. 0 where the
-    series is too long, or the tolerance is too loose for a series.
+    0 where the series is too long, or the tolerance is too loose for a series.
+
+    solved : the solution for q'' and lambda.
+    rtol : the relative tolerance.
     """
     names = equations.moving
     moving = equations.graph.dependent(motion_rates(equations, solved), names)
@@ -371,8 +374,9 @@ def _asked(
 def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
     """Raise InputError with the reason `why`, unless this is "".
 
-    The message states that the method `name` cannot handle the model. hint : advice for
-    the message.
+    The message states that the method `name` cannot handle the model.
+
+    hint : advice for the message.
     """
     if why:
         text = f"`{name}` cannot handle this model: {why}"
@@ -477,8 +481,10 @@ def _check_straight(
     """Refuse a method that needs y' as graph nodes, where loops solve for q''.
 
     The method is also refused if its Taylor series would be too long; else the form of
-    the series is appended to `choices`. name : the name of the method. elimination :
-    the solution for q'' on the graph; None where loops solve.
+    the series is appended to `choices`.
+
+    name : the name of the method.
+    elimination : the solution for q'' on the graph; None where loops solve.
     """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED
@@ -584,9 +590,9 @@ def many_slopes(
 ) -> bool:
     """Whether tapes are needed since a method's derivatives are too many to compile.
 
-    name : the name of the method. elimination : the solution for q'' and lambda; None
-    where loops solve. choices : the decision on the derivatives, with its reason, is
-    appended.
+    name : the name of the method.
+    elimination : the solution for q'' and lambda; None where loops solve.
+    choices : the decision on the derivatives, with its reason, is appended.
     """
     n, m = len(equations.q), len(equations.rows)
     sparse = None if elimination is None else newton_of(name, equations)
@@ -613,8 +619,10 @@ def repeats(
 
     In a string or a net, q'' of each member takes equal operations, and one instruction
     of a tape evaluates all operations of one kind and level: a tape then saves the time
-    to compile. If so, the choice is appended to `choices`. name : the name of the
-    method. elimination : the solution for q'' and lambda; None where loops solve.
+    to compile. If so, the choice is appended to `choices`.
+
+    name : the name of the method.
+    elimination : the solution for q'' and lambda; None where loops solve.
     """
     if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
         return False
@@ -641,8 +649,9 @@ def singular_value_of(
 ) -> float:
     """Return an estimate of the smallest singular value of the scaled rows at a start.
 
-    The estimate is computed from the pivots of `elimination`. lengths : the lengths of
-    the rows (m,).
+    The estimate is computed from the pivots of `elimination`.
+
+    lengths : the lengths of the rows (m,).
     """
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
@@ -773,7 +782,7 @@ def _with_switches(
     """Return the equations with forces at corners of equalities, and all switches.
 
     settings : names the method; unless it locates events, only switches of the time
-    have sides.
+        have sides.
     """
     switches = model_switches(equations, located=locates(settings.method))
     bent = corners(equations, switches)

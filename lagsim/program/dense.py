@@ -240,8 +240,8 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     """Apply the k-th reflection of `reflect` to x (n,), in place.
 
-    row : row k of Y, whose elements after k are the vector of the reflection. factor_k
-    : its factor, p.factors[k].
+    row : row k of Y, whose elements after k are the vector of the reflection.
+    factor_k : its factor, p.factors[k].
     """
     along = factor_k * (x[k] + mass.product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
@@ -271,7 +271,9 @@ def multipliers(p: Parameters, rank: int) -> None:
 
     R = (R1, R2) is the factor of `reflect`, with R1 (rank, rank), and w (rank,) is p.w,
     which is overwritten; the scaling of rows is undone. With B = R1^-1 R2 and x = R1^-1
-    w: lambda = (x - B z, z), where (I + B^T B) z = B^T x. rank : the rank of the rows.
+    w: lambda = (x - B z, z), where (I + B^T B) z = B^T x.
+
+    rank : the rank of the rows.
     """
     x, out = p.x, p.multipliers
     x[:rank] = p.w[:rank]
@@ -409,7 +411,9 @@ def gather(p: Parameters, out: Floats) -> None:
     forces in the metric of diag M. Where these forces cancel, the magnitudes of the
     terms of their rows count instead: forces, and inertial coupling by M. The row of a
     slider counts for its massless coordinate alone, not for the coordinates that the
-    slider follows. out : array of length 2 n: on return the bounds, then workspace.
+    slider follows.
+
+    out : array of length 2 n: on return the bounds, then workspace.
     """
     n, M, lam = p.n, p.M, p.multipliers
     label = out[n:]
@@ -500,7 +504,9 @@ def join(p: Parameters, label: Floats) -> None:
 def join_row(p: Parameters, k: int, label: Floats) -> int:
     """Set the labels of the coordinates in row k of A to the lowest of them.
 
-    label : (n,). Return the number of changes.
+    Return the number of changes.
+
+    label : (n,).
     """
     row = p.A[k * p.n :]
     least = inf
@@ -517,7 +523,9 @@ def join_row(p: Parameters, k: int, label: Floats) -> int:
 def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
     """Return the least label of the coordinates j, begin <= j < end, with row_j != 0.
 
-    Infinity where there are none. row : shape (n,), of A or of M.
+    Infinity where there are none.
+
+    row : shape (n,), of A or of M.
     """
     least = inf
     for j in range(begin, end):
@@ -529,7 +537,9 @@ def lowest(row: Floats, begin: int, end: int, label: Floats) -> float:
 def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int:
     """Set label[j] above `least` to `least` where row_j != 0, begin <= j < end.
 
-    Return the number of changes. row : shape (n,), of A or of M.
+    Return the number of changes.
+
+    row : shape (n,), of A or of M.
     """
     changed = 0
     for j in range(begin, end):
@@ -542,9 +552,10 @@ def lower(row: Floats, begin: int, end: int, label: Floats, least: float) -> int
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q, least in the metric of M, that makes residuals zero.
 
-    The change is a Newton step for the linearised constraints. out : (n + 3,), the
-    change; then the largest residual relative to its scale, 0, and the largest
-    second-order residual after the step, see `residual_left`.
+    The change is a Newton step for the linearised constraints.
+
+    out : (n + 3,), the change; then the largest residual relative to its scale, 0, and
+        the largest second-order residual after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
@@ -557,9 +568,10 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
     """Set the Newton step (n,) to 0 if, rounded, the step reduces no residual.
 
     Far from the origin, or at high speeds, some components of the step are below the
-    spacing of doubles; the other components would drift with each projection. x :
-    positions, or velocities, in its first n elements. residuals : (m,), before the
-    step.
+    spacing of doubles; the other components would drift with each projection.
+
+    x : positions, or velocities, in its first n elements.
+    residuals : (m,), before the step.
     """
     n, lost = p.n, 0.0
     for j in range(n):
@@ -581,9 +593,11 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q', least in the metric of M, that makes rates zero.
 
-    The rates are A q' + g_t. out : (n + 3,), the change; then the largest rate relative
-    to its scale, the smallest diagonal element sigma of R (see `reflect`), and the
-    largest second-order residual after the step, see `residual_left`.
+    The rates are A q' + g_t.
+
+    out : (n + 3,), the change; then the largest rate relative to its scale, the
+        smallest diagonal element sigma of R (see `reflect`), and the largest
+        second-order residual after the step, see `residual_left`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
@@ -601,8 +615,10 @@ def residual_left(
     """Return the largest scaled residual after a Newton step, to second order.
 
     The largest is over the rows in force, of the Taylor polynomial of second order of
-    each residual (`first` = 0) or of each rate (`first` = m), divided by its scale. y :
-    positions, or the state; step : (n,).
+    each residual (`first` = 0) or of each rate (`first` = m), divided by its scale.
+
+    y : positions, or the state.
+    step : (n,).
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
@@ -685,8 +701,10 @@ def factor_rows(p: Parameters) -> None:
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the derivatives of q'' and of the other rates with respect to the state.
 
+    See `slopes`.
+
     out : matrix, row by row, with one column per state variable on which forces depend
-    (p.dynamic); rows: q'', rates of first-order states, rates of works. See `slopes`.
+        (p.dynamic); rows: q'', rates of first-order states, rates of works.
     """
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
@@ -715,9 +733,12 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     """Solve for q'' (n,) and lambda (m,) with other f and b and the stored factors.
 
-    f and b in p.terms are the right sides, and are overwritten. out : (n + m,). With
-    the factors from `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
-    R^T w = b, and R lambda = w - Q^T L^-1 f. rank : the rank of the rows.
+    f and b in p.terms are the right sides, and are overwritten. With the factors from
+    `factor` and `reflect`: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where R^T w = b, and R
+    lambda = w - Q^T L^-1 f.
+
+    out : (n + m,).
+    rank : the rank of the rows.
     """
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x

@@ -189,7 +189,9 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
 
     Such rates are velocities, and first-order states whose rates are discontinuous. The
     rate of such a surface jumps where the surface is reached. Sides of other surfaces
-    are constants. switches : the switches of the equations.
+    are constants.
+
+    switches : the switches of the equations.
     """
     e, depends = equations, equations.graph.depends
     modes = {side.variable for side in switches.sides}
@@ -254,8 +256,9 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
     """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
 
     The levers of a surface determine the jump of a corner's row across the surface, see
-    `corners`; without corners the list is empty. switches : the switches of the
-    equations.
+    `corners`; without corners the list is empty.
+
+    switches : the switches of the equations.
     """
     if not switches.corners:
         return []
@@ -325,7 +328,8 @@ def section_functions(
 ) -> dict[str, list[int]]:
     """Return the functions of sections: their relations, and slopes with term sizes.
 
-    relations : the nodes. state : the names of the components of y.
+    relations : the nodes.
+    state : the names of the components of y.
     """
     return {"sections": relations, "section_slopes": _slopes(e, relations, state)}
 
@@ -340,8 +344,10 @@ def _slopes(e: Equations, nodes: Sequence[int], names: Sequence[str]) -> list[in
     """Return nodes of the sizes (C,) of conditions' terms, then of slopes (C, V).
 
     Terms within a function, as in `sin(x + 1e6)`, count by their effect on the value of
-    the function. nodes : the C conditions. names : the V variables with respect to
-    which slopes are taken.
+    the function.
+
+    nodes : the C conditions.
+    names : the V variables with respect to which slopes are taken.
     """
     g = e.graph
     variables = [g.variable(name) for name in names]
@@ -363,8 +369,9 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 
     The inertias are the pivots of M if these are short expressions, since a pivot
     vanishes where other coordinates can replace the coordinate (Euler angles at theta =
-    0); else the diagonal of M. plan : the plan, with the symbolic solution, if there is
-    one.
+    0); else the diagonal of M.
+
+    plan : the plan, with the symbolic solution, if there is one.
     """
     g, positions = equations.graph, frozenset(equations.q)
     found = dict(zip(equations.q, equations.inertias, strict=True))
@@ -382,8 +389,9 @@ def _solved(
 ) -> dict[str, list[int]]:
     """Return the functions of equations that were solved symbolically, by name.
 
-    switching : see `functions`. plan : the plan, with the symbolic solution. columns :
-    the quantities of an output row.
+    switching : see `functions`.
+    plan : the plan, with the symbolic solution.
+    columns : the quantities of an output row.
     """
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
@@ -414,7 +422,9 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     """Return `position_step` and `velocity_step`: Newton steps onto the constraints.
 
     Velocity constraints have residual 0 on the level of positions. See `dense` for the
-    elements. elimination : the symbolic solution.
+    elements.
+
+    elimination : the symbolic solution.
     """
     g, rows = e.graph, e.rows
     held = _held(g, rows)
@@ -461,8 +471,9 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 def _powers(e: Equations, plan: Plan) -> list[int]:
     """Return the nodes of the rates of works, with q'' replaced by its solution.
 
-    q'' occurs in the power of an eliminated moving constraint. plan : the plan, with
-    the symbolic solution, if there is one.
+    q'' occurs in the power of an eliminated moving constraint.
+
+    plan : the plan, with the symbolic solution, if there is one.
     """
     g = e.graph
     if plan.elimination is None or g.depends(e.powers).isdisjoint(e.accelerations):

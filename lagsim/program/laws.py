@@ -89,8 +89,10 @@ def note_column(p: Parameters, k: int, i: int) -> None:
     """Store the column of row i, with place k, if the row has a single column.
 
     The column's elements of A and Z are stored, too; kernels then need not read these
-    matrices for the row. For a row that may reach several columns, -1 is stored. k :
-    the place among the rows that hold. i : the index of the row.
+    matrices for the row. For a row that may reach several columns, -1 is stored.
+
+    k : the place among the rows that hold.
+    i : the index of the row.
     """
     n = p.n
     e = mass.first_range(p, i)
@@ -130,7 +132,9 @@ def note_still(p: Parameters) -> None:
 def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
     """Assemble and factor S of group g, the rows with places from begin to end - 1.
 
-    S : see `couple`. g : the number of the group.
+    S : see `couple`.
+
+    g : the number of the group.
     """
     n, count = p.n, end - begin
     matrix = p.S[bits(p.group_matrices[g]) :]
@@ -666,7 +670,9 @@ def join_group(p: Parameters, first: int, number: int) -> int:
 def widen_band(p: Parameters, k: int) -> None:
     """Widen the matrix band of the group of row k to hold row k and its neighbours.
 
-    k : the place of a row of the group. Rows are neighbours if their reaches overlap.
+    Rows are neighbours if their reaches overlap.
+
+    k : the place of a row of the group.
     """
     i = int(p.order[k])
     g = int(p.row_group[i])
@@ -843,8 +849,9 @@ def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
     Two slips on a disc have one event function, stored for the first; the function also
     ends the mode where their direction has turned by more than `TURNED`. In the
     transition after their beginning the function is the least of the margin to the
-    final speed, the time that is left, and the speed in the initial direction. speed :
-    the rate of the row, signed.
+    final speed, the time that is left, and the speed in the initial direction.
+
+    speed : the rate of the row, signed.
     """
     direction = p.law_direction
     other = int(p.law_pair[k])

@@ -234,7 +234,8 @@ class _Search:
     def _members(self, n: int, varying: set[int]) -> list[Indicator]:
         """Return the indicators of the terms of elements, each for all members.
 
-        n : the node of the elements. varying : see `_of`.
+        n : the node of the elements.
+        varying : see `_of`.
         """
         g, of, args = self.g, payload(self.g, n), self.g.args[n][1:]
         some = [k for k, a in enumerate(args) if a in varying]

@@ -69,8 +69,9 @@ def reduce_element(n: int, i: int, j: int, begin: int, L: Floats) -> None:
     """Replace M_ij in L (n, n) by the element L_ij of the Cholesky factor.
 
     M_ij less the sum of L_ik L_jk, begin <= k < j, is divided by L_jj (i > j), or its
-    root is taken (i = j); nan if a pivot is not positive. begin : the first column in
-    which rows i and j may both be nonzero.
+    root is taken (i = j); nan if a pivot is not positive.
+
+    begin : the first column in which rows i and j may both be nonzero.
     """
     value = L[i * n + j]
     for k in range(begin, j):

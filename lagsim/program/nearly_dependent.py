@@ -43,8 +43,11 @@ def is_frictionless(p: Parameters, begin: int, end: int) -> bool:
 def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
     """Factor the scaled columns of Y of a group as Q R.
 
-    Return 0 if the columns are dependent, else 1. begin, count : the places of the
-    group's rows. R : (count, count). Q replaces the rows of p.Y from place `begin` on.
+    Return 0 if the columns are dependent, else 1. Q replaces the rows of p.Y from place
+    `begin` on.
+
+    begin, count : the places of the group's rows.
+    R : (count, count).
     """
     n = p.n
     R[: count * count] = 0.0
@@ -69,8 +72,10 @@ def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
 def solve_by_rows(p: Parameters, begin: int, count: int, R: Floats) -> None:
     """Replace the right sides in p.w by S^-1 times these, for one group.
 
-    The right sides are scaled as the rows of S. begin, count : the places of the
-    group's rows. R : (count, count), of `factor_rows`.
+    The right sides are scaled as the rows of S.
+
+    begin, count : the places of the group's rows.
+    R : (count, count), of `factor_rows`.
     """
     w, scales = p.w[begin:], p.scales[begin:]
     for k in range(count):

@@ -198,8 +198,9 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
     `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
     a contact or freewheel while its condition holds, its violation. Equalities that
-    hold at times, and limited ones, have neither. rows : the row of each constraint by
-    its name.
+    hold at times, and limited ones, have neither.
+
+    rows : the row of each constraint by its name.
     """
     g = equations.graph
     laws = {whole(x.row.name): x for x in equations.relations if not x.slips}

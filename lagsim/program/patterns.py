@@ -145,7 +145,8 @@ def _ranges(numbers: list[int]) -> list[tuple[int, int]]:
 def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
     """Return for each row the indices, ascending, of rows that share a column with it.
 
-    reach : the columns of each row. n : number of columns.
+    reach : the columns of each row.
+    n : number of columns.
     """
     holders: list[list[int]] = [[] for _ in range(n)]
     for k, own in enumerate(reach):
@@ -161,8 +162,8 @@ def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
 def _reach(columns: set[int], first: list[int]) -> list[int]:
     """Return the rows, ascending, of L^-1 x that are not 0 for a vector x.
 
-    columns : the elements of x that are not 0. first : the first column of each row of
-    L.
+    columns : the elements of x that are not 0.
+    first : the first column of each row of L.
     """
     found: list[int] = []
     last = -1

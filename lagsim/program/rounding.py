@@ -61,8 +61,9 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """Return bounds of the rounding errors of M q'' (n,), for a varying coupled M.
 
     The bounds are nodes. Where M is close to singular (angles near gimbal lock) these
-    errors dominate. Signs are as in `force_rounding_bounds`. elimination : the symbolic
-    solution.
+    errors dominate. Signs are as in `force_rounding_bounds`.
+
+    elimination : the symbolic solution.
     """
     g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     if e.chains is not None:

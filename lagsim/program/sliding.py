@@ -297,9 +297,11 @@ def take_side(k: int, which: Floats, p: Parameters) -> None:
 def share_out(sliding: int, p: Parameters) -> None:
     """Compute the shares w of followed surfaces, and the step of the projection.
 
-    sliding : the number of followed surfaces. J (f0 + sum_k w_k (f_k - f0)) = b is
-    solved for w. Two more right sides, for the residuals and the rates of the surfaces,
-    determine the coefficients of the projection onto the surfaces.
+    J (f0 + sum_k w_k (f_k - f0)) = b is solved for w. Two more right sides, for the
+    residuals and the rates of the surfaces, determine the coefficients of the
+    projection onto the surfaces.
+
+    sliding : the number of followed surfaces.
     """
     width = p.size + p.m
     B, right = p.B, p.right
@@ -342,8 +344,10 @@ def above(x: float, roundoff: float) -> float:
 def take_shares(sliding: int, p: Parameters) -> None:
     """Store the shares in p.share, and add sum_k w_k (f_k - f0) to the field.
 
-    sliding : the number of followed surfaces. A share whose combined field does not
-    stay on its surface, beyond rounding, is set to -1, which ends the mode.
+    A share whose combined field does not stay on its surface, beyond rounding, is set
+    to -1, which ends the mode.
+
+    sliding : the number of followed surfaces.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -456,8 +460,10 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
     """Exchange rows so that the largest element of column k stands in row `row`.
 
-    B : (size, size); right : (size, 3). Return 0 if the element is 0 within rounding,
-    or if there is no such row; else 1.
+    Return 0 if the element is 0 within rounding, or if there is no such row; else 1.
+
+    B : (size, size).
+    right : (size, 3).
     """
     if row >= size:
         return 0

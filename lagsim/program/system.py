@@ -276,8 +276,10 @@ class System:
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Return the generated code of all functions.
 
-        Called only if the cache does not have the code. functions : name -> nodes
-        written to out, or a loop. layout : the places of names in memory.
+        Called only if the cache does not have the code.
+
+        functions : name -> nodes written to out, or a loop.
+        layout : the places of names in memory.
         """
         g = self.equations.graph
         if self.plan.tape:
@@ -346,7 +348,7 @@ class System:
         """Return a copy of the system for other values, with its compiled functions.
 
         model, plan : the model and its plan with the other values; the plan must fit,
-        see `fits`.
+            see `fits`.
         """
         new = copy(self)
         new.take_values(model, plan)
@@ -556,8 +558,8 @@ class System:
     ) -> None:
         """Set the branch of each time-dependent switch for the next arc.
 
-        which : indices of the switches; all by default. values : the values of the
-        switches' discrete functions on their new branches.
+        which : indices of the switches; all by default.
+        values : the values of the switches' discrete functions on their new branches.
         """
         self.p.branches[slice(None) if which is None else which] = values
 
@@ -820,7 +822,9 @@ class Runner:
     def advance(self, state: State, rows: int, budget: int) -> int:
         """Run the method for at most `rows` rows and `budget` steps; return a code.
 
-        state : the memory of the method. See `driver.advance`.
+        See `driver.advance`.
+
+        state : the memory of the method.
         """
         rows = min(rows, len(self.block))
         code: int = self._advance(
@@ -835,8 +839,8 @@ class Runner:
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the states of sections crossed at a run's end; see `crossings.finish`.
 
-        state : the memory of the method. whole : whether the run has reached its end
-        time.
+        state : the memory of the method.
+        whole : whether the run has reached its end time.
         """
         finish = self.at_instants["finish"]
         finish(state.address, self.system.p.address, float(whole))
@@ -844,8 +848,9 @@ class Runner:
     def shown(self, count: int, out: Floats | None = None) -> Floats:
         """Return the table's columns (count, columns) for rows of the block.
 
-        count : the number of rows, from the first on. out : contiguous memory for the
-        columns, (count, columns); by default new memory.
+        count : the number of rows, from the first on.
+        out : contiguous memory for the columns, (count, columns); by default new
+            memory.
         """
         return self._columns_of(self._rows, count, self._width - 1, out)
 

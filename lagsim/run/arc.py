@@ -71,8 +71,9 @@ def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float
 def largest_shift(rtol: float | None) -> float:
     """Return the relative shift beyond which a projection counts as a jump.
 
-    The shift is the result of `shift`, without unit. rtol : relative tolerance of the
-    method; None for a method with fixed steps.
+    The shift is the result of `shift`, without unit.
+
+    rtol : relative tolerance of the method; None for a method with fixed steps.
     """
     if rtol is None:
         return MOST_PULLED
@@ -94,8 +95,8 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
     """Return a copy of a state for another method or system, at an arc's start.
 
-    runner : the linked functions of that method. options : names and values of the
-    options of methods.
+    runner : the linked functions of that method.
+    options : names and values of the options of methods.
     """
     new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
@@ -288,8 +289,9 @@ class Arc(NamedTuple):
     def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
         """Return the energies (works,) of the groups on which work is done.
 
-        A group consists of coupled coordinates, see `mechanics.groups`. shown : output
-        columns of y, if they are already computed.
+        A group consists of coupled coordinates, see `mechanics.groups`.
+
+        shown : output columns of y, if they are already computed.
         """
         if self.system.has_energies:
             return self.runner.function("energies", self.system.works)(self.t, y)
@@ -299,8 +301,10 @@ class Arc(NamedTuple):
     def add_work(self, y: Floats, before: Floats) -> Floats:
         """Add the change of the energies in a jump to the work integrals in y.
 
-        y : (size,), changed in place. before : (works,), the energies before the jump.
         Return the change (works,).
+
+        y : (size,), changed in place.
+        before : (works,), the energies before the jump.
         """
         changes = self.energies(y) - before
         y[self.state.quadratures][: self.system.works] += changes
@@ -403,8 +407,8 @@ def first_arc(
 ) -> Arc:
     """Return the first arc of a run, at its start and before the first step.
 
-    longest_step : the largest step of the method; 0 for no limit. plan, system :
-    formulation and method of the run, and the compiled functions.
+    longest_step : the largest step of the method; 0 for no limit.
+    plan, system : formulation and method of the run, and the compiled functions.
     """
     runner = system.link(plan.method)
     y = system.begin(start)
@@ -429,8 +433,9 @@ def _set_watch(state: State, plan: Plan) -> None:
     """Set the thresholds of sigma below which a loss of rank is searched or reported.
 
     Sigma is the smallest singular value of the constraint rows; the thresholds are
-    parts of its usual value, which the plan has found. state : the memory of the
-    kernels, in which the thresholds are set.
+    parts of its usual value, which the plan has found.
+
+    state : the memory of the kernels, in which the thresholds are set.
     """
     state.close_below = CLOSE * plan.smallest_singular_value
     state.lost_below = LOST * plan.smallest_singular_value

@@ -338,7 +338,9 @@ class Run:
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
         """Integrate by one call of the kernel; return the ending if the run ends.
 
-        None if the run continues. most_steps, arc_steps : see `whole`.
+        None if the run continues.
+
+        most_steps, arc_steps : see `whole`.
         """
         arc = self.arc
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
@@ -398,7 +400,7 @@ class Run:
         """Return the ending of a run whose state is not finite.
 
         row : the first row with that state, which is stored for the message and not
-        written.
+            written.
         """
         self.cut = row
         return Ending(Outcome.NOT_FINITE)
@@ -492,10 +494,12 @@ class Run:
     def _with_breaks(self, decision: Decision | None) -> Decision | None:
         """Return the decision at a located event, joined with that of a break.
 
+        With a break all modes are selected with the branches of t after the break: with
+        the former branches of some switches, and the new ones of t, an expression could
+        have a value that it has on neither side.
+
         decision : that at the event, or None. It is returned unless a break is at the
-        time of the event. With a break all modes are selected with the branches of t
-        after the break: with the former branches of some switches, and the new ones of
-        t, an expression could have a value that it has on neither side.
+            time of the event.
         """
         breaks = self.deciders.breaks
         passed = None if breaks is None else breaks.decide(self.arc, at.DONE)
@@ -520,7 +524,9 @@ class Run:
     def _before(self, code: int) -> Before | None:
         """Return the row before the event just located, if equalities may jump there.
 
-        code : the kernel's return code. None if no jump is possible.
+        None if no jump is possible.
+
+        code : the kernel's return code.
         """
         arc = self.arc
         if not self.deciders.jumping:
@@ -539,7 +545,9 @@ class Run:
     def _corner(self, code: int) -> Floats | None:
         """Return the columns (4, k) of states beside an event, see `_seen`; or None.
 
-        code : the kernel's return code. None where no rows beside events are stored.
+        None where no rows beside events are stored.
+
+        code : the kernel's return code.
         """
         if not self.corners:
             return None
@@ -571,8 +579,9 @@ class Run:
     ) -> Ending | None:
         """Carry out a decision: settle the instant `now`, or begin another arc.
 
-        corner : columns just before the event, see `_corner`. Return the ending of the
-        run, or None.
+        Return the ending of the run, or None.
+
+        corner : columns just before the event, see `_corner`.
         """
         if decision.ending is not None or decision.turn is not Turn.SETTLE:
             self._take(decision)
@@ -669,8 +678,8 @@ class Run:
 def statistics_of(arc: Arc, arcs: int) -> Statistics:
     """Return the counts of steps, evaluations and factorisations so far, as a record.
 
-    arc : the present arc, whose state has the counters. arcs : number of arcs of the
-    run.
+    arc : the present arc, whose state has the counters.
+    arcs : number of arcs of the run.
     """
     state, evaluations = arc.state, int(arc.state.evaluations)
     all_constant = arc.plan.constant >= (2 if arc.system.m else 1)

@@ -118,8 +118,10 @@ class ErrorBar(NamedTuple):
     def lost_by(self, errors: Floats) -> Floats:
         """Return errors (n,) or (k, n) divided by the larger of range and `still`.
 
-        errors : in the units of the coordinates and states. `still` is the displacement
-        by rounding, below which a component counts as at rest.
+        `still` is the displacement by rounding, below which a component counts as at
+        rest.
+
+        errors : in the units of the coordinates and states.
         """
         still = 0.0 if self.still is None else self.still
         return _parts(errors, np.fmax(self.scales, still))
@@ -275,8 +277,9 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
 def _most(sizes: Floats, inertias: Floats) -> Floats:
     """Return the largest finite quotient in each row of sizes/inertias, shape (k,).
 
-    sizes, inertias : shapes that broadcast to (k, columns). 0 where no quotient is
-    finite.
+    0 where no quotient is finite.
+
+    sizes, inertias : shapes that broadcast to (k, columns).
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias

@@ -89,8 +89,9 @@ class Fallback(Source):
 def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Return the decision to continue by the method `ANY`, which handles every model.
 
-    reason : the reason of the change, for the reader. numbers : new values of numbers
-    in the method's memory, by their names in `methods.parts.driver.State`.
+    reason : the reason of the change, for the reader.
+    numbers : new values of numbers in the method's memory, by their names in
+        `methods.parts.driver.State`.
     """
     arc = arc.by(replace(arc.plan, method=ANY), arc.system)
     return by_method(arc, reason, {"h": 0.0, **numbers})
@@ -99,8 +100,9 @@ def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision
 def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Return the decision to continue with `arc`, the present arc with another method.
 
-    reason : the reason of the change, for the reader. numbers : new values of numbers
-    in the method's memory, by their names in `methods.parts.driver.State`.
+    reason : the reason of the change, for the reader.
+    numbers : new values of numbers in the method's memory, by their names in
+        `methods.parts.driver.State`.
     """
     choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
     return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
@@ -226,7 +228,9 @@ class Unmet(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the ending if constraints are violated at `CHECKS` successive checks.
 
-        None otherwise. code : the kernel's return code; a check takes place at PAUSED.
+        None otherwise.
+
+        code : the kernel's return code; a check takes place at PAUSED.
         """
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
@@ -579,8 +583,9 @@ def _trial(arc: Arc) -> tuple[State, State]:
 def _cost(arc: Arc, before: State, after: State) -> float:
     """Return the number of operations per unit of simulated time between two states.
 
-    before, after : the memory of the method at both times, as returned by `_trial`. inf
-    if no time has passed between them.
+    inf if no time has passed between them.
+
+    before, after : the memory of the method at both times, as returned by `_trial`.
     """
     n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t
@@ -599,8 +604,9 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 def _gain(arc: Arc, stiff: Arc) -> float:
     """Return the ratio of the stiff method's step to the present step.
 
-    0 if the stiff method costs more. arc, stiff : the arc by the present method and by
-    the stiff one.
+    0 if the stiff method costs more.
+
+    arc, stiff : the arc by the present method and by the stiff one.
     """
     before, after = _trial(stiff)
     h = arc.state.step_h

@@ -33,7 +33,9 @@ def width(settings: Settings, time: float) -> float:
 def is_same(settings: Settings, time: float, other: float) -> bool:
     """Whether two times belong to one instant.
 
-    Both differ by at most `width`. settings : the settings of the run.
+    Both differ by at most `width`.
+
+    settings : the settings of the run.
     """
     size = max(abs(time), abs(other), abs(settings.start))
     return abs(other - time) <= SAME_INSTANT * size

@@ -110,8 +110,9 @@ class Case(NamedTuple):
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
         """Return the case with other values of parameters.
 
-        parameters : name -> value. The equations are derived anew only if the pieces of
-        a gap change.
+        The equations are derived anew only if the pieces of a gap change.
+
+        parameters : name -> value.
 
         Raises
         ------
@@ -328,7 +329,9 @@ def suited(model: Model, settings: Settings) -> Model:
     """Return a model whose elements, if any, the method of a run can integrate.
 
     The result is the model, or the model with all elements written out, see
-    `language.elements`. settings : the settings of the run, with its method.
+    `language.elements`.
+
+    settings : the settings of the run, with its method.
 
     Raises
     ------
@@ -362,9 +365,11 @@ def after_start_events(
 ) -> tuple[Equations, StartReport]:
     """Return the equations with the modes set by events at the start, and the report.
 
-    The report is that on the start with these modes. classify : passed to `examine`.
-    equations : the equations with the modes of the file before the events. settings :
-    the settings of the run.
+    The report is that on the start with these modes.
+
+    classify : passed to `examine`.
+    equations : the equations with the modes of the file before the events.
+    settings : the settings of the run.
     """
     from lagsim.admissibility.examination import examine
     from lagsim.mechanics.forces import lost_impulses
@@ -497,7 +502,9 @@ def _too_frequent_events(model: Model, settings: Settings) -> list[Problem]:
 def unknown_names(settings: Settings) -> list[Problem]:
     """Return problems with a method and a formulation that do not exist.
 
-    settings : the settings of the run. The list is empty if both exist.
+    The list is empty if both exist.
+
+    settings : the settings of the run.
     """
     from lagsim.methods import method_problems
     from lagsim.plan.formulation import formulation_problems

@@ -222,8 +222,9 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
 def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Decide sides and velocities by turns, until no velocity jumps.
 
-    If velocities jump `STUCK` times, the run ends. now : the record before; the record
-    after both phases is returned.
+    If velocities jump `STUCK` times, the run ends.
+
+    now : the record before; the record after both phases is returned.
     """
     now = branches(now, by)
     for _ in range(STUCK):
@@ -241,8 +242,10 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     All events due together act in the order of the file; events whose conditions these
     acts make true act next, until no further condition becomes true. Then the sum of
-    the impulses of all these events changes the velocities. now : the record before the
-    phase. by : the parts of the run that decide.
+    the impulses of all these events changes the velocities.
+
+    now : the record before the phase.
+    by : the parts of the run that decide.
     """
     if by.transitions is None or not now.due.acts:
         return now
@@ -266,7 +269,8 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the branches of all switches of t alone, from the instant on.
 
-    now : the record before the phase. by : the parts of the run that decide.
+    now : the record before the phase.
+    by : the parts of the run that decide.
     """
     if not now.stale:
         return now
@@ -293,8 +297,10 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     Each surface is decided after the surfaces on which its argument depends, and again
     whenever one of these has changed. Where forces decide, the laws that could act are
-    rows of the same problem. now : the record before the phase. by : the parts of the
-    run that decide.
+    rows of the same problem.
+
+    now : the record before the phase.
+    by : the parts of the run that decide.
     """
     if by.switching is None:
         return now.but(jumped=False) if now.jumped else now
@@ -316,7 +322,9 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     These are first where the end of a law's mode was located. Beside an equality that
     may jump they are first in any case: which of several zeros was located is rounding.
-    now : the record before. by : the parts of the run that decide.
+
+    now : the record before.
+    by : the parts of the run that decide.
     """
     met = now.located.law
     if met >= 0:
@@ -332,8 +340,10 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     The impulses of equalities alone come first, as if the equalities were eliminated.
     All laws that approach then, each with its own restitution, are struck in the same
-    jump. The run ends here if the argument of a table is past its last point. now : the
-    record before the phase. by : the parts of the run that decide.
+    jump. The run ends here if the argument of a table is past its last point.
+
+    now : the record before the phase.
+    by : the parts of the run that decide.
     """
     ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
@@ -352,8 +362,11 @@ def equalities_struck(
     """Return the record with the velocities projected onto equalities, and the jump.
 
     The jump has the row before and the impulses, for the row after, which is written
-    once laws have answered. now : the record before. by : the parts of the run that
-    decide. before : the table row just before the instant.
+    once laws have answered.
+
+    now : the record before.
+    by : the parts of the run that decide.
+    before : the table row just before the instant.
     """
     with TrialModes(now.arc) as trial:
         found, surfaces = inelastic_impact(now.arc, before, by.switching, now.surfaces)
@@ -380,8 +393,10 @@ def laws_struck(
     """Return the record after the impacts of laws.
 
     projected : the jump of velocities by equalities, which is part of the jump by laws.
-    met : the law whose mode has ended, or -1. decided : whether sides are decided. now
-    : the record before. by : the parts of the run that decide.
+    met : the law whose mode has ended, or -1.
+    decided : whether sides are decided.
+    now : the record before.
+    by : the parts of the run that decide.
     """
     assert by.contacts is not None
     assert now.laws is not None
@@ -408,8 +423,10 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the modes of all laws by the accelerations, in one problem.
 
     Laws beside surfaces whose sides the forces decide have their modes from the problem
-    of these sides. Tied rows are decided by rates (`mechanics.row_modes.modes`). now :
-    the record before the phase. by : the parts of the run that decide.
+    of these sides. Tied rows are decided by rates (`mechanics.row_modes.modes`).
+
+    now : the record before the phase.
+    by : the parts of the run that decide.
     """
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
@@ -426,8 +443,10 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Find the events that have become due by the state after all phases.
 
     The phases are the stages of `settle`. The record returned has these events in
-    `due`. now : the record after the phases before. by : the parts of the run that
-    decide.
+    `due`.
+
+    now : the record after the phases before.
+    by : the parts of the run that decide.
     """
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
@@ -503,7 +522,7 @@ def jumped(
     """Return the record after a jump of velocities, with the rows before and after.
 
     before : ndarray, shape (1, k), the columns before the jump; the row before an
-    earlier act or jump of this instant, if the record has one, is written instead.
+        earlier act or jump of this instant, if the record has one, is written instead.
     given : the impulses of the jump, or None.
     """
     arc, rows = now.arc, now.rows
@@ -576,8 +595,10 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     """List the events that acted at the start, and apply their impulses.
 
     The row before the impulses shows the forces of the modes that the state would keep
-    without the impulses. now : the record of the start. by : the parts of the run that
-    decide.
+    without the impulses.
+
+    now : the record of the start.
+    by : the parts of the run that decide.
     """
     arc, transitions = now.arc, by.transitions
     assert transitions is not None

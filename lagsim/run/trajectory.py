@@ -287,8 +287,8 @@ class Source:
     ) -> tuple[Caution, ...]:
         """Return a caution, or () if one with this code and subject was returned.
 
-        code, text : the code and the text of the caution. about : its subject, such as
-        the name of a law.
+        code, text : the code and the text of the caution.
+        about : its subject, such as the name of a law.
         """
         if f"{code} {about}" in self._warned:
             return ()

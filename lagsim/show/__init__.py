@@ -113,7 +113,7 @@ def on_velocities(k: Mapping[str, Any]) -> bool:
     """Whether a constraint is a relation of velocities, not of positions.
 
     k : the entry of the constraint in the document, where function and rate are then
-    one.
+        one.
     """
     return k["rate"] is k["function"]
 

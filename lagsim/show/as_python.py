@@ -71,8 +71,9 @@ DATA = (
 def as_python(equations: Equations, version: str) -> str:
     """Return the text of the Python module of `derive --format python`.
 
-    It is described in docs/derive.md. version : the version of lagsim, for the head of
-    the module.
+    It is described in docs/derive.md.
+
+    version : the version of lagsim, for the head of the module.
     """
     e, g = equations, equations.graph
     model = e.model
@@ -142,8 +143,9 @@ def _function(
 ) -> str:
     """Return the Python code of a function that returns an array.
 
-    name, letter : the name of the function, and the letter of its result. nodes : the
-    entries. shape : the shape of the array.
+    name, letter : the name of the function, and the letter of its result.
+    nodes : the entries.
+    shape : the shape of the array.
     """
     g, first = e.graph, ", s" if e.states else ""
     size = ", ".join(map(str, shape))
@@ -222,7 +224,8 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
 def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
     """Return the Python code of a node, and the number of operations in the code.
 
-    n : the node. written : code and operations of the nodes that are its arguments.
+    n : the node.
+    written : code and operations of the nodes that are its arguments.
     """
     op = g.ops[n]
     if op == DATA:

@@ -126,7 +126,8 @@ def _momentum(
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
 
-    dL_dq : the node of dL/dq. line : the equation of coordinate j in the document.
+    dL_dq : the node of dL/dq.
+    line : the equation of coordinate j in the document.
     constraints : the constraints in the document.
     """
     held = any(
@@ -155,8 +156,9 @@ def _momentum(
 def _part(kind: str, of: Sequence[str], value: Any) -> Part:
     """Return a conserved quantity as an entry of the document.
 
-    kind : `energy`, `momentum` and others. of : names of coordinates. value :
-    expression.
+    kind : `energy`, `momentum` and others.
+    of : names of coordinates.
+    value : expression.
     """
     return {"kind": kind, "of": of, "expression": value, "definition": None}
 
@@ -260,8 +262,9 @@ def _changes(
 
     A rotation of coordinates rotates the velocities, too; a translation does not.
 
-    generators : see `_symmetries`. slopes : derivatives of the function, as sums of
-    products. states : codes of coordinates and velocities.
+    generators : see `_symmetries`.
+    slopes : derivatives of the function, as sums of products.
+    states : codes of coordinates and velocities.
     """
     found: dict[int, dict[int, Any]] = {}
 
@@ -289,8 +292,8 @@ def _null_vectors(
 
     Only vectors that consist of -1, 0 and 1 are yielded.
 
-    rows : the rows of the matrix, each as {index of a column: entry}. size : number of
-    columns.
+    rows : the rows of the matrix, each as {index of a column: entry}.
+    size : number of columns.
     """
     found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
     entries = [row for row in found if row]

@@ -276,8 +276,8 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
 
     Each expression that `wanted` uses more than once is such a step.
 
-    known : node -> expression, to which the steps and `wanted` are added. wanted :
-    nodes to be expressed.
+    known : node -> expression, to which the steps and `wanted` are added.
+    wanted : nodes to be expressed.
     """
     g = x.g
     cone = g.cone(wanted, ends=known)
@@ -506,8 +506,8 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
 
     Entries of matrices are numbered steps, for programs.
 
-    s : the separated equations. matrices : whether M, f, A and b are included. Returns
-    : see `_in_full`.
+    s : the separated equations.
+    matrices : whether M, f, A and b are included. Returns : see `_in_full`.
     """
     e, model = x.equations, x.equations.model
     groups = {"momentum": 3, "reaction": 5, "force": 5}
@@ -586,7 +586,8 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
     Terms that depend on the state are on the left; multipliers and functions of t alone
     are on the right.
 
-    left : the left side as derived, an expression. Q : the generalized force.
+    left : the left side as derived, an expression.
+    Q : the generalized force.
     """
     state = {*x.q, *x.v, *x.states}
     right = sp.Add(
@@ -609,7 +610,8 @@ def _constraint(
 ) -> Part:
     """Return the entry of a constraint: function, rate, row A q'' = b, and law.
 
-    values : function and rate, expressions. moved : the entries of `_moved`.
+    values : function and rate, expressions.
+    moved : the entries of `_moved`.
     """
     law, given = c.law, law_of(c)
     nodes = [given["friction"], given["static_friction"], c.limit, c.static, c.when]

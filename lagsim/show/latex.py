@@ -148,7 +148,7 @@ class _Latex(Outline):
         """Write equations, aligned at their signs; long ones are broken before a sign.
 
         rows : the left side, the terms (sign, text) of the right side, and the text at
-        the end.
+            the end.
         """
         lines = []
         for left, terms, tail in rows:
@@ -257,8 +257,9 @@ class _Latex(Outline):
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
     """Return the lines of a formula, of at most `room` letters each.
 
-    line : the beginning of the first line. parts : (sign, text) of each term. begin :
-    the beginning of further lines.
+    line : the beginning of the first line.
+    parts : (sign, text) of each term.
+    begin : the beginning of further lines.
     """
     lines, used = [], 0
     for k, (sign, text) in enumerate(parts):

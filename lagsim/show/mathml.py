@@ -71,8 +71,9 @@ class MathPrinter(TextPrinter):
     def parenthesize(self, item: Any, level: Any, strict: bool = False) -> str:
         """Return an expression as MathML, in parentheses if it binds less than `level`.
 
-        item : the expression. level : a precedence of sympy. strict : whether
-        parentheses are left out at equal precedence.
+        item : the expression.
+        level : a precedence of sympy.
+        strict : whether parentheses are left out at equal precedence.
         """
         from sympy.printing.precedence import precedence
 

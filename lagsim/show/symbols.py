@@ -91,8 +91,8 @@ def _refuse_digits(base: Any, exponent: Any) -> None:
 def _table(name: str, orders: tuple[int, ...]) -> type[Spelled]:
     """Return the sympy function of a table or of a derivative of it: f', or ∂₁f.
 
-    name : the name of the table. orders : the orders of the derivative, by each
-    argument.
+    name : the name of the table.
+    orders : the orders of the derivative, by each argument.
     """
     signs = (f"∂{'₁₂'[k]}" * order for k, order in enumerate(orders))
     spelled = name + "'" * orders[0] if len(orders) == 1 else "".join(signs) + name

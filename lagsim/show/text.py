@@ -141,7 +141,8 @@ class Outline:
     ) -> list[Row]:
         """Return rows (label, expression, text after it), one for a whole family.
 
-        rows : pairs of a name and its expression. tail : the text after each row.
+        rows : pairs of a name and its expression.
+        tail : the text after each row.
         """
         return [
             (self.names.show(row.name), *row.parts, tail + self._tail(row))
@@ -264,7 +265,8 @@ class Outline:
     ) -> None:
         """Write the entries of a vector, one per line, each with a label.
 
-        key : key of the label in `signs`. names : name inserted into each label.
+        key : key of the label in `signs`.
+        names : name inserted into each label.
         """
         rows = zip(names, values or (), strict=False)
         self._rows([(self.sign(key, name), e) for name, e in rows])
@@ -278,8 +280,10 @@ class Outline:
     ) -> None:
         """Write a matrix as a square if it fits, else one entry per line.
 
-        letter : the letter of the matrix. rows : its entries. labels, names : names of
-        rows and columns; one object if the matrix is symmetric.
+        letter : the letter of the matrix.
+        rows : its entries.
+        labels, names : names of rows and columns; one object if the matrix is
+            symmetric.
         """
         written = [[self.write(e) for e in row] for row in rows]
         columns = zip(*written, strict=True)
@@ -440,7 +444,9 @@ class Outline:
     def _equals(self, left: str, right: Any, tail: str = "") -> None:
         """Write left = right, broken before a sign where it is too long.
 
-        left : a text. right : an expression. tail : the text after the formula.
+        left : a text.
+        right : an expression.
+        tail : the text after the formula.
         """
         head = f"  {left} = " if left else "  "
         self._broken_row(head, self.write.terms(right), tail)
@@ -585,7 +591,8 @@ def _folded(line: str) -> list[str]:
 def _break(line: str, fits: int, margin: int) -> int:
     """Return the index at which to break a line; 0 if there is none.
 
-    fits : the largest index. margin : number of spaces at the beginning of lines.
+    fits : the largest index.
+    margin : number of spaces at the beginning of lines.
     """
     nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
     depths = list(itertools.accumulate(nested))

@@ -371,8 +371,9 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     def way(plan: Plan, longest: float, session: Session = session) -> Session:
         """Return `session` with a plan, and with a largest step size for a repeat.
 
-        plan : the plan of the repeat. longest : the largest step size requested, which
-        is increased if the repeat would exceed BUDGET operations.
+        plan : the plan of the repeat.
+        longest : the largest step size requested, which is increased if the repeat
+            would exceed BUDGET operations.
         """
         own = own_cost(session.system, trajectory)
         most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
@@ -523,7 +524,9 @@ class Attempt(Evidence):
     ) -> dict[str, Any]:
         """Return the content of run.json.
 
-        cautions : all warnings. timings : seconds by stage. files : names of the files.
+        cautions : all warnings.
+        timings : seconds by stage.
+        files : names of the files.
         """
         return manifest(
             self.session, self.trajectory, self.residuals, constraint_residual(self),
@@ -835,7 +838,8 @@ class Attempts:
 
         It has another method, tolerance or formulation, or shorter steps.
 
-        first : the attempt that failed the audit. finding : the reason.
+        first : the attempt that failed the audit.
+        finding : the reason.
         """
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)

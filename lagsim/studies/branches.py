@@ -175,7 +175,9 @@ class RestCurve:
     def visible(self, y: Floats) -> Floats:
         """Return the positions, states and parameter of a point, without multipliers.
 
-        y : (k + 1,). The values stay scaled; distances of points are measured by these.
+        The values stay scaled; distances of points are measured by these.
+
+        y : (k + 1,).
         """
         count = len(y) - 1 - len(self._rest.rows)
         return np.append(y[:count], y[-1])
@@ -421,7 +423,8 @@ class RestCurve:
 
         The point is None if Newton's method fails.
 
-        here : the point before. step : length along the tangent.
+        here : the point before.
+        step : length along the tangent.
         """
         found = self.returned(here.y + step * here.tangent, here.tangent)
         if found is None:
@@ -432,7 +435,9 @@ class RestCurve:
     def _at_end(self, here: BranchPoint, there: BranchPoint) -> BranchPoint | None:
         """Return the point at the end of the parameter's range that a step has passed.
 
-        here, there : the ends of the step. None if the step ends within the range.
+        None if the step ends within the range.
+
+        here, there : the ends of the step.
         """
         low, high = self.ends
         value = self.value(there.y)

@@ -75,8 +75,9 @@ def within(t: Floats, pairs: Floats) -> Flags:
 def on_grid(rows: Floats, settings: Settings) -> Floats:
     """Return the rows of a run at output times, one for each, and the last row.
 
-    At the time of an impact the row is that after the impact. rows : (k, columns), the
-    first column is the time.
+    At the time of an impact the row is that after the impact.
+
+    rows : (k, columns), the first column is the time.
     """
     places = grid_numbers(rows[:, 0], settings.start, settings.output_step)
     kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
@@ -111,7 +112,8 @@ def partners(mine: Floats, theirs: Floats) -> Floats:
 def nearest_times(times: Floats, among: Floats) -> Floats:
     """Return, for each time, the index of the nearest time in `among`, shape (k,).
 
-    times : (k,). among : (l,), ascending.
+    times : (k,).
+    among : (l,), ascending.
     """
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))
@@ -210,7 +212,9 @@ def scales(
 def _extremes(data: Floats) -> tuple[Floats, Floats]:
     """Return the least and the greatest finite value of each column.
 
-    Both are 0 for a column without a finite value. data : (columns, rows).
+    Both are 0 for a column without a finite value.
+
+    data : (columns, rows).
     """
     low, high = np.zeros(len(data)), np.zeros(len(data))
     for k, values in enumerate(data):
@@ -283,7 +287,8 @@ def _spacing(t: Floats) -> float:
 def _turns(t: Floats, near: float) -> Ints:
     """Return, for each row, how many of the rows before have its time, shape (k,).
 
-    t : (k,), ascending. near : the largest difference of equal times.
+    t : (k,), ascending.
+    near : the largest difference of equal times.
     """
     turns = np.zeros(len(t), dtype=np.intp)
     for k in np.flatnonzero(np.diff(t) <= near) + 1:  # few: only impacts

@@ -99,7 +99,8 @@ class Continuum:
 
         Where both are 0, the largest of all scales is used.
 
-        at : a state of rest. lam : (m,), the multipliers of all rows there.
+        at : a state of rest.
+        lam : (m,), the multipliers of all rows there.
         """
         known = dict(
             zip([row.name for row in self.held], lam[self._first :], strict=True)

@@ -93,7 +93,8 @@ def other_files(made: Attempt) -> Iterator[Made]:
 def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
     """Return the data that all pictures of a run share.
 
-    rows : the thinned rows. form : the file format.
+    rows : the thinned rows.
+    form : the file format.
     """
     from lagsim.outputs.units import units
 

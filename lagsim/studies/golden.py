@@ -295,7 +295,8 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
 def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
     """Return the least bound of the error in each cell: tolerance plus rounding.
 
-    base : the motion. rows : (k, columns), like the result.
+    base : the motion.
+    rows : (k, columns), like the result.
     """
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations)
@@ -331,7 +332,8 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     coordinate rests if it moves no farther than the rounding of its forces moves it;
     the range of such a motion is no scale of errors.
 
-    base : the motion. rows : (k, columns).
+    base : the motion.
+    rows : (k, columns).
     """
     e, n = case.equations, len(case.equations.q)
     sizes, rounding = np.zeros((2, rows.shape[1]))
@@ -357,7 +359,8 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """Raise an InputError if columns have values or bounds that are not finite.
 
-    names : the names of the columns. rows, bounds : (k, columns).
+    names : the names of the columns.
+    rows, bounds : (k, columns).
     """
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
@@ -373,7 +376,9 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
 def _roundings(case: Case, base: SampledMotion, rows: Floats) -> Floats:
     """Return the rounding errors of the definitions in each row, (k, columns).
 
-    They are 0 for other columns. rows : (k, columns).
+    They are 0 for other columns.
+
+    rows : (k, columns).
     """
     model = case.model
     shown = [d for d in model.definitions if d.name in base.columns]
@@ -431,8 +436,8 @@ def _bounded(
 ) -> dict[str, Invariant]:
     """Return the conserved quantities by name, with bounds of their deviations.
 
-    base : the motion of the golden run. others : the motions of its variants, which
-    determine the bounds.
+    base : the motion of the golden run.
+    others : the motions of its variants, which determine the bounds.
     """
     found, rtol = {}, base.plan.rtol or DEFAULT_RTOL
     kept, *_ = apart = [invariants(case.equations, x) for x in (base, *others)]
@@ -583,8 +588,9 @@ def document(golden: Golden) -> bytes:
 def _lines(name: str, entries: Document, depth: int) -> bytes:
     """Return a JSON object as text with one line for each entry, for human readers.
 
-    name : key of the object. entries : its content. depth : the depth at which an entry
-    is written on one line.
+    name : key of the object.
+    entries : its content.
+    depth : the depth at which an entry is written on one line.
     """
     margin = depth * b"  "
     lines = (
@@ -786,7 +792,8 @@ def _notes(
 ) -> Iterator[str]:
     """Yield notes on changes of file, method, versions or end; not on the motion.
 
-    about : data on the golden's run. changed : texts on changed inputs, or None.
+    about : data on the golden's run.
+    changed : texts on changed inputs, or None.
     """
     if case.model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"

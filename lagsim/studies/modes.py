@@ -253,7 +253,8 @@ class Small:
 
         Such a parameter moves neither a state nor an output.
 
-        inputs : names. space : the state space from the inputs.
+        inputs : names.
+        space : the state space from the inputs.
         """
         found, forces = list[Caution](), [x.on for x in self.setting.model.forces]
         for name in inputs:

@@ -64,7 +64,9 @@ def drawings(
 ) -> dict[str, Callable[[], bytes]]:
     """Return the functions that draw the pictures and the page, by file name.
 
-    Each returns the content of its file. plots : whether there are pictures.
+    Each returns the content of its file.
+
+    plots : whether there are pictures.
     """
     found: dict[str, Callable[[], bytes]] = {}
     if plots:
@@ -154,7 +156,8 @@ def _label_peaks(
 
     The peak at an undamped mode is infinite; its label has the frequency of the mode.
 
-    f, amplitude : (k,). undamped : frequencies of undamped modes.
+    f, amplitude : (k,).
+    undamped : frequencies of undamped modes.
     """
     logs = np.log(np.maximum(amplitude, 1e-300))
     for values, below in ((logs, False), (-logs, True)):
@@ -175,7 +178,8 @@ def _label_peaks(
 def _stands_out(values: Floats, k: int) -> float:
     """Return how far a maximum is above the higher of the minima beside it.
 
-    values : (n,). k : the index of the maximum.
+    values : (n,).
+    k : the index of the maximum.
     """
     higher = np.flatnonzero(values > values[k])
     left = higher[higher < k].max(initial=0)

@@ -268,8 +268,9 @@ class _Surfaces:
     def _decides(self, k: int, found: list[tuple[dict[int, bool], _OnSides]]) -> bool:
         """Whether surface k has to be crossed with others for a change of equations.
 
-        found : the compared combinations of sides. Such surfaces coincide to first
-        order.
+        Such surfaces coincide to first order.
+
+        found : the compared combinations of sides.
         """
         coupled = [
             (x, y)
@@ -312,7 +313,7 @@ class _Surfaces:
         """Return the warning on surface k.
 
         above : the side of the surface whose equations are those of the modes; None if
-        they are those of no side.
+            they are those of no side.
         """
         side = self.sides[k]
         switch, place = self._written(side)

@@ -232,7 +232,9 @@ def _bands(
 ) -> dict[str, Band]:
     """Return the bands of one standard deviation of columns, by name.
 
-    A column without standard deviations has none. rows : the thinned rows of the table.
+    A column without standard deviations has none.
+
+    rows : the thinned rows of the table.
     """
     found = {}
     for name in columns:

@@ -238,7 +238,8 @@ class _Changes:
     def _response(self, changed: Callable[[float], Model], by: float) -> Response:
         """Return the response to a change; to the opposite one if it is invalid.
 
-        changed : amount -> changed model. by : the amount.
+        changed : amount -> changed model.
+        by : the amount.
         """
         found = self._of(changed, by)
         return self._of(changed, -by) if found.refused else found

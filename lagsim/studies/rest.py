@@ -480,7 +480,7 @@ class Search:
         """Return the rest to which a search from the start leads; None without one.
 
         ways : the ways of the search, see `admissibility.rest.find_rest`; by default
-        all.
+            all.
         """
         return self._found(self._point, ways or (Way.NEAR, Way.CORNER, Way.FAR))
 
@@ -587,8 +587,9 @@ class Search:
     ) -> Steady | None:
         """Return the nearest rest that friction holds; None if none is found.
 
-        state : a rest that friction holds. forces : multiplier of each row in force
-        there, by the name of the row. free : coordinates that no force depends on.
+        state : a rest that friction holds.
+        forces : multiplier of each row in force there, by the name of the row.
+        free : coordinates that no force depends on.
         """
         q0 = self._point.q
         sizes = np.where(self.angles, 1.0, np.maximum(1.0, np.abs(q0)))
@@ -792,7 +793,8 @@ def document_of(
 ) -> dict[str, Any]:
     """Return the content of equilibrium.json.
 
-    found : the rests. tried : the number of starts that were tried.
+    found : the rests.
+    tried : the number of starts that were tried.
     """
     free = dict.fromkeys(name for x in found for name in x.steady.free)
     document = head(setting.model) | {
@@ -843,7 +845,8 @@ def with_start(
 
     Without a stable rest it is the nearest rest. Comments are kept.
 
-    found : the rests. given : values that replace values of parameters in the file.
+    found : the rests.
+    given : values that replace values of parameters in the file.
 
     Raises
     ------

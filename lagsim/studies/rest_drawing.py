@@ -133,8 +133,10 @@ def with_specials(
     """Return the points of a branch with special points inserted, for drawing.
 
     A special point is inserted where stability changes, between two points whose
-    distance over the special point is hardly longer. name_of : the coordinate that is
-    drawn. places, specials : points of the branch and special points, as in documents.
+    distance over the special point is hardly longer.
+
+    name_of : the coordinate that is drawn.
+    places, specials : points of the branch and special points, as in documents.
     """
 
     def at(point: dict[str, Any]) -> complex:

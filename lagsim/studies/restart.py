@@ -228,8 +228,8 @@ class Restart:
     ) -> None:
         """Restore the checkpoint, if there is one; store later ones of this run.
 
-        relay : the observers of rows. writers : the writers of the tables, by the names
-        of the tables.
+        relay : the observers of rows.
+        writers : the writers of the tables, by the names of the tables.
         """
         self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
@@ -421,7 +421,9 @@ _OF_RUN = (
 def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
     """Return, by name, the objects of a run that are regenerated and not stored.
 
-    Every run of a session creates these objects alike. relay : the observers of rows.
+    Every run of a session creates these objects alike.
+
+    relay : the observers of rows.
     """
     case = session.case
     found = {"session": session, "relay": relay, "listed": run.recorder.listed}

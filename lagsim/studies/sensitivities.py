@@ -197,8 +197,8 @@ class _Runs:
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
         """Return the rows of runs at several offsets, shape (offsets, k, columns).
 
-        offsets : numbers of steps. power : the exponent of FACTOR in the step, see
-        `trial`.
+        offsets : numbers of steps.
+        power : the exponent of FACTOR in the step, see `trial`.
         """
         return np.array([self.study.rows(self.trial(j, power)) for j in offsets])
 
@@ -555,8 +555,10 @@ def _central(runs: _Runs, power: int) -> _Difference:
 def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
     """Return the derivatives by differences on the side that can be used.
 
-    The order is 6, or that of the central differences if lower. sides : whether runs
-    above, and below, can be used. power : see `_Runs.trial`.
+    The order is 6, or that of the central differences if lower.
+
+    sides : whether runs above, and below, can be used.
+    power : see `_Runs.trial`.
     """
     side = 1 if sides[0] else -1
     h = side * runs.unit * FACTOR**power

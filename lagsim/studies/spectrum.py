@@ -188,7 +188,8 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
 def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     """Return the indices of equally spaced rows, and their spacing.
 
-    t : (rows,), the times. column : name of the column, for messages.
+    t : (rows,), the times.
+    column : name of the column, for messages.
     """
     apart = np.diff(t)
     if not (apart >= 0.0).all():
@@ -223,7 +224,8 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
 def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ...]:
     """Return the largest peaks, except peaks nearer than `apart` to a larger one.
 
-    frequency, amplitude : (k,). apart : a difference of frequencies in Hz.
+    frequency, amplitude : (k,).
+    apart : a difference of frequencies in Hz.
     """
     from scipy.signal import find_peaks
 

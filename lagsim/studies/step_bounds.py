@@ -235,8 +235,9 @@ def _analysed(
 ) -> LinearisedState:
     """Return the modes of a linearised motion, with their energies.
 
-    t : the time. v, a : velocities and accelerations (n,) at the state. h : the step;
-    modes much slower than 1/h are left out.
+    t : the time.
+    v, a : velocities and accelerations (n,) at the state.
+    h : the step; modes much slower than 1/h are left out.
     """
     modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
@@ -256,8 +257,11 @@ def _penalty(
 ) -> list[Caution]:
     """Return a warning if the gain of Baumgarte's formulation makes the model stiff.
 
-    The formulation adds a double eigenvalue -gain for each constraint. module : the
-    method. h : the step. seen : linearised states.
+    The formulation adds a double eigenvalue -gain for each constraint.
+
+    module : the method.
+    h : the step.
+    seen : linearised states.
     """
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
@@ -390,8 +394,9 @@ class _StepCheck(NamedTuple):
     def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
         """Return the fraction of a mode's energy that numerical damping removes.
 
-        h : the step. eigenvalue : the eigenvalue of the mode. left : the time during
-        which it is damped; by default the length of the run.
+        h : the step.
+        eigenvalue : the eigenvalue of the mode.
+        left : the time during which it is damped; by default the length of the run.
         """
         size = self.module.amplification(h * eigenvalue)
         if size <= 0.0:

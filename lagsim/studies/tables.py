@@ -124,8 +124,10 @@ def of_another_run(
 ) -> tuple[str, ...]:
     """Return a remark if the digest of a file differs from that in its run.json.
 
-    The file then belongs to another run. folder, name : the folder and the name of the
-    file. manifest : the content of run.json.
+    The file then belongs to another run.
+
+    folder, name : the folder and the name of the file.
+    manifest : the content of run.json.
 
     Raises
     ------

@@ -356,7 +356,8 @@ class Form:
     ) -> Session | None:
         """Return the session of a variant; None if the variant needs another form.
 
-        texts : expressions of values by name. settings, guesses : see `Variant`.
+        texts : expressions of values by name.
+        settings, guesses : see `Variant`.
 
         Raises
         ------
@@ -430,7 +431,8 @@ class Forms:
     ) -> Session:
         """Return the session of a variant, compiled if no earlier functions fit.
 
-        texts : expressions of values by name. settings, guesses : see `Variant`.
+        texts : expressions of values by name.
+        settings, guesses : see `Variant`.
 
         Raises
         ------
@@ -564,6 +566,7 @@ def _again(
 ) -> Trials:
     """Return the trials of a pickle, with the sessions compiled in this process.
 
-    content : the pickled Model. options, who : see `Trials`.
+    content : the pickled Model.
+    options, who : see `Trials`.
     """
     return Trials(pickle.loads(content), dict(options), who)

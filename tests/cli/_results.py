@@ -45,7 +45,8 @@ def contents(folder):
 def started(*words, before=(), **around):
     """Start the command in a process of its own, with a changed environment.
 
-    before : words before the command, such as those of a shell. around : the changes.
+    before : words before the command, such as those of a shell.
+    around : the changes.
     """
     line = [*before, sys.executable, "-m", "lagsim", *map(str, words)]
     environment = os.environ | {"PYTHONPATH": str(ROOT), **around}

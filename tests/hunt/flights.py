@@ -374,7 +374,8 @@ class Flights:
     def solved(self, t, y, modes, cells, law_modes, choose, script, slide=None):
         """Return the arc of given cells and modes; missing ones are chosen.
 
-        cells : of each reading; slide : a switch that two readings differ in
+        cells : of each reading.
+        slide : a switch that two readings differ in
         """
         s, share = self.begin(t, y, modes), None
         for _ in range(ORDER + 3):

@@ -632,7 +632,7 @@ class Hybrid:
         """Return velocities and normal impulses of a phase, by trial of all kinds.
 
         targets : rates of gaps that contacts with an impulse have afterwards given : or
-        the normal impulses themselves
+            the normal impulses themselves
         """
         laws = self.e.laws
         s.setdefault("drift", s["rate"] - s["A"] @ v)

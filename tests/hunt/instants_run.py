@@ -401,7 +401,9 @@ class Run:
 def _impulses(A, masses, jumps, kinds):
     """Return the impulses (k,) of rows; contacts have impulses that push.
 
-    A row without an impulse leaves faster than its target rate. jumps : (k,), of rates
+    A row without an impulse leaves faster than its target rate.
+
+    jumps : (k,), of rates
     """
     loose = [k for k, kind in enumerate(kinds) if kind == "contact"]
     found = []

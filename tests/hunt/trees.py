@@ -228,7 +228,8 @@ TEXTS: dict[str, list[str]] = {
 def text(tree, names, defined=None):
     """Return a tree as lagsim reads it.
 
-    names : variable -> text; defined : gathers the texts of nodes that have a name
+    names : variable -> text.
+    defined : gathers the texts of nodes that have a name
     """
     if tree.name and defined is not None:
         if tree.name not in defined:

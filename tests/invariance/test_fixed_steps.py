@@ -30,7 +30,8 @@ MOVED = {FREE: "c", HELD: "ac"}
 def motion(method, *, bystander=False, far=0.0, unit=1.0):
     """Return a, b and c of a double pendulum on a heavy, sprung cart, or a single one.
 
-    bystander : whether a body of mass 1e24 is 1e6 away. unit : inverse unit of time.
+    bystander : whether a body of mass 1e24 is 1e6 away.
+    unit : inverse unit of time.
     """
     frequency = 0.3 / unit
     parts = {

@@ -66,8 +66,10 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
     """Project y (size,) at time t onto the constraints, in place.
 
     Return 1 if Newton's method converged, else 0. h is the length of the step that led
-    to y. work : (n + 3,), working memory; on return work[n + 1] is the singular value
-    of `velocity_step`.
+    to y.
+
+    work : (n + 3,), working memory; on return work[n + 1] is the singular value of
+        `velocity_step`.
     """
     s.missed = 0.0
     for level in range(2):
@@ -128,11 +130,12 @@ def project_level(
 def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
     """Whether a Newton step (n,) is rounding of coordinates, in the metric of M.
 
-    level, x : 0 and positions (n,), or 1 and velocities (n,). h : the length of the
-    step of the method; the displacement that forces could cause within h counts as a
-    size, which is the scale of a structure at rest. Sizes are weighted by the shares of
-    coordinates in the Newton step, so that a heavy body that hardly moves sets no scale
-    for a light one joined to it.
+    Sizes are weighted by the shares of coordinates in the Newton step, so that a heavy
+    body that hardly moves sets no scale for a light one joined to it.
+
+    level, x : 0 and positions (n,), or 1 and velocities (n,).
+    h : the length of the step of the method; the displacement that forces could cause
+        within h counts as a size, which is the scale of a structure at rest.
     """
     n = s.n
     sizes = s.sizes[level * n :]
@@ -163,10 +166,11 @@ def is_finite(n: int, x: Floats) -> bool:
 def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
     """Return the largest ratio of a change `step` (n,) to the size of its component.
 
-    level, x : 0 and positions (n,), or 1 and velocities (n,). Other bodies do not
-    matter, however heavy or far. The displacement that forces could cause in the time h
-    counts as a size; the ratio is 1 for a component without a size, and OVERFLOW for a
-    change that is not finite.
+    Other bodies do not matter, however heavy or far. The displacement that forces could
+    cause in the time h counts as a size; the ratio is 1 for a component without a size,
+    and OVERFLOW for a change that is not finite.
+
+    level, x : 0 and positions (n,), or 1 and velocities (n,).
     """
     sizes = s.sizes[level * s.n :]
     moment = h if level > 0 else h * h
@@ -237,9 +241,11 @@ def record_sigma(s: Rank, sigma: float, h: float) -> None:
 def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
     """Store sigma after a step of length h, and sigma at the middle of the step.
 
-    sigma : the value after the step. Sigma may vanish within a long step and have equal
-    values at both ends; it is not evaluated between these if it would have to change
-    faster than at any time so far by the factor FASTER.
+    Sigma may vanish within a long step and have equal values at both ends; it is not
+    evaluated between these if it would have to change faster than at any time so far by
+    the factor FASTER.
+
+    sigma : the value after the step.
     """
     if s.sigma + sigma > FASTER * s.sigma_slope * h > 0.0:
         record_sigma(s, sigma, h)
@@ -300,6 +306,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     """Return the time until rank is lost, or nearly so; 0 if no loss is seen.
 
     The time is found by secants through sigma along a parabola from the current state.
+
     ahead : the estimate from the recent slope of sigma.
     """
     n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
@@ -399,8 +406,10 @@ def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     """Remove, from `error` (2 n,) of q and q', the part that projection removes.
 
-    h : the length of the step. Return twice the kinetic energy of that part, as
-    velocities (errors of q over h), relative to the energy of the mechanism.
+    Return twice the kinetic energy of that part, as velocities (errors of q over h),
+    relative to the energy of the mechanism.
+
+    h : the length of the step.
     """
     n = s.n
     removed = 0.0
@@ -424,6 +433,7 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 
     The mechanism consists of all coordinates that rows or the mass matrix couple to the
     largest component of the direction z; its energy is at most that of the whole model.
+
     mass : (n,), M z.
     """
     n = s.n
@@ -444,6 +454,7 @@ def bent(s: Rank, removed: float, left: float) -> float:
 
     left : the error in tolerances after the part off the constraints is removed.
     removed : the relative energy of that part, see `forget_removed`, which is the
-    square of its size relative to the speed and remains as an error of second order.
+        square of its size relative to the speed and remains as an error of second
+        order.
     """
     return float(max(left, removed / (LOCAL * s.rtol)))

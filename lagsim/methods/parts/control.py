@@ -174,7 +174,9 @@ def forget_roundoff(s: Control) -> None:
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
     """Store kinetic energy, energy and the diagonal of M at the state y (size,).
 
-    t : the time. While `spared` is positive the former values are kept.
+    While `spared` is positive the former values are kept.
+
+    t : the time.
     """
     if s.spared > 0.0:
         return
@@ -188,9 +190,10 @@ def set_tolerances(
 ) -> bool:
     """Set the tolerance of each component for a step of length h to `new` at time t.
 
-    new, rates : (size,), the state after the step and y' before it. A tolerance of 0:
-    the component has no scale and is not controlled. Return False if the tolerances of
-    the last call hold and are kept, else True.
+    A tolerance of 0: the component has no scale and is not controlled. Return False if
+    the tolerances of the last call hold and are kept, else True.
+
+    new, rates : (size,), the state after the step and y' before it.
     """
     store_energies(s, t, new, p)
     if not CONSTRAINED and not SWITCHES and h <= s.steady and is_within(s, new):
@@ -214,8 +217,9 @@ def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
 
     Within the ranges of the components, the tolerances hold if they follow from these
     ranges alone, by a wide margin. The result is 0 if roundoff of rates is known, since
-    the roundoff of positions grows with the step. new : (size,), the state after the
-    step h for which the tolerances were computed.
+    the roundoff of positions grows with the step.
+
+    new : (size,), the state after the step h for which the tolerances were computed.
     """
     if s.wide == 0.0 or s.atol >= 0.0 or p.m > 0 or p.works > 0:
         return 0.0
@@ -332,9 +336,10 @@ def against(error: float, tolerance: float) -> float:
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     """Raise the tolerances of works to the errors of the corresponding energies.
 
-    new : (size,), the state after the step. On a coordinate without inertia a
-    multiplier is a difference of terms that replace the inertia, and has the rounding
-    of these terms.
+    On a coordinate without inertia a multiplier is a difference of terms that replace
+    the inertia, and has the rounding of these terms.
+
+    new : (size,), the state after the step.
     """
     before, v = s.y[s.velocities], new[s.velocities]
     of_velocities = s.tolerances[s.velocities]
@@ -364,7 +369,9 @@ def allow_roundoff(
     Each call evaluates y' at a state displaced in one of two directions, the second
     call in a step in the other direction; where the terms of a component cancel, the
     first call evaluates y' in both. Return False, without an effect, if both directions
-    have been used in this step, else True. k : (size,), y' at the start of the step.
+    have been used in this step, else True.
+
+    k : (size,), y' at the start of the step.
     sigma : see `bound_roundoff`.
     """
     if s.rounding_known >= MOST_WAYS:
@@ -400,8 +407,9 @@ def bound_by_others(
     a range of its own, far above these errors, keeps its tolerance. Each state is
     raised at most once in a step, by coordinates and velocities first, then by states
     that were raised before: the error of a stiff state does not raise its own
-    tolerance, nor that of others in a cycle, since an implicit method damps it. h, new,
-    k : see `allow_roundoff`.
+    tolerance, nor that of others in a cycle, since an implicit method damps it.
+
+    h, new, k : see `allow_roundoff`.
     """
     first, waits, own = s.velocities.stop, s.far_before, sqrt(float(s.rtol))
     for i in range(s.size):
@@ -435,7 +443,9 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
     The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
     time, causes a motion without initial size, and one component may set the next in
-    motion. k : (size,), y' at the start.
+    motion.
+
+    k : (size,), y' at the start.
     """
     n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes, accelerations = s.spare, k[s.velocities]
@@ -469,9 +479,11 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     """Return the length of the first step of an arc, from an explicit Euler step.
 
-    k : (size,), y' at the start. The change of the rates in the Euler step is compared
-    with the rates: with the step returned, an error that falls as the power `order` of
-    the step, relative to that change, is within the tolerance.
+    The change of the rates in the Euler step is compared with the rates: with the step
+    returned, an error that falls as the power `order` of the step, relative to that
+    change, is within the tolerance.
+
+    k : (size,), y' at the start.
     """
     z, slopes = s.work, s.spare
     bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0, 1)
@@ -496,10 +508,12 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
     """Return the time in which a rate changes by its own size, the least of all rates.
 
-    k, slopes : (size,), y' at times h apart. Rates that begin at 0 do not count, nor do
-    changes within the tolerances; OVERFLOW if no rate counts, and h/1000 if a rate is
-    not finite. The rate of a state counts also where it changes its sign, by h/1000 at
-    least: the state is stiff, and the Euler step leads far past its equilibrium.
+    Rates that begin at 0 do not count, nor do changes within the tolerances; OVERFLOW
+    if no rate counts, and h/1000 if a rate is not finite. The rate of a state counts
+    also where it changes its sign, by h/1000 at least: the state is stiff, and the
+    Euler step leads far past its equilibrium.
+
+    k, slopes : (size,), y' at times h apart.
     """
     least = OVERFLOW
     for i in range(s.size):
@@ -568,7 +582,9 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
     """Whether a step h moves a position by only a few units in its last place.
 
     With switches, positions at rest count: another body may set them in motion by a
-    force that starts at a switch. k : (size,), y' at the start.
+    force that starts at a switch.
+
+    k : (size,), y' at the start.
     """
     for i in range(s.n):
         moved = h * abs(k[i])
@@ -581,8 +597,9 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
     """Extend the roundoff bound of the rates by that at the middle of a step h.
 
     Near a switch, forces may have no derivative that shows the effect of rounding
-    (Hertz contact, a root), and the step itself may end anywhere. k : (size,), y' at
-    its start.
+    (Hertz contact, a root), and the step itself may end anywhere.
+
+    k : (size,), y' at its start.
     """
     t = s.t + 0.5 * h
     lead_positions(s, 0.5 * h, k)
@@ -650,10 +667,12 @@ def perturb(
 ) -> None:
     """Compute the change of rates (size,) at (t, y) by a relative change of y and t.
 
-    rates : (size,), y' at (t, y). change : the relative change. ways : 1 or 2, the
-    number of directions in which components are changed: in one alone, terms may cancel
-    by chance. out : (size,), the largest change of each rate; a rate that is not finite
-    counts as unchanged.
+    rates : (size,), y' at (t, y).
+    change : the relative change.
+    ways : 1 or 2, the number of directions in which components are changed: in one
+        alone, terms may cancel by chance.
+    out : (size,), the largest change of each rate; a rate that is not finite counts as
+        unchanged.
     """
     size = s.size
     out[:size] = 0.0
@@ -680,9 +699,11 @@ def bound_roundoff(
     """Bound the roundoff of the rates k (size,) at (t, y), for a step h from y (size,).
 
     The bound is that of the rounding in the evaluation, plus the change of y' at states
-    moved by rounding in `ways` (1 or 2) directions. sigma : 1, or less where rows are
-    close to a loss of rank, which enlarges the first bound; y' off the constraints is
-    of no use there. At a start, h = 0, and the bound is renewed with the first step.
+    moved by rounding in `ways` (1 or 2) directions. At a start, h = 0, and the bound is
+    renewed with the first step.
+
+    sigma : 1, or less where rows are close to a loss of rank, which enlarges the first
+        bound; y' off the constraints is of no use there.
     """
     n, roundoff = s.n, s.roundoff
     s.steady = 0.0
@@ -751,8 +772,10 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
     """Add the small terms of compensated summation to the new state `new` (size,).
 
     The terms are `remainder`, the old state's `compensation`, and, where rtol < TIGHT,
-    the effect of the compensation on y' in the step h. k : (size,), y' at the start of
-    the step. The part that rounding leaves over is stored in `remainder`.
+    the effect of the compensation on y' in the step h. The part that rounding leaves
+    over is stored in `remainder`.
+
+    k : (size,), y' at the start of the step.
     """
     s.remainder[:] += s.compensation
     if s.rtol < TIGHT:
@@ -765,8 +788,9 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
     """Compute the change of y' that the compensation term of the state y causes.
 
-    k : (size,), y' at y. The change is stored in out (size,); the change is 0 with
-    constraints or switches.
+    The change is stored in out (size,); the change is 0 with constraints or switches.
+
+    k : (size,), y' at y.
     """
     size = s.size
     if CONSTRAINED or SWITCHES:

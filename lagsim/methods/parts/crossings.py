@@ -145,8 +145,10 @@ def sample_first(s: Crossings, p: Parameters, low: float) -> None:
 def crossed_within(s: Crossings, p: Parameters, half: int) -> float:
     """Store the first crossing in half of the stretch; return a fraction just past it.
 
-    0 if there is none. half : 0 before the middle point, 1 after it. A crossing at the
-    same instant as the end of the step is postponed, and the end is returned.
+    0 if there is none. A crossing at the same instant as the end of the step is
+    postponed, and the end is returned.
+
+    half : 0 before the middle point, 1 after it.
     """
     if keep_sides(s, half):
         return 0.0
@@ -201,8 +203,9 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
     """Store an interval that contains the crossing of section j, if there is one.
 
     `roots` and `beyond` become its ends. A row that is below 0 at the start of the half
-    has its root there. A row that returns above 0 is a touch, and does not wait. half :
-    see `crossed_within`.
+    has its root there. A row that returns above 0 is a touch, and does not wait.
+
+    half : see `crossed_within`.
     """
     k, low, x = relations(s) + j, s.places[half], s.places[half + 1]
     a, b = sampled(s, k, half), sampled(s, k, half + 1)
@@ -275,7 +278,7 @@ def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
     """Return the fraction at which section j's relation is 0, or the first past 0.
 
     root : the first number at which the relation is past 0; the number before is
-    returned if the relation is 0 there.
+        returned if the relation is 0 there.
     """
     if root == 0.0:
         return root
@@ -356,8 +359,8 @@ def shown_time(s: Crossings, t: float) -> float:
 def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
     """Whether the relation of section j is past 0 by more than its band.
 
-    x : the fraction of the last step, at which the projected state is evaluated. side :
-    1 or -1, the side of 0 from which the motion comes.
+    x : the fraction of the last step, at which the projected state is evaluated.
+    side : 1 or -1, the side of 0 from which the motion comes.
     """
     state_at(s, p, x, s.point)
     relations_at(s, p, s.step_t + x * s.step_h, s.point)
@@ -419,7 +422,9 @@ def finish(s: Crossings, p: Parameters, whole: float) -> None:
     """Write the states of sections at the end of a run, at most one for each section.
 
     Acts at the end may have crossed a section. A motion that reaches a section and does
-    not turn crosses the section. whole : 1 if the run has reached its end time, else 0.
+    not turn crosses the section.
+
+    whole : 1 if the run has reached its end time, else 0.
     """
     if s.sections > 0:
         finish_located(s, p)

@@ -79,8 +79,9 @@ class State(Crossings):
 def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
     """Integrate until `rows` rows are written, `budget` steps made, or an end.
 
-    out : (rows, 1 + size), the time and the state of each row. Return one of the codes
-    of `state`; s.emitted is then the number of rows written.
+    Return one of the codes of `state`; s.emitted is then the number of rows written.
+
+    out : (rows, 1 + size), the time and the state of each row.
     """
     s.emitted = 0.0
     begin(s, p)
@@ -115,8 +116,9 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write the states of sections in the last step, then its rows, to out.
 
-    Return 0 if a buffer is full before, else 1. rows : the most rows that out has room
-    for.
+    Return 0 if a buffer is full before, else 1.
+
+    rows : the most rows that out has room for.
     """
     if SECTIONS and s.sought > 0.0 and search.find_crossings(s, p) == 0:
         return 0
@@ -222,8 +224,10 @@ def laws_go_on(s: State, p: Parameters) -> bool:
 def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     """Whether surface k passes `level` at a rate that is clearly not zero.
 
-    way : 1 or -1, the direction. False where the motion slides along another surface,
-    or where this level was passed just before, as by a motion that comes to rest at it.
+    False where the motion slides along another surface, or where this level was passed
+    just before, as by a motion that comes to rest at it.
+
+    way : 1 or -1, the direction.
     """
     last = int(s.crossed) - 1
     again = last >= 0 and s.cross_surfaces[last] == k and s.cross_levels[last] == level
@@ -290,9 +294,10 @@ def has_missed(s: State, p: Parameters) -> int:
 def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Store the largest and smallest value of each inertia, with time and state.
 
-    now : (inertias,), working memory. Where an inertia vanishes beside its usual size,
-    a coordinate loses its meaning. Steps are short there, so that ends of steps are
-    close to the minimum.
+    Where an inertia vanishes beside its usual size, a coordinate loses its meaning.
+    Steps are short there, so that ends of steps are close to the minimum.
+
+    now : (inertias,), working memory.
     """
     width = s.dynamic.stop
     inertias(s.t, s.y, p, now)
@@ -341,8 +346,10 @@ def take_cut(s: State, p: Parameters) -> None:
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project y (size,) onto the surfaces that the motion slides along, in place.
 
-    t : the time. `projected` becomes the largest relative shift so far of the positions
-    or of the velocities.
+    `projected` becomes the largest relative shift so far of the positions or of the
+    velocities.
+
+    t : the time.
     """
     if p.sliding == 0.0:
         return
@@ -384,8 +391,9 @@ def is_near(p: Parameters, rates: bool) -> bool:
     """Whether the state of the rows in p.rows is on the followed surfaces, to rounding.
 
     The rounding is that of the surfaces' expressions: the number of a table's cell, for
-    example, is not 0 at a point x = 0, and has a rounding that x does not have. rates :
-    whether surfaces of rates are tested, else surfaces of positions.
+    example, is not 0 at a point x = 0, and has a rounding that x does not have.
+
+    rates : whether surfaces of rates are tested, else surfaces of positions.
     """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
@@ -403,11 +411,13 @@ def is_near(p: Parameters, rates: bool) -> bool:
 def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) -> float:
     """Return the relative shift of positions (first = 0) or velocities (first = n).
 
-    y, former : (size,), the state after and before projection. The shift is relative to
-    the ranges of the components that the projection moves, and to the change by terms
-    of forces in a step, which may cancel. Forces that jump cancel along a surface, in
-    whichever term they are written. Components are weighted by their shifts: neither
-    other bodies nor the origin matter. At most 1, also for a shift that is not finite.
+    The shift is relative to the ranges of the components that the projection moves, and
+    to the change by terms of forces in a step, which may cancel. Forces that jump
+    cancel along a surface, in whichever term they are written. Components are weighted
+    by their shifts: neither other bodies nor the origin matter. At most 1, also for a
+    shift that is not finite.
+
+    y, former : (size,), the state after and before projection.
     """
     n, h = s.n, s.step_h
     high, low = s.high[s.velocities], s.low[s.velocities]
@@ -601,8 +611,10 @@ def record_speed(
 ) -> None:
     """Store the rate of the fastest motion, from states y and z (size,) at one time.
 
-    k, slope : (size,), y' at y and at z. The step h counts as held at the stability
-    bound if h times the rate exceeds `held`; such steps in sequence are counted.
+    The step h counts as held at the stability bound if h times the rate exceeds `held`;
+    such steps in sequence are counted.
+
+    k, slope : (size,), y' at y and at z.
     """
     masses, v, other_v = s.masses, y[s.velocities], z[s.velocities]
     a, other_a = k[s.velocities], slope[s.velocities]

@@ -271,12 +271,14 @@ def estimate(s: Embedded, p: Parameters, t: float) -> None:
 def error_norm(s: Embedded, h: float, errors: Floats) -> float:
     """Return the norm of the error estimates of a step h, in units of the tolerance.
 
-    It is the root mean square over the components with an error. errors : (2 size,),
-    both estimates of the error of the slope; the second one is not used if the pair has
-    only one. The error of a work is added to the norm of the motion by the amount by
-    which both together exceed the motion alone: a work with a large estimate of order 3
-    alone, as of a polynomial in t beside a tolerance of nearly 0, would otherwise hide
-    all other errors. A nan remains, and its step is rejected.
+    It is the root mean square over the components with an error. The error of a work is
+    added to the norm of the motion by the amount by which both together exceed the
+    motion alone: a work with a large estimate of order 3 alone, as of a polynomial in t
+    beside a tolerance of nearly 0, would otherwise hide all other errors. A nan
+    remains, and its step is rejected.
+
+    errors : (2 size,), both estimates of the error of the slope; the second one is not
+        used if the pair has only one.
     """
     size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
     error5 = 0.0
@@ -309,8 +311,9 @@ def error_norm(s: Embedded, h: float, errors: Floats) -> float:
 def combined(error5: float, error3: float) -> float:
     """Return the square of the error from two squared estimates (II.10, (10.17)).
 
-    error5, error3 : the squared estimates of higher and of lower order. With one
-    estimate, error3 is not used. nan remains nan.
+    With one estimate, error3 is not used. nan remains nan.
+
+    error5, error3 : the squared estimates of higher and of lower order.
     """
     if not PAIR.combines:
         return error5

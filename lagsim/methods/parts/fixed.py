@@ -85,11 +85,14 @@ def judge(
 ) -> int:  # fmt: skip
     """Return the state of Newton's iteration: GO_ON, RENEW, SOLVED or LOST.
 
-    v, change : (n,), the velocities and their last change. h : the length of the step.
-    iteration : its number, from 0. moved : the largest ratio of a change to the size of
-    its component; previous : the ratio of the iteration before. Changes that stagnate
-    may be rounding: of velocities that should stay 0 under forces that cancel, or of
-    positions far from the origin.
+    Changes that stagnate may be rounding: of velocities that should stay 0 under forces
+    that cancel, or of positions far from the origin.
+
+    v, change : (n,), the velocities and their last change.
+    h : the length of the step.
+    iteration : its number, from 0.
+    moved : the largest ratio of a change to the size of its component.
+    previous : the ratio of the iteration before.
     """
     state = progress(iteration, moved, previous)
     if state == SOLVED or iteration == 0 or not moved < OVERFLOW:

@@ -172,8 +172,9 @@ def sample_roughly(
 ) -> None:
     """Estimate signals and their slopes at the fraction x of a step h, in out (2 R,).
 
-    The signals are evaluated on the polynomials of `shape_step`. beside : the distance
-    over which slopes are differenced, a power of 2.
+    The signals are evaluated on the polynomials of `shape_step`.
+
+    beside : the distance over which slopes are differenced, a power of 2.
     """
     z, shape, count = s.point, s.shape, rows(s)
     first = events(s)
@@ -195,7 +196,7 @@ def sample_end(
     """Evaluate the signals and their slopes at the end of a step h, in `ends` (2 R,).
 
     new, new_rates : (size,), y and y' there; just before the end the state is
-    extrapolated by y'.
+        extrapolated by y'.
     """
     z, first = s.point, events(s)
     part = BESIDE * h
@@ -209,7 +210,9 @@ def sample_end(
 def set_slopes(s: SearchTable, per: float, out: Floats) -> None:
     """Replace the signals beside a point, in the second half of out (2 R,), by slopes.
 
-    per : 1/distance. The first half holds the signals at the point.
+    The first half holds the signals at the point.
+
+    per : 1/distance.
     """
     count = rows(s)
     for k in range(events(s), events(s) + s.signals):
@@ -251,8 +254,9 @@ def may_approach(s: SearchTable, k: int) -> bool:
 def varies_little(s: SearchTable, k: int, power: float) -> bool:
     """Whether a power of signal k varies by a factor below e^APPROACH in the stretch.
 
-    Bounds are the hulls of the cubics on both sides of the middle point. power : the
-    exponent.
+    Bounds are the hulls of the cubics on both sides of the middle point.
+
+    power : the exponent.
     """
     count = rows(s)
     left = THIRD * BETWEEN * width(s)
@@ -345,8 +349,10 @@ def missed_within(s: SearchTable, p: Parameters) -> float:
 def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
     """Compare y' at the closest approach of signal k, and at its shoulders.
 
-    x : the fraction of the last step at the closest approach. Return the fraction at
-    which the slope of the dense output and y' of the equations differ, or 0 for none.
+    Return the fraction at which the slope of the dense output and y' of the equations
+    differ, or 0 for none.
+
+    x : the fraction of the last step at the closest approach.
     """
     if is_missed(s, p, x):
         return x
@@ -363,9 +369,12 @@ def missed_beside(
     A shoulder is where the distance of the signal exceeds its least value by more than
     SHOULDER and less than FOOT.
 
+    Return the lesser of x and the fraction at which the slope of the dense output and
+    y' of the equations differ; 0 if they agree.
+
     x, least : the fraction of the closest approach, and the distance of the signal
-    there. way : -1 before x, 1 after it. Return the lesser of x and the fraction at
-    which the slope of the dense output and y' of the equations differ; 0 if they agree.
+        there.
+    way : -1 before x, 1 after it.
     """
     beside = way * 2.0**-50
     for _ in range(DOUBLINGS):
@@ -430,9 +439,11 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
 def expect(s: SearchTable, p: Parameters, x: float) -> None:
     """Raise the sizes of components by the changes that the defect at x causes.
 
-    x : the fraction of the last step. Without these sizes the very beginning of a
-    motion from rest would be controlled as finely as denormal numbers. Past the end of
-    a mode the step is no motion, and its rates may have any magnitude.
+    Without these sizes the very beginning of a motion from rest would be controlled as
+    finely as denormal numbers. Past the end of a mode the step is no motion, and its
+    rates may have any magnitude.
+
+    x : the fraction of the last step.
     """
     if SWITCHES:
         rows_at(EVENT, s, p, x)
@@ -472,8 +483,10 @@ def is_off(s: SearchTable, p: Parameters, x: float) -> bool:
 def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     """Whether the defect that `differs` stored is due to rounding of the state alone.
 
-    x : the fraction of the last step. Near a root no slope shows the effect of
-    rounding. most : the bound, in tolerances, as in `differs`.
+    Near a root no slope shows the effect of rounding.
+
+    x : the fraction of the last step.
+    most : the bound, in tolerances, as in `differs`.
     """
     set_reach(s, p, s.point, s.exact_rates, 0.0)
     t = s.step_t + x * s.step_h
@@ -523,9 +536,10 @@ def moved_by_rounding(
 def is_beyond(s: SearchTable, p: Parameters, x: float) -> bool:
     """Whether the defect that `differs` stored exceeds the tolerances.
 
-    x : the fraction of the last step. The state has an error of LEFT tolerances. The
-    change of y' by such an error, where y' is stiff or close to a loss of rank, and the
-    rounding of y' are allowed.
+    The state has an error of LEFT tolerances. The change of y' by such an error, where
+    y' is stiff or close to a loss of rank, and the rounding of y' are allowed.
+
+    x : the fraction of the last step.
     """
     t = s.step_t + x * s.step_h
     z = s.point
@@ -552,7 +566,9 @@ def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
     """Move a state z (size,), in place, by about `tolerances` times the tolerances.
 
     Each component is moved by a part and sign of its own, since equal changes may
-    cancel. way : 0 or 1, the direction.
+    cancel.
+
+    way : 0 or 1, the direction.
     """
     for i in range(s.size):
         part = 2.0 * scattered(i, way) - 1.0

@@ -25,8 +25,8 @@ LOST = 3
 def progress(iteration: int, change: float, previous: float) -> int:
     """Return the state of an iteration: GO_ON, RENEW, SOLVED or LOST.
 
-    iteration : its number, from 0. change, previous : relative sizes of the last change
-    and of the one before.
+    iteration : its number, from 0.
+    change, previous : relative sizes of the last change and of the one before.
     """
     if not change < OVERFLOW:
         return LOST
@@ -138,8 +138,10 @@ def decompose(width: Static, n: int, band: int, A: Floats, pivots: Floats) -> in
     """Factor A (n, n), of numbers of `width` doubles, in place.
 
     Return 0 if A is singular or not finite, else 1. Each pivot is the largest relative
-    to its row, so that units of rows do not matter. band : A_ij = 0 where |i - j| >
-    band. pivots : (n,), on return the rows exchanged.
+    to its row, so that units of rows do not matter.
+
+    band : A_ij = 0 where |i - j| > band.
+    pivots : (n,), on return the rows exchanged.
     """
     row = width * n
     for i in range(n):
@@ -165,7 +167,9 @@ def eliminate(width: Static, n: int, k: int, band: int, A: Floats) -> None:
     """Subtract multiples of row k of A (n, n) from the rows below.
 
     The multipliers are stored in column k. Interchanges double the `band` above the
-    diagonal. width : number of doubles of an entry, 1 or 2.
+    diagonal.
+
+    width : number of doubles of an entry, 1 or 2.
     """
     row = A[k * width * n :]
     for i in range(k + 1, min(n, k + band + 1)):
@@ -182,8 +186,9 @@ def largest_in_column(
 ) -> int:
     """Return the row i, k <= i < end, with the relatively largest entry in column k.
 
-    A : (n, n). sizes : (n,), the largest entry of each row, to which entries are
-    relative. width : number of doubles of an entry, 1 or 2.
+    A : (n, n).
+    sizes : (n,), the largest entry of each row, to which entries are relative.
+    width : number of doubles of an entry, 1 or 2.
     """
     best = k
     largest = 0.0
@@ -200,7 +205,8 @@ def solve(
 ) -> None:
     """Replace x (n,) by A^-1 x, with the factors A and the pivots of `decompose`.
 
-    band : see `decompose`. width : number of doubles of an entry, 1 or 2.
+    band : see `decompose`.
+    width : number of doubles of an entry, 1 or 2.
     """
     for k in range(n):
         best = int(pivots[k])
@@ -236,9 +242,10 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
     """Write s + g r (n,) to `out`, the part without Jv of s + (g - Jv) r.
 
     The latter is the right side of the Newton system after the elimination of
-    velocities. g : a number of `width` doubles, as are the elements of the vectors. In
-    memory r (n,), the right side for positions, is followed by s (n,), that for
-    velocities.
+    velocities. In memory r (n,), the right side for positions, is followed by s (n,),
+    that for velocities.
+
+    g : a number of `width` doubles, as are the elements of the vectors.
     """
     for i in range(n):
         own = out[width * i :]
@@ -249,9 +256,11 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
     """Replace r_i and s_i by the solutions for a position and its velocity.
 
-    They are x_i, and w_i = g x_i - r_i. x : x_i. g, x : numbers of `width` doubles. In
-    memory r (n,), the right side for positions, is followed by s (n,), that for
-    velocities.
+    They are x_i, and w_i = g x_i - r_i. In memory r (n,), the right side for positions,
+    is followed by s (n,), that for velocities.
+
+    x : x_i.
+    g, x : numbers of `width` doubles.
     """
     other = r[width * (n + i) :]
     for k in unrolled(width):
@@ -265,9 +274,11 @@ def decompose_newton(
 ) -> int:
     """Factor the Newton matrix g^2 - g Jv - Jq into K; return 0 if singular, else 1.
 
-    K : (n + states, n + states). g : the number and its square. J : derivatives of the
-    accelerations and rates. pivots : see `decompose`. width : number of doubles of a
-    number, 1 (real) or 2 (complex).
+    K : (n + states, n + states).
+    g : the number and its square.
+    J : derivatives of the accelerations and rates.
+    pivots : see `decompose`.
+    width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = s.n
     unknowns = n + s.states
@@ -296,8 +307,9 @@ def solve_newton(
 ) -> None:  # fmt: skip
     """Solve the Newton system for the right side r (size,), in place.
 
-    g, J, K, pivots : see `decompose_newton`. x : (n + states,), working memory. width :
-    number of doubles of a number, 1 (real) or 2 (complex).
+    g, J, K, pivots : see `decompose_newton`.
+    x : (n + states,), working memory.
+    width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = s.n
     combine(width, n, g, r, x)
@@ -355,8 +367,9 @@ class SparseNewton(Parameters):
 def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) -> None:
     """Write C0 + g C1 + g^2 C2 to the slots of the factors K.
 
-    g : the number and its square. J : the entries of C0, C1 and C2, one after the
-    other. width : number of doubles of a number, 1 (real) or 2 (complex).
+    g : the number and its square.
+    J : the entries of C0, C1 and C2, one after the other.
+    width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
@@ -373,8 +386,11 @@ def decompose_sparse(
 ) -> int:
     """Factor C0 + g C1 + g^2 C2 into K; return 0 if a pivot vanishes, else 1.
 
-    g, J : see `assemble`. x : (N,), working memory. K contains the inverses of the
-    pivots. width : number of doubles of a number, 1 (real) or 2 (complex).
+    K contains the inverses of the pivots.
+
+    g, J : see `assemble`.
+    x : (N,), working memory.
+    width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     assemble(width, p, g, J, K)
     starts, columns = p.newton_starts, p.newton_columns
@@ -418,8 +434,10 @@ def solve_sparse(
 ) -> None:  # fmt: skip
     """Solve the sparse Newton system for the right side r (size,), in place.
 
-    g, J : see `assemble`. K : the factors of `decompose_sparse`. x : (N + n,), working
-    memory. width : number of doubles of a number, 1 (real) or 2 (complex).
+    g, J : see `assemble`.
+    K : the factors of `decompose_sparse`.
+    x : (N + n,), working memory.
+    width : number of doubles of a number, 1 (real) or 2 (complex).
     """
     n = p.n
     combined = x[width * p.unknowns :]

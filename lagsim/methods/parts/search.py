@@ -102,8 +102,9 @@ def search(
     of one surface. CROSSING: record the crossings. SIGNAL: search features that the
     dense output misses; a step that needs more than MOST_SIGNALS points counts as one
     with a feature. RANK: search a loss of rank. Return the fraction of the zero (of a
-    crossing, a fraction just past it), or 0 if there is none. low, until : the
-    fractions.
+    crossing, a fraction just past it), or 0 if there is none.
+
+    low, until : the fractions.
     """
     first, last, count = s.starts, s.ends, 2 * rows(s)
     widest = s.widest if kind == CROSSING else 2.0 / POINTS
@@ -201,8 +202,9 @@ def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
 def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
     """Whether values and slopes at the ends of the stretch determine rows of a kind.
 
-    kind : EVENT or CROSSING. The bands of sections are computed only where a relation
-    is not known.
+    The bands of sections are computed only where a relation is not known.
+
+    kind : EVENT or CROSSING.
     """
     first = relations(s) if kind == CROSSING else 0
     count = s.sections if kind == CROSSING else events(s)
@@ -393,12 +395,14 @@ def ends(s: SearchTable, p: Parameters, k: int, value: float, x: float) -> bool:
 def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
     """Return the fraction of the step up to which a negative gap counts as an error.
 
-    k : the event function. value : its value, the gap, where it is negative. A gap that
-    is open after the step, and neither closes nor is pushed together at its start, is
-    open in between: a negative value is an error of the interpolant, as for a body that
-    leaves the ground as a power of the time (inf). If the gap is still negative at the
-    end of such a step, within the method's error, it counts from then on (1). 0: any
-    negative value counts, as of functions that are no gaps.
+    A gap that is open after the step, and neither closes nor is pushed together at its
+    start, is open in between: a negative value is an error of the interpolant, as for a
+    body that leaves the ground as a power of the time (inf). If the gap is still
+    negative at the end of such a step, within the method's error, it counts from then
+    on (1). 0: any negative value counts, as of functions that are no gaps.
+
+    k : the event function.
+    value : its value, the gap, where it is negative.
     """
     law = k - p.surfaces
     if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
@@ -414,10 +418,11 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
 def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
     """Return the error of law k's gap in the last step if it opens at its start.
 
-    0 if the gap does not open there. is_open : whether the gap is open after the step;
-    if so, the error is that of the interpolant, by the change of the accelerations;
-    else that of the method, by the accelerations. With step control it is the
-    tolerance.
+    0 if the gap does not open there. With step control it is the tolerance.
+
+    is_open : whether the gap is open after the step; if so, the error is that of the
+        interpolant, by the change of the accelerations; else that of the method, by the
+        accelerations.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
     interpolate(s, p, 1.0, s.work)
@@ -445,7 +450,9 @@ def end_within(s: SearchTable, p: Parameters, half: int) -> float:
     """End the step at the first event in half of the stretch; return the end, or 0.
 
     The event is not later than any minimum at which a function is negative: the
-    function has ended a mode by then. half : 0 before the middle point, 1 after it.
+    function has ended a mode by then.
+
+    half : 0 before the middle point, 1 after it.
     """
     high, low, x = 0.0, s.places[half], s.places[half + 1]
     for k in range(events(s)):

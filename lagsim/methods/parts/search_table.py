@@ -254,9 +254,10 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
 def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
     """Replace the values of conditions by their rows, which fall below 0 at an event.
 
+    A condition that is not armed has the row 1.
+
     own : ndarray, shape (C,), the values of the C conditions at the fraction x of the
-    last step; on return their rows: the value times `orientation`, plus `leeway`. A
-    condition that is not armed has the row 1.
+        last step; on return their rows: the value times `orientation`, plus `leeway`.
     """
     for k in range(s.conditions):
         if x <= NEXT and own[k] < 0.0:  # closer than the interpolant's rounding
@@ -273,8 +274,8 @@ def sample(
 ) -> None:
     """Write rows of a kind and their slopes at the fraction x of the last step.
 
-    out : (2 R,), the values, then the slopes. beside : the distance over which values
-    are differenced to slopes.
+    out : (2 R,), the values, then the slopes.
+    beside : the distance over which values are differenced to slopes.
     """
     count = rows(s)
     now = s.values
@@ -299,8 +300,10 @@ def value_at(kind: Static, s: SearchTable, p: Parameters, k: int, x: float) -> f
 def distance(kind: float, power: float, u: float) -> float:
     """Return -log of a term relative to 1, where its signal is u.
 
-    The result is the distance of the signal from activity of the term. kind, power :
-    see `program.localized.Indicator`. 0 for the kind FALLING.
+    The result is the distance of the signal from activity of the term. 0 for the kind
+    FALLING.
+
+    kind, power : see `program.localized.Indicator`.
     """
     if kind == FALLING:
         return 0.0
@@ -356,8 +359,10 @@ def width(s: SearchTable) -> float:
 def off(of_slope: Static, s: SearchTable, k: int) -> float:
     """Return |row k - the cubic of its ends| at the middle point of the stretch.
 
-    The cubic has the values and slopes of both ends. of_slope : 0, or 1 for the
-    difference of the slopes, times the length of the stretch and TURNED.
+    The cubic has the values and slopes of both ends.
+
+    of_slope : 0, or 1 for the difference of the slopes, times the length of the stretch
+        and TURNED.
     """
     A = width(s) * s.starts[rows(s) + k]
     B = width(s) * s.ends[rows(s) + k]
@@ -385,9 +390,11 @@ def variation(s: SearchTable, k: int) -> float:
 def lowest(way: float, s: SearchTable, k: int, half: int) -> float:
     """Return a lower bound of `way` times row k on its cubic in half of the stretch.
 
-    way : 1 or -1. half : 0 before the middle point, 1 after it. The cubic lies within
-    the hull of a, a + A/3, b - B/3, b. Slopes are differences: an extremum that seems
-    to be at an end may be just inside.
+    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences: an
+    extremum that seems to be at an end may be just inside.
+
+    way : 1 or -1.
+    half : 0 before the middle point, 1 after it.
     """
     left, count = s.points[2 * half * rows(s) :], rows(s)
     a = way * left[k]
@@ -435,8 +442,9 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
 def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) -> float:
     """Return the error of a function by the error of the state; 0 if not finite.
 
-    slopes : (count,), the derivatives by the first components of the state. coarse :
-    the error of times, by which positions are off at their largest velocities; or 0.
+    slopes : (count,), the derivatives by the first components of the state.
+    coarse : the error of times, by which positions are off at their largest velocities;
+        or 0.
     """
     found = 0.0
     for i in range(count):
@@ -456,8 +464,10 @@ def dip(
     """Return the fraction at which row k has a minimum in half of the stretch.
 
     The minimum has to be below `least`. Return the end of the half if row k, by the
-    hull of its cubic, is nowhere below `least` and both ends. half : 0 before the
-    middle point, 1 after it. kind : the kind of the row, as in the module docstring.
+    hull of its cubic, is nowhere below `least` and both ends.
+
+    half : 0 before the middle point, 1 after it.
+    kind : the kind of the row, as in the module docstring.
     """
     most = min(sampled(s, k, half), sampled(s, k, half + 1), least)
     if lowest(1.0, s, k, half) < most:
@@ -476,7 +486,8 @@ def least_of(
 ) -> float:
     """Return the fraction in [low, high] at which row k is least, by golden section.
 
-    rounds : the number of divisions of the interval. kind : the kind of the row.
+    rounds : the number of divisions of the interval.
+    kind : the kind of the row.
     """
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -511,11 +522,13 @@ def end_of(
 
     The point is located by the ITP method: the secant, moved toward the middle, with no
     more evaluations than bisection needs, but for one. The iteration ends at two
-    neighbouring numbers, and the larger one is returned. kind : the kind of the row.
+    neighbouring numbers, and the larger one is returned.
 
     Source: I. F. D. Oliveira and R. H. C. Takahashi, An enhancement of the bisection
     method average performance preserving minmax optimality, ACM Trans. Math. Softw. 47
     (2020).
+
+    kind : the kind of the row.
     """
     at_low = value_at(kind, s, p, k, low) - least
     at_high = value_at(kind, s, p, k, high) - least
@@ -552,8 +565,10 @@ def jumps(
 ) -> bool:
     """Whether row k is discontinuous at its zero, at the fraction `root` of the step.
 
-    root : the first number at which the row is below 0. rounding : the largest change
-    of a continuous row between two neighbouring fractions. kind : the kind of the row.
+    root : the first number at which the row is below 0.
+    rounding : the largest change of a continuous row between two neighbouring
+        fractions.
+    kind : the kind of the row.
     """
     last = value_at(kind, s, p, k, from_bits(bits(root) - 1))
     first = value_at(kind, s, p, k, root)

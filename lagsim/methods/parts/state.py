@@ -178,8 +178,8 @@ def observe_rows(rows: Floats, p: Parameters, out: Floats, count: int) -> None:
 def bend(h: float, c: Floats, out: Floats) -> None:
     """Write the sum over k >= 2 of y_k h^k (size,) to out.
 
-    c : the series, its order K, then its coefficients y_0 ... y_K. h : time since its
-    start.
+    c : the series, its order K, then its coefficients y_0 ... y_K.
+    h : time since its start.
     """
 
 
@@ -187,9 +187,9 @@ def bend(h: float, c: Floats, out: Floats) -> None:
 def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> None:
     """Write the value at time h, sum_k y_k h^k (size,), of a series to out.
 
-    c : the series, its order K, then its coefficients y_0 ... y_K. lost : (size,), the
-    roundoff of y_0, which is added. left : (size,), on return the roundoff of the
-    value.
+    c : the series, its order K, then its coefficients y_0 ... y_K.
+    lost : (size,), the roundoff of y_0, which is added.
+    left : (size,), on return the roundoff of the value.
     """
 
 
@@ -197,7 +197,8 @@ def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> Non
 def slope(h: float, c: Floats, out: Floats) -> None:
     """Write the derivative of a series at time h, sum_k k y_k h^(k - 1), to out.
 
-    out : (size,). c : the series, its order K, then its coefficients y_0 ... y_K.
+    out : (size,).
+    c : the series, its order K, then its coefficients y_0 ... y_K.
     """
 
 

@@ -50,8 +50,10 @@ def look(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate all conditions at the state reached; store values, bounds and rates.
 
     `worth` has the values, `zero` the sizes up to which a value counts as 0, and
-    `trend` the rates. found : the index of the condition located there, or -1; its
-    value there bounds the error of the state.
+    `trend` the rates.
+
+    found : the index of the condition located there, or -1; its value there bounds the
+        error of the state.
     """
     slopes, rates = s.condition_slopes, s.exact_rates
     evaluate(s, p)
@@ -146,7 +148,9 @@ def see(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate the conditions at the state just before an instant.
 
     Rates are evaluated only where a condition may change; `calm` becomes 1 if no
-    condition can change unless the state jumps. found : see `look`.
+    condition can change unless the state jumps.
+
+    found : see `look`.
     """
     s.met_first = float(found)
     s.calm = 0.0
@@ -271,8 +275,9 @@ def change(s: SearchTable, p: Parameters) -> int:
 def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
     """Find the conditions that become true at the state just after the instant.
 
-    Return the number of conditions; `marked` is 1 for each. jumped : 1 if velocities or
-    modes may have jumped, else 0.
+    Return the number of conditions; `marked` is 1 for each.
+
+    jumped : 1 if velocities or modes may have jumped, else 0.
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
@@ -321,10 +326,11 @@ def may_change(s: SearchTable) -> bool:
 def become(s: SearchTable, rated: int) -> int:
     """Find the conditions that became true; store the sides of the false conditions.
 
-    Return the number of conditions that became true; `marked` is 1 for each. rated : 1
-    if rates are known: then a condition whose value is 0 and rises becomes true, and so
-    does one whose value has jumped to 0, but for the error of the state; 0: by values
-    alone.
+    Return the number of conditions that became true; `marked` is 1 for each.
+
+    rated : 1 if rates are known: then a condition whose value is 0 and rises becomes
+        true, and so does one whose value has jumped to 0, but for the error of the
+        state; 0: by values alone.
     """
     count = 0
     for k in range(s.conditions):

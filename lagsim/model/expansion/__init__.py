@@ -183,9 +183,9 @@ class Expansion:
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
         """Add a hidden definition and return a reference, which stands for its value.
 
-        name : the name of the definition. value : its tree, or a tuple of trees for a
-        vector, see `trees`. at : the scalar to whose text the offsets of names in the
-        value refer.
+        name : the name of the definition.
+        value : its tree, or a tuple of trees for a vector, see `trees`.
+        at : the scalar to whose text the offsets of names in the value refer.
         """
         single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value
@@ -201,8 +201,9 @@ class Expansion:
     ) -> Entry:
         """Return an entry for the reader that the file does not contain.
 
-        name, parsed : key and value of the entry. at : the scalar of the file that
-        messages point to. text : the source text of the value; `at.text` if empty.
+        name, parsed : key and value of the entry.
+        at : the scalar of the file that messages point to.
+        text : the source text of the value; `at.text` if empty.
         """
         reading = HiddenReading(self.scope, parsed)
         value = at._replace(text=text or at.text, reading=reading)
@@ -284,7 +285,9 @@ class Expansion:
     def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
         """Return the parsed name and the members of a key in `frames` or `bodies`.
 
-        None where a fault was reported. what : `a frame` or `a body`, for messages.
+        None where a fault was reported.
+
+        what : `a frame` or `a body`, for messages.
         """
         try:
             parsed = parsed_key(key.text)
@@ -311,9 +314,10 @@ class Expansion:
     ) -> Node:
         """Return a copy of a YAML node whose scalars are evaluated for one member.
 
-        node : the node of the file. reading : the member; None outside of families.
+        node : the node of the file.
+        reading : the member; None outside of families.
         rules : a function (node, reading) -> node that expands `node`; or a mapping of
-        such rules by key, for the values of a mapping, or of the items of a list.
+            such rules by key, for the values of a mapping, or of the items of a list.
         """
         reading = reading or self.plain
         if callable(rules):
@@ -349,9 +353,11 @@ class Expansion:
     ) -> tuple[Key, Members] | None:
         """Return a key of the file, parsed, and the members that it denotes.
 
-        None where the key is faulty, or no name. outer : values of the indices of an
-        enclosing range. space : the families among which the name is looked up; by
-        default those of variables.
+        None where the key is faulty, or no name.
+
+        outer : values of the indices of an enclosing range.
+        space : the families among which the name is looked up; by default those of
+            variables.
         """
         try:
             parsed = parsed_key(key.text) or self._column(key, space)
@@ -381,8 +387,9 @@ class Expansion:
     def _members(self, key: Key, outer: Indices) -> Members:
         """Return the members that a key denotes: pairs of index values and subscripts.
 
-        `q(i = 1..2)` has ({i: 1}, (1,)) and ({i: 2}, (2,)). outer : values of the
-        indices of an enclosing range.
+        `q(i = 1..2)` has ({i: 1}, (1,)) and ({i: 2}, (2,)).
+
+        outer : values of the indices of an enclosing range.
         """
         found: Members = [(outer, ())]
         for subscript in key.subscripts:
@@ -418,7 +425,9 @@ class Expansion:
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
         """Declare the family that an entry of `section` names; return the entry.
 
-        key, node : the entry's key and value. None after a fault.
+        None after a fault.
+
+        key, node : the entry's key and value.
         """
         found, name = self._key(key), key.text.partition("(")[0]
         broken = False
@@ -582,8 +591,8 @@ class Expansion:
     def _has_components(self, family: Family, node: Node) -> bool:
         """Store the names of a coordinate's components; return whether they are valid.
 
-        family : the coordinate. node : its entry's value, with the key `components` if
-        it is a vector.
+        family : the coordinate.
+        node : its entry's value, with the key `components` if it is a vector.
         """
         below = {key.text: value for key, value in entries_of(node)}
         family.letters = ()
@@ -669,8 +678,11 @@ class Expansion:
     ) -> TypeGuard[Sequence]:
         """Whether the list given for a range of members is one vector for all members.
 
-        Otherwise it has a value for each member. inner : the list. letters : names of
-        the components. one : the entry.
+        Otherwise it has a value for each member.
+
+        inner : the list.
+        letters : names of the components.
+        one : the entry.
         """
         if not (letters and one.parsed.ranged and isinstance(inner, Sequence)):
             return False
@@ -693,8 +705,10 @@ class Expansion:
         """Return the value of an entry, a YAML node, for one component of a member.
 
         node : the value in the file: an expression, or a list with a value for each
-        component. keys : keys of a mapping at which the value may stand. reading : the
-        member and its component. key : the entry's key, for messages.
+            component.
+        keys : keys of a mapping at which the value may stand.
+        reading : the member and its component.
+        key : the entry's key, for messages.
         """
         inner, outer = value_of(node, keys), reading
         if reading.component is None:
@@ -719,9 +733,10 @@ class Expansion:
         """Expand entries of a section whose keys refer to families, such as `initial`.
 
         The result has one entry for each member and component. An entry for a single
-        member takes precedence over an entry for a range. section, given : the name of
-        the section, and its entries. outer : values of the indices of an enclosing
-        range.
+        member takes precedence over an entry for a range.
+
+        section, given : the name of the section, and its entries.
+        outer : values of the indices of an enclosing range.
         """
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:
@@ -782,8 +797,9 @@ class Expansion:
     def spread(self, node: Node, reading: MemberReading) -> Node:
         """Return a vector-valued expression as a YAML list with an item per component.
 
-        node : the expression. Any other YAML node is returned for the member of
-        `reading`.
+        Any other YAML node is returned for the member of `reading`.
+
+        node : the expression.
         """
         if not isinstance(node, Scalar):
             return self.bound(node, reading)
@@ -802,9 +818,10 @@ class Expansion:
     ) -> Iterator[tuple[Scalar, MemberReading, Node]]:
         """Yield key, reading and value of each member of an entry that declares a name.
 
-        key, node : the entry. The names are those of points, shapes and events, which
-        are no variables. space : the families of these names, to which the entry is
-        added.
+        The names are those of points, shapes and events, which are no variables.
+
+        key, node : the entry.
+        space : the families of these names, to which the entry is added.
         """
         found = self._key(key)
         if found is None and key.text.partition("(")[0] in self.broken:
@@ -831,7 +848,8 @@ class Expansion:
     def _sets(self, node: Node, reading: MemberReading) -> Node:
         """Return an event's assignments or impulses, one per member and component.
 
-        node : the mapping of the file. reading : the member of the event.
+        node : the mapping of the file.
+        reading : the member of the event.
         """
         if not isinstance(node, Mapping):
             return self.bound(node, reading)
@@ -849,7 +867,9 @@ class Expansion:
         """Return the members and components that an item of a list denotes, as scalars.
 
         `q` denotes all members of the family q. Items that denote no family are
-        returned unchanged. space, outer : see `_key`.
+        returned unchanged.
+
+        space, outer : see `_key`.
         """
         if not isinstance(node, Scalar):
             return [node]

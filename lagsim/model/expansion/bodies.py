@@ -77,8 +77,9 @@ def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
 def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vector:
     """Return the principal moments of a body of revolution about z.
 
-    m, r : mass and radius. own : the factor of m r^2 in the moment about z. across :
-    terms of the moments about x and y, see `_of`.
+    m, r : mass and radius.
+    own : the factor of m r^2 in the moment about z.
+    across : terms of the moments about x and y, see `_of`.
     """
     return (_of(m, *across),) * 2 + (_of(m, (own, r)),)
 
@@ -86,8 +87,10 @@ def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vecto
 def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
     """Return the inertia of a shape of uniform density.
 
-    kind : name of the shape. m : its mass. sizes : its lengths. n : 2 or 3, the number
-    of axes.
+    kind : name of the shape.
+    m : its mass.
+    sizes : its lengths.
+    n : 2 or 3, the number of axes.
     """
     a = sizes[0]
     b, c = (*sizes[1:], ZERO, ZERO)[:2]
@@ -201,7 +204,9 @@ class Bodies(SectionReader):
     def word(self, key: str, node: Scalar) -> Tree | None:
         """Return the total energy of the bodies, for which the word `bodies` stands.
 
-        None if the energy does not contain the word. key : `kinetic` or `potential`.
+        None if the energy does not contain the word.
+
+        key : `kinetic` or `potential`.
         node : the energy's expression in the file.
         """
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
@@ -227,8 +232,10 @@ class Bodies(SectionReader):
     def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
         """Return a tree that can be used often at little cost: a number or a reference.
 
-        An expression becomes a hidden definition, to which the reference refers. hidden
-        : its name. found : the expression, and its YAML scalar.
+        An expression becomes a hidden definition, to which the reference refers.
+
+        hidden : its name.
+        found : the expression, and its YAML scalar.
         """
         tree, at = found
         return (
@@ -320,8 +327,11 @@ class Bodies(SectionReader):
     ) -> Solid | None:
         """Return the inertia of a body's shape; None without a shape.
 
-        The shape is added to `drawn`. m : the mass. n : the number of axes. frame, at :
-        axes of the body, and the position of its origin.
+        The shape is added to `drawn`.
+
+        m : the mass.
+        n : the number of axes.
+        frame, at : axes of the body, and the position of its origin.
         """
         node, what = one.below.get("shape"), f"the shape of {one.what}"
         if node is None:

@@ -176,8 +176,11 @@ class SectionReader:
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
         """Add a hidden definition that has a rate; return a reference to it.
 
-        Energies use the rate; other hidden definitions have none. hidden : name of the
-        definition. tree : its expression. at : the YAML scalar from which it stems.
+        Energies use the rate; other hidden definitions have none.
+
+        hidden : name of the definition.
+        tree : its expression.
+        at : the YAML scalar from which it stems.
         """
         found = scalar(self.x.hide(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
@@ -200,6 +203,7 @@ class SectionReader:
         """Evaluate a list, or a vector expression; return its components.
 
         Each component is a pair of its tree and the YAML scalar from which it stems.
+
         counts : the permitted numbers of components. Other arguments as for `value`.
         """
         if isinstance(node, Sequence):
@@ -310,8 +314,8 @@ class FrameReader(SectionReader):
     def _called(self, steps: Steps, indices: Indices) -> Called:
         """Return name and subscripts of the frame that parsed steps name, for a member.
 
-        steps : postfix steps of a name such as `arm(i-1)`. indices : values of the
-        member's indices.
+        steps : postfix steps of a name such as `arm(i-1)`.
+        indices : values of the member's indices.
         """
         *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
@@ -339,8 +343,9 @@ class FrameReader(SectionReader):
     def _frame_of(self, called: Called) -> Frame:
         """Return the frame with a name and subscripts, built after its parents.
 
-        called : the name and the subscripts. The parent of a frame is the frame that it
-        is `on`.
+        The parent of a frame is the frame that it is `on`.
+
+        called : the name and the subscripts.
         """
         chain: list[Called] = []
         while called not in self._made:
@@ -418,7 +423,8 @@ class FrameReader(SectionReader):
     def _turned(self, name: str, parent: Frame, own: Chart, at: Scalar) -> Frame:
         """Return the frame with the rotation `own` relative to `parent`, and record it.
 
-        name : the name of the frame. at : its scalar, for messages.
+        name : the name of the frame.
+        at : its scalar, for messages.
         """
         made = composed(name, parent, own, partial(self.x.hide, at=at))
         assert not isinstance(made.omega, Tree)
@@ -436,8 +442,11 @@ class FrameReader(SectionReader):
         """Return the trees of an angle (or a component) and of its rate, for energies.
 
         A constant has the rate 0; an expression becomes a hidden definition, see
-        `SectionReader.moved`. hidden : name of that definition. tree : the angle. at :
-        its YAML scalar.
+        `SectionReader.moved`.
+
+        hidden : name of that definition.
+        tree : the angle.
+        at : its YAML scalar.
         """
         if tree.op == "number":
             return tree, ZERO
@@ -454,7 +463,8 @@ class FrameReader(SectionReader):
     def _planar(self, given: _DeclaredFrame, parent: Frame, hidden: str) -> Frame:
         """Return a frame in the plane, whose angle adds to the angle of the parent.
 
-        given : the entry. hidden : name of the hidden definition of the angle.
+        given : the entry.
+        hidden : name of the hidden definition of the angle.
         """
         angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
@@ -468,7 +478,8 @@ class FrameReader(SectionReader):
     def _axis(self, given: _DeclaredFrame, name: str) -> Vector:
         """Return the unit vector of a frame's key `axis`, made of parameters only.
 
-        given : the entry of the frame. name : prefix of hidden definitions.
+        given : the entry of the frame.
+        name : prefix of hidden definitions.
         """
         node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
         parts = self.vector(node, given.indices, [3], what)
@@ -493,7 +504,8 @@ class FrameReader(SectionReader):
     def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
         """Return the number that `tree` is, an expression of parameters.
 
-        at : the scalar of the expression. what : name in messages.
+        at : the scalar of the expression.
+        what : name in messages.
         """
         found = parsed(tree, at.text)
         for used in found.names:
@@ -531,8 +543,9 @@ class FrameReader(SectionReader):
         """Return the frame turned by angles about its own axes, one after the other.
 
         The letters of the key `axes` name the axes; the key `angles` has the angles.
+
         called, parent, name : name and subscripts of the frame, its parent, and its
-        name with dots.
+            name with dots.
         """
         given, axes = self._given[called], self._given[called].below["axes"]
         what = f"the frame `{given.key.text}`"

@@ -108,8 +108,8 @@ def over(word: str, first: Tree, last: Tree, term: Tree) -> Tree:
 def reference(name: str, letter: str, offset: int, subscripts: Sequence[Tree]) -> Tree:
     """Return the tree of a member of a family whose subscripts contain indices.
 
-    name, letter : the family, and a component or "". offset : the offset of the name in
-    the text.
+    name, letter : the family, and a component or "".
+    offset : the offset of the name in the text.
     """
     return Tree(REFERENCE, f"{name}\0{letter}", offset, tuple(subscripts))
 
@@ -224,7 +224,8 @@ def _extended(
 ) -> tuple[Columns, int]:
     """Return the columns of all indices, and their length, for one more inner range.
 
-    columns : values (members,) of each outer index. part : the inner range.
+    columns : values (members,) of each outer index.
+    part : the inner range.
     """
     first, last = (_wholes(x, columns, members, known) for x in (part.first, part.last))
     counts = np.maximum(last - first + 1, 0)
@@ -240,8 +241,9 @@ def _extended(
 def _wholes(tree: Tree, columns: Columns, members: int, known: Lookup) -> Ints:
     """Return the values (members,) of a tree of indices, as whole numbers.
 
-    columns : values (members,) of each index. Values that are not whole raise
-    UnlikeError.
+    Values that are not whole raise UnlikeError.
+
+    columns : values (members,) of each index.
     """
     found = np.broadcast_to(_numbers(tree, columns, known), (members,))
     nearest = np.rint(found)
@@ -255,9 +257,10 @@ def _wholes(tree: Tree, columns: Columns, members: int, known: Lookup) -> Ints:
 def _numbers(tree: Tree, columns: Columns, known: Lookup | None) -> Any:
     """Return the values of a tree of numbers, indices and parameters.
 
-    The values are an array, or a number if no index occurs. columns : values (members,)
-    of each index. known : source of parameters; without it parameters are not
-    permitted.
+    The values are an array, or a number if no index occurs.
+
+    columns : values (members,) of each index.
+    known : source of parameters; without it parameters are not permitted.
     """
     if tree.op == "number":
         return float(tree.value)
@@ -288,8 +291,10 @@ def _divided(
 ) -> list[GatheredTerms]:
     """Return groups of members, in each of which conditions on indices have one value.
 
-    Each group has the term with the branches of `if` that its members take. columns :
-    values (members,) of each index. known : parameters of the file.
+    Each group has the term with the branches of `if` that its members take.
+
+    columns : values (members,) of each index.
+    known : parameters of the file.
     """
     condition = _condition(term)
     if condition is None:

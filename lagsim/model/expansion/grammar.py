@@ -133,7 +133,7 @@ class _Extended(Parser):
         """Move the steps of a frame's name from the output to its open function.
 
         top : the innermost open operation; no other operation than a function of frames
-        is changed.
+            is changed.
         """
         if isinstance(top, _OfFrame) and not top.frame:
             top.frame = self._cut(top.begin)
@@ -188,8 +188,8 @@ def tokens(text: str) -> list[Token]:
 def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Parsed:
     """Parse the tokens of a text, or of a part of it.
 
-    part : the tokens, the last one of kind `end`. conditional : whether the text is a
-    condition.
+    part : the tokens, the last one of kind `end`.
+    conditional : whether the text is a condition.
 
     Raises
     ------

@@ -106,8 +106,8 @@ class Family:
     def missing(self, name: str, members: Iterable[tuple[object, Member]]) -> str:
         """Return a text on the first of `members` that the family lacks; "" if none.
 
-        name : the name of the family, or of its rate. members : pairs, whose second
-        element has the subscripts.
+        name : the name of the family, or of its rate.
+        members : pairs, whose second element has the subscripts.
         """
         missing = (m for _, m in members if m not in self.members)
         found = next(missing, None)
@@ -227,7 +227,9 @@ class Scope:
         """Return the values of both sides of a relation, and its sign, for a member.
 
         For a text that is an expression, the left side is its value, the right side is
-        None and the sign "". text, parser : the text, and the function that parses it.
+        None and the sign "".
+
+        text, parser : the text, and the function that parses it.
         indices : values of the member's indices.
         """
         last = self._last
@@ -253,9 +255,10 @@ class Scope:
         """Return the number of components of an expression or relation for a member.
 
         The result is 0 where the expression has a fault of its own, which is reported
-        when the expression is read, and -1 where it depends on a faulty name. text,
-        parser : the text, and the function that parses it. indices : values of the
-        member's indices.
+        when the expression is read, and -1 where it depends on a faulty name.
+
+        text, parser : the text, and the function that parses it.
+        indices : values of the member's indices.
 
         Raises
         ------
@@ -277,8 +280,9 @@ class Scope:
     def value(self, steps: Steps, indices: Indices) -> Value:
         """Return the value of an expression, parsed into `steps`, for a member.
 
-        The value is a tree or, for a vector, a tuple of trees. indices : values of the
-        member's indices.
+        The value is a tree or, for a vector, a tuple of trees.
+
+        indices : values of the member's indices.
         """
         return self.run(steps, indices).pop()
 
@@ -364,7 +368,9 @@ class Scope:
     def _named(self, token: Token) -> Value:
         """Return the value, a tree or a vector, of a name without subscripts.
 
-        token : the name in the text. A family that has subscripts is a fault.
+        A family that has subscripts is a fault.
+
+        token : the name in the text.
         """
         family = self.reference(token.text)
         if family is None:
@@ -379,7 +385,8 @@ class Scope:
     def _member(self, token: Token, args: list[Value]) -> Value:
         """Return the value of a name with subscripts: of a member or a component.
 
-        token : the name in the text. args : trees of the subscripts.
+        token : the name in the text.
+        args : trees of the subscripts.
         """
         name, family = token.text, self.reference(token.text)
         if family is None:
@@ -420,9 +427,10 @@ class Scope:
     ) -> Value:
         """Return a sum, minimum or maximum of terms over a range.
 
-        of : the index and the steps of the terms. token : the name `sum`, `min` or
-        `max` in the text. args : first and last value of the index. indices : values of
-        the other indices.
+        of : the index and the steps of the terms.
+        token : the name `sum`, `min` or `max` in the text.
+        args : first and last value of the index.
+        indices : values of the other indices.
         """
         if self._generic:
             return self._symbolic(of, token, args, indices)
@@ -517,8 +525,8 @@ class Scope:
     def whole(self, value: Value, token: Token) -> int:
         """Return the integer value of a subscript, or of an end of a range.
 
-        value : a tree: a number, or an expression of parameters. token : its place, for
-        messages.
+        value : a tree: a number, or an expression of parameters.
+        token : its place, for messages.
         """
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
@@ -622,8 +630,9 @@ def _check(family: Family) -> None:
 def _of(family: Family, name: str, member: Member, offset: int) -> Value:
     """Return the tree of a member of a family; for a vector, a tuple of trees.
 
-    name : the name of the family, or of its rate. member : the subscripts. offset : the
-    offset of the name in the text.
+    name : the name of the family, or of its rate.
+    member : the subscripts.
+    offset : the offset of the name in the text.
     """
     if not family.letters:
         return trees.name(dotted(name, member), offset)
@@ -633,8 +642,10 @@ def _of(family: Family, name: str, member: Member, offset: int) -> Value:
 def _referred(family: Family, token: Token, args: list[Value]) -> Value:
     """Return the tree of a member whose subscripts contain indices of a long sum.
 
-    For a family of vectors, a tuple with the tree of each component. token : the name
-    in the text. args : the subscripts.
+    For a family of vectors, a tuple with the tree of each component.
+
+    token : the name in the text.
+    args : the subscripts.
     """
     subscripts = [x for x in args if isinstance(x, Tree)]
     if not family.indexed or len(subscripts) < len(args):
@@ -649,8 +660,9 @@ def _referred(family: Family, token: Token, args: list[Value]) -> Value:
 def _numbered(family: Family, token: Token, member: Member) -> Value:
     """Return a component of a vector by its number: `G(2)` is the second one of G.
 
-    family : the vector, which has no subscripts. token : its name in the text. member :
-    (k,), the number of the component, k >= 1.
+    family : the vector, which has no subscripts.
+    token : its name in the text.
+    member : (k,), the number of the component, k >= 1.
     """
     count = len(family.letters)
     if not count:

@@ -370,7 +370,8 @@ def about(axis: Vector, angle: Tree, speed: Tree) -> Chart:
 def by_quaternion(p: Vector, n: Tree, speeds: Vector) -> Chart:
     """Return the rotation by a quaternion p, scalar first.
 
-    n : p . p. speeds : the rates of the components of p.
+    n : p . p.
+    speeds : the rates of the components of p.
     """
     two, q, q_dot = call("div", number(2.0), n), p[1:], speeds[1:]
 
@@ -397,8 +398,9 @@ def composed(
 ) -> Frame:
     """Return the frame with the rotation `own` relative to `parent`.
 
-    called : name of the frame. hide : function that makes an entry with operations a
-    hidden definition, and returns a reference.
+    called : name of the frame.
+    hide : function that makes an entry with operations a hidden definition, and returns
+        a reference.
     """
 
     def kept(what: str, x: Tree) -> Tree:

@@ -497,8 +497,8 @@ class File:
     ) -> File:
         """Return the file read anew on a new graph, with more expressions replaced.
 
-        given : expressions of parameters by name. gathers : whether sums may be
-        elements; by default as in this file.
+        given : expressions of parameters by name.
+        gathers : whether sums may be elements; by default as in this file.
         """
         gathers = self.gathers if gathers is None else gathers
         graph = Graph(limits.graph_nodes(0), limits.work(0))
@@ -654,7 +654,8 @@ def _letter(name: str) -> str:
 def _check_roots(model: Model, found: Model) -> None:
     """Refuse constraints whose multipliers differ in the separated model.
 
-    model : the model. found : the separated model, see `Stated.separated`.
+    model : the model.
+    found : the separated model, see `Stated.separated`.
     """
     g = model.graph
     new = {g.variable(d.name): d.node for d in model.definitions}

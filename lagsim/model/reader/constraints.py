@@ -97,8 +97,9 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
 def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
     """Return the entries of a constraint: two if two relations share its limit.
 
-    key, node : its name and its value in the file. The two are named `key.1` and
-    `key.2`. Faults are reported, with no entry returned.
+    The two are named `key.1` and `key.2`. Faults are reported, with no entry returned.
+
+    key, node : its name and its value in the file.
     """
     found = {name.text: value for name, value in entries_of(node)}
     both, what = found.get("relation"), f"the constraint `{key.text}`"
@@ -172,8 +173,9 @@ def _held_rates(found: SequenceType[Constraint | None], x: Expressions) -> list[
     """Return the graph nodes of the rates of equalities that always hold.
 
     They are 0 in every motion and so relate slips to other velocities in the bounds of
-    friction. Empty if no bound depends on velocities. found : the constraints, None
-    after a fault.
+    friction. Empty if no bound depends on velocities.
+
+    found : the constraints, None after a fault.
     """
     g = x.graph
     forward = {
@@ -358,7 +360,7 @@ class _ConstraintReader:
         """Return the law of a contact: restitution and friction; None after a fault.
 
         known : whether the relation is surely that of a contact, so that faults are
-        reported.
+            reported.
         """
         what, below, faults = self.what, self.below, self.x.faults
         node, of = below.value("restitution"), f"the restitution of {what}"
@@ -387,8 +389,8 @@ class _ConstraintReader:
     def _bound(self, key: str, known: Collection[str], speed: str = "") -> _Bound:
         """Build the bound at `key`: a friction coefficient, or a limit of a multiplier.
 
-        known : keys of a mapping that states the bound while sliding and at rest. speed
-        : name of the sliding speed, if the bound may depend on it.
+        known : keys of a mapping that states the bound while sliding and at rest.
+        speed : name of the sliding speed, if the bound may depend on it.
         """
         node, of = self.below.value(key), f"the {key} of {self.what}"
         if not isinstance(node, Mapping):
@@ -408,8 +410,9 @@ class _ConstraintReader:
     def _refuse_weaker(self, key: str, most: float, least: float, place: Place) -> None:
         """Report a static bound that is below the dynamic bound.
 
-        key : `friction` or `limit`. most, least : values of the static and of the
-        dynamic bound. place : the place of the static bound.
+        key : `friction` or `limit`.
+        most, least : values of the static and of the dynamic bound.
+        place : the place of the static bound.
         """
         text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
@@ -420,9 +423,10 @@ class _ConstraintReader:
     ) -> tuple[int | None, int | None]:
         """Return the graph nodes of a bound while sliding, and at rest.
 
-        The second is None where both are equal. slips : graph nodes of the components
-        of the sliding velocity. rates : graph nodes of the rates of equalities that
-        always hold.
+        The second is None where both are equal.
+
+        slips : graph nodes of the components of the sliding velocity.
+        rates : graph nodes of the rates of equalities that always hold.
         """
         if not slips:
             return bound.sliding, bound.resting
@@ -444,8 +448,11 @@ class _ConstraintReader:
     ) -> tuple[int | None, int | None]:
         """Return graph nodes of a bound that depends on the slip: sliding, and at rest.
 
-        The second is None where both are equal. key, node : key and value (a YAML node)
-        in the file. bound : graph node of the value. slips, rates : see `at_rest`.
+        The second is None where both are equal.
+
+        key, node : key and value (a YAML node) in the file.
+        bound : graph node of the value.
+        slips, rates : see `at_rest`.
         """
         x, g = self.x, self.x.graph
         if bound is None or node is None:
@@ -476,8 +483,8 @@ class _ConstraintReader:
     def _within(self, key: str, found: Bounds, node: Node) -> None:
         """Report constant bounds that are negative, or lower at rest than sliding.
 
-        key, node : `friction` or `limit`, and its value in the file. found : graph
-        nodes of the bound at rest and while sliding.
+        key, node : `friction` or `limit`, and its value in the file.
+        found : graph nodes of the bound at rest and while sliding.
         """
         x, values = self.x, list[float]()
         for name, part in zip(("static", "dynamic"), found, strict=True):
@@ -499,10 +506,13 @@ class _ConstraintReader:
     ) -> tuple[int | None, float | None]:
         """Return the graph node of a coefficient, and its value if it is constant.
 
-        Both are None after a fault, or without a coefficient. node : the coefficient in
-        the file. what : name in messages. depends : the highest level on which it may
-        depend. speed : a name that it may contain besides. most : the largest permitted
-        value.
+        Both are None after a fault, or without a coefficient.
+
+        node : the coefficient in the file.
+        what : name in messages.
+        depends : the highest level on which it may depend.
+        speed : a name that it may contain besides.
+        most : the largest permitted value.
         """
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}

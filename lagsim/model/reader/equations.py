@@ -97,7 +97,7 @@ def read_energies(
     """Return the graph nodes of the section `energy`; faults are reported.
 
     gathering : context manager within which sums may be elements, see
-    `language.elements`.
+        `language.elements`.
     """
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
@@ -158,8 +158,9 @@ def _along(
 ) -> Iterator[Force]:
     """Yield the forces, or impulses, of entries whose keys name their directions.
 
-    given : entries of a coordinate or definition and a force. noun : `force` or
-    `impulse`, for messages. of : the event of an impulse, or "".
+    given : entries of a coordinate or definition and a force.
+    noun : `force` or `impulse`, for messages.
+    of : the event of an impulse, or "".
     """
     for key, value in given:
         direction = _direction(key, noun, x)
@@ -176,8 +177,10 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
 
     See `model.model.Force`.
 
-    None after a fault. key : the name of a coordinate or a definition, along which the
-    force acts. noun : `force` or `impulse`, for messages.
+    None after a fault.
+
+    key : the name of a coordinate or a definition, along which the force acts.
+    noun : `force` or `impulse`, for messages.
     """
     name, place, faults = key.text, key.place, x.faults
     meaning = x.names.meaning(name)
@@ -241,9 +244,9 @@ def read_relation(
 ) -> tuple[Relation | None, bool | None]:
     """Build a relation, and determine whether it is an equality.
 
-    node, what : the relation in the file, and its name in messages. modes : whether it
-    may depend on modes alone; otherwise it must contain a coordinate, velocity or
-    state.
+    node, what : the relation in the file, and its name in messages.
+    modes : whether it may depend on modes alone; otherwise it must contain a
+        coordinate, velocity or state.
 
     Returns
     -------

@@ -139,8 +139,10 @@ class Expressions:
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
         """Return a compiler of this file with other values of parameters.
 
-        faults : the list to which it adds faults. known : value and error by name. Its
-        list `read` is empty.
+        Its list `read` is empty.
+
+        faults : the list to which it adds faults.
+        known : value and error by name.
         """
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
@@ -154,8 +156,8 @@ class Expressions:
     ) -> Scalar | None:
         """Return the scalar of an expression; None for other nodes, which are reported.
 
-        node, what : the value in the file, and its name in messages. beside : whether a
-        unit may be given beside the expression.
+        node, what : the value in the file, and its name in messages.
+        beside : whether a unit may be given beside the expression.
         """
         if node is None or isinstance(node, Broken):
             return None
@@ -178,8 +180,9 @@ class Expressions:
     ) -> tuple[Scalar, _P] | None:
         """Return the scalar of an expression, and its parsed form; None after a fault.
 
-        what : name of the expression in messages. parser : parses the text. beside :
-        whether a unit may be given beside the expression.
+        what : name of the expression in messages.
+        parser : parses the text.
+        beside : whether a unit may be given beside the expression.
         """
         scalar = self.scalar(node, what, beside=beside)
         if scalar is None:
@@ -227,7 +230,7 @@ class Expressions:
         """Return a parser like `parser` that accepts calls of the file's tables.
 
         text : the text to be parsed; the tables that it calls are recorded in
-        `Names.called`.
+            `Names.called`.
         """
         tables = self.names.tables
         if not tables:
@@ -247,8 +250,8 @@ class Expressions:
     ) -> None:
         """Report the fault that the parser found in the text of a scalar.
 
-        parser : the parser of a relation, or of another expression. beside : see
-        `text`.
+        parser : the parser of a relation, or of another expression.
+        beside : see `text`.
         """
         text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
@@ -284,9 +287,9 @@ class Expressions:
     ) -> int | None:
         """Return the graph node of an expression; None without one, or after a fault.
 
-        node, what : the expression in the file, and its name in messages. most : the
-        highest level of names that it may contain, see `model.model.Level`. condition :
-        whether it is a condition, as the first argument of `if`.
+        node, what : the expression in the file, and its name in messages.
+        most : the highest level of names that it may contain, see `model.model.Level`.
+        condition : whether it is a condition, as the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -304,8 +307,8 @@ class Expressions:
     ) -> float | None:
         """Return the finite value of an expression of parameters; None after a fault.
 
-        node, what : the expression in the file, and its name in messages. bounds,
-        positive : the permitted range, see `within`.
+        node, what : the expression in the file, and its name in messages.
+        bounds, positive : the permitted range, see `within`.
         """
         found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:
@@ -320,8 +323,9 @@ class Expressions:
     def value(self, found: int, what: str, place: Place) -> float | None:
         """Return the value of the graph node `found`, which contains parameters alone.
 
-        None if it is not finite, which is reported. what, place : the quantity and its
-        place in the file, for the message.
+        None if it is not finite, which is reported.
+
+        what, place : the quantity and its place in the file, for the message.
         """
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
@@ -339,8 +343,9 @@ class Expressions:
     ) -> bool:
         """Whether a number lies in its range; if not, a fault is reported.
 
-        what, place : the quantity and its place in the file, for the message. least,
-        most : the range. positive : whether 0 is excluded.
+        what, place : the quantity and its place in the file, for the message.
+        least, most : the range.
+        positive : whether 0 is excluded.
         """
         rule = "be positive" if positive and value <= 0.0 else ""
         if value > most:
@@ -367,16 +372,19 @@ class Expressions:
     ) -> bool:
         """Whether all names `used` are permitted in an expression; others are reported.
 
-        scalar, what : the expression, and its name in messages. most : the highest
-        level of quantities on which it may depend.
+        scalar, what : the expression, and its name in messages.
+        most : the highest level of quantities on which it may depend.
         """
         return self.check_by(partial(self.allows, what, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
         """Whether a rule permits all names of an expression.
 
-        used : the names. rule : (name, scalar) -> whether the name is permitted; it
-        reports names that are not. Each name is checked once.
+        Each name is checked once.
+
+        used : the names.
+        rule : (name, scalar) -> whether the name is permitted; it reports names that
+            are not.
         """
         first: dict[str, Name] = {}
         for one in used:
@@ -390,7 +398,8 @@ class Expressions:
     ) -> bool:
         """Report a name that is not permitted in an expression; return False.
 
-        used, scalar : the name, and the expression. code, text, hint : the message.
+        used, scalar : the name, and the expression.
+        code, text, hint : the message.
         """
         place = scalar.place_of_name(used.text, used.offset)
         self.faults.add(code, text, place, hint)
@@ -399,8 +408,9 @@ class Expressions:
     def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
         """Whether an expression may contain a name; if not, a fault is reported.
 
-        used : the name. what : name of the expression in messages. most : the highest
-        level on which it may depend.
+        used : the name.
+        what : name of the expression in messages.
+        most : the highest level on which it may depend.
         """
         name, meaning = used.text, self.names.meaning(used.text)
         if name in self.bound:
@@ -448,7 +458,8 @@ class Expressions:
     ) -> None:
         """Report an unknown name; only once where one hint covers several names.
 
-        used, scalar : the name, and the expression. among : see `names.Names.unknown`.
+        used, scalar : the name, and the expression.
+        among : see `names.Names.unknown`.
         output : whether accelerations are permitted here.
         """
         name, names = used.text, self.names
@@ -517,8 +528,9 @@ class Expressions:
         """Report rates of first-order states, in an expression, that the motion sets.
 
         Such a rate depends on coordinates or velocities; derivatives treat it as a
-        given function of time, without slopes. node, what : the expression in the file,
-        and its name in messages.
+        given function of time, without slopes.
+
+        node, what : the expression in the file, and its name in messages.
         """
         if node is None or not self.with_rates:
             return
@@ -534,10 +546,11 @@ class Expressions:
     def rate_of(self, definition: str, *, second: bool = False) -> int:
         """Return the graph node of the total time derivative of a definition.
 
-        definition : its name; its expression depends on positions and time. second :
-        whether the second derivative is returned. The rates of all definitions are
-        computed together: one sweep over the graph costs no more than one for a single
-        definition.
+        The rates of all definitions are computed together: one sweep over the graph
+        costs no more than one for a single definition.
+
+        definition : its name; its expression depends on positions and time.
+        second : whether the second derivative is returned.
         """
         if not self._rates:
             known = self.definitions.items()
@@ -561,7 +574,8 @@ def _misplaced(
 ) -> tuple[ErrorCode, str, str]:
     """Return code, text and hint for a known name that is not permitted here.
 
-    what : name of the expression. most : the highest level on which it may depend.
+    what : name of the expression.
+    most : the highest level on which it may depend.
     """
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:

@@ -211,7 +211,9 @@ def is_mapping(node: Node) -> bool:
 def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
     """Return the entries of a mapping, except keys `x-...`; [] for an empty YAML node.
 
-    what : name in messages. Other nodes are reported.
+    Other nodes are reported.
+
+    what : name in messages.
     """
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
@@ -288,7 +290,8 @@ class Fields:
     ) -> bool:
         """Whether exactly one of two keys is present; else a fault is reported.
 
-        one, other : the keys. hint, place : the hint and the place of the fault.
+        one, other : the keys.
+        hint, place : the hint and the place of the fault.
         """
         both = one in self and other in self
         if both or not (one in self or other in self):
@@ -364,7 +367,8 @@ def fields(
     An unknown key similar to a known one is read as the known key, so that the known
     key is not also reported as missing.
 
-    node, known : the mapping, and its keys. what : name of the mapping in messages.
+    node, known : the mapping, and its keys.
+    what : name of the mapping in messages.
     place : place of the mapping's key, for faults of the mapping as a whole.
     """
     given = entries(node, what, faults)
@@ -403,7 +407,8 @@ def fields(
 def _called(key: str, value: Node, known: Collection[str]) -> str:
     """Return the key of lagsim that a key of other programs corresponds to; else "".
 
-    key, value : as in the file. known : the valid keys.
+    key, value : as in the file.
+    known : the valid keys.
     """
     several = isinstance(value, Mapping)
     relation = isinstance(value, Scalar) and re.search("[<>=]", value.text)

@@ -386,9 +386,10 @@ def of_text(
     The correction of each fault is inserted until no fault is left. If that fails, the
     hint is that for the first fault.
 
-    known : variables of the file. moving : the variables that have rates. beside :
-    whether the expression is the value of a parameter or a definition, which can have a
-    unit.
+    known : variables of the file.
+    moving : the variables that have rates.
+    beside : whether the expression is the value of a parameter or a definition, which
+        can have a unit.
     """
     first, reason, short = "", "", len(text) <= WINDOW
     given, text = text, _typed(text, known) if short else text
@@ -422,8 +423,9 @@ def of_text(
 def _typed(text: str, known: Collection[str]) -> str:
     """Return an expression in lagsim's notation, from LaTeX or with typographic signs.
 
-    known : names, which stay as they are where they have letters beyond ASCII. The text
-    itself is returned if it has no such notation.
+    The text itself is returned if it has no such notation.
+
+    known : names, which stay as they are where they have letters beyond ASCII.
     """
     words = (w[0] for w in re.finditer(r"[^\W\d_]\w*", text) if not w[0].isascii())
     if not any(_is_known(word, known) for word in words):
@@ -467,8 +469,10 @@ def _step(
 ) -> tuple[int, int, str]:
     """Return begin and end of a part of a text to replace, and the hint on it.
 
-    The hint has the replacement in backquotes. fault : the fault of the text that the
-    replacement mends. known, moving : see `of_text`.
+    The hint has the replacement in backquotes.
+
+    fault : the fault of the text that the replacement mends.
+    known, moving : see `of_text`.
     """
     offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
     token = text[offset:end]
@@ -502,7 +506,9 @@ def _renaming(
 ) -> tuple[int, int, str] | None:
     """Return begin, end and hint for the first unknown name with another spelling.
 
-    None if there is no such name. known, moving : see `of_text`.
+    None if there is no such name.
+
+    known, moving : see `of_text`.
     """
     unknown = (name for name in names if not _is_known(name.text, known))
     for name in islice(unknown, MOST_STEPS):
@@ -520,8 +526,11 @@ def matching(
 ) -> tuple[int, int, str] | None:
     """Return begin, end and hint of the first known misspelling around an offset.
 
-    None if there is none. known : names of variables, which are no calls. parsed :
-    whether to search only spellings that are valid, but have another meaning in lagsim.
+    None if there is none.
+
+    known : names of variables, which are no calls.
+    parsed : whether to search only spellings that are valid, but have another meaning
+        in lagsim.
     """
     first = max(0, offset - WINDOW)
     near, offset = text[first : offset + WINDOW], offset - first
@@ -542,7 +551,10 @@ def _of_quantity(
 ) -> str:
     """Return a hint for a text that is a number, or `1/2`, with a unit after it.
 
-    "" for other texts. fault : the parser's fault. beside : see `of_text`.
+    "" for other texts.
+
+    fault : the parser's fault.
+    beside : see `of_text`.
     """
     found = re.fullmatch(_QUANTITY, text)
     number, unit = text[: fault.offset].strip(), text[fault.offset :]
@@ -604,8 +616,8 @@ def _moves(name: str, moving: Collection[str]) -> bool:
 def _meant_by_call(name: str, argument: str, moving: Collection[str]) -> str:
     """Return a hint for a call such as `diff(x)` of another language; else "".
 
-    name, argument : the name and the argument of the call. moving : names that have
-    rates.
+    name, argument : the name and the argument of the call.
+    moving : names that have rates.
     """
     if name.casefold() == "sqr" and argument:  # of Pascal, and of Basic
         square = spelt_call("square", argument)
@@ -627,7 +639,8 @@ def of_function(
 ) -> tuple[int, int, str]:
     """Return begin, end and hint for the call of an unknown function.
 
-    fault : the parser's fault at the call. known, moving : see `of_text`.
+    fault : the parser's fault at the call.
+    known, moving : see `of_text`.
     """
     offset, end = fault.offset, fault.offset + fault.length
     name = text[offset:end]
@@ -774,7 +787,9 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
     """Return a hint for an unknown key whose meaning can be guessed; else "".
 
     Examples are a count of rows in place of `output_step`, a missing colon, or a unit.
-    given : the entries of the mapping. known : the valid keys.
+
+    given : the entries of the mapping.
+    known : the valid keys.
     """
     name, keys = key.text.casefold(), [k.text for k, _ in given]
     if "output_step" in known and name in SPANS:

@@ -370,7 +370,8 @@ def _spelling(name: str) -> tuple[str, str] | None:
 def _undecorated(name: str, decoration: str, *, called: bool) -> str:
     """Return a hint for a name with a unit or an argument attached.
 
-    decoration : the attached text. called : whether that text is in parentheses.
+    decoration : the attached text.
+    called : whether that text is in parentheses.
     """
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
@@ -411,7 +412,8 @@ def _owner(name: str, names: Names) -> tuple[str, Place | None]:
 def _place_of(of: str, owner: Owner, names: Names) -> Place | None:
     """Return the place at which a name with columns is declared; None if there is none.
 
-    of : the name. owner : the kind of name that the columns belong to.
+    of : the name.
+    owner : the kind of name that the columns belong to.
     """
     if owner is Owner.CONSTRAINT:
         whole = re.sub(r"\.[12]$", "", of)  # of two relations, or two slips

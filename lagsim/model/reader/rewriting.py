@@ -78,8 +78,10 @@ def places(root: Node) -> NumberPlaces:
 def _added(root: Node, values: MappingType[str, float]) -> Iterator[tuple[Span, str]]:
     """Yield the change that inserts new start values before the first one, if any.
 
-    It is a pair: the place as (begin, end), and the text. root : the file. values : the
-    start values.
+    It is a pair: the place as (begin, end), and the text.
+
+    root : the file.
+    values : the start values.
     """
     place = places(root).added
     if place is not None:
@@ -99,8 +101,8 @@ def _number(node: Node) -> Scalar | None:
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
     """Return the members of `every` from the first to the last of `names`, and more.
 
-    every : all members, in order. before, after : how many members are added before the
-    first and after the last.
+    every : all members, in order.
+    before, after : how many members are added before the first and after the last.
     """
     if len(names) == 1 and "." not in names[0]:
         return names
@@ -124,7 +126,9 @@ def _order(name: str) -> list[tuple[int, int, str]]:
 def _written(names: list[str], values: MappingType[str, float], old: str) -> str:
     """Return the text of the numbers of some members: a number, or nested lists.
 
-    names : the members. values : name -> new number. old : text of the number before.
+    names : the members.
+    values : name -> new number.
+    old : text of the number before.
     """
     if len(names) == 1:
         return _shown(values[names[0]]) if names[0] in values else old

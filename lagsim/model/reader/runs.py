@@ -186,7 +186,8 @@ class _Simulation:
     ) -> float | None:
         """Return the number at a key; None without the key, or after a fault.
 
-        least, most : the permitted range. positive : whether 0 is excluded.
+        least, most : the permitted range.
+        positive : whether 0 is excluded.
         """
         node, x, what = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
@@ -311,7 +312,8 @@ def _sections(
 def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterator[str]:
     """Yield the names of the two columns on the axes of a section's picture.
 
-    below : the entry of the section. columns : columns of definitions.
+    below : the entry of the section.
+    columns : columns of definitions.
     """
     given = items(below.value("plot"), "`plot`", x.faults)
     if given and len(given) != len(("right", "up")):
@@ -337,7 +339,9 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
 def asked_reactions(section: Node | None) -> list[str]:
     """Return the names in the list `reactions` of `output`, valid or not.
 
-    section : the section `output`. The names are needed before definitions are read.
+    The names are needed before definitions are read.
+
+    section : the section `output`.
     """
     lists = (v for k, v in entries_of(section) if k.text == "reactions")
     return [name for node in lists for name in texts_of(items_of(node))]
@@ -377,8 +381,9 @@ def _definitions(
 ) -> dict[str, Place]:
     """Return the definitions that a list names, with their places.
 
-    what : for messages. hint : the hint for a name that is a coordinate. given : the
-    items of the list.
+    what : for messages.
+    hint : the hint for a name that is a coordinate.
+    given : the items of the list.
     """
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
@@ -403,7 +408,8 @@ def _definitions(
 def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
     """Return text and hint of the fault that a name is no definition.
 
-    what : `reaction` or `column`, for the text. hint : for a coordinate.
+    what : `reaction` or `column`, for the text.
+    hint : for a coordinate.
     """
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
@@ -692,8 +698,11 @@ class _SceneReader:
     def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
         """Return the YAML nodes of a shape's sizes, one per number; [] after a fault.
 
-        what : name in messages. node : the value of the key in the file. counts : the
-        permitted numbers of sizes. A single size may be written without a list.
+        A single size may be written without a list.
+
+        what : name in messages.
+        node : the value of the key in the file.
+        counts : the permitted numbers of sizes.
         """
         if counts == (1,):
             return [node]
@@ -721,8 +730,8 @@ class _SceneReader:
     def _at(self, what: str, node: Node | None) -> tuple[tuple[int, ...], str]:
         """Return the graph nodes of a shape's origin, and its point's name or "".
 
-        what : the shape's name in messages. node : the value of `at`, a point of the
-        scene or a list of expressions.
+        what : the shape's name in messages.
+        node : the value of `at`, a point of the scene or a list of expressions.
         """
         if node is None or isinstance(node, Broken):
             return (), ""

@@ -157,8 +157,9 @@ class _UnitCheck:
     def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
         """Return the quantity that an expression should have; unknown if any is right.
 
-        kind : such as `the force on`. name : the name of the coordinate. energy : the
-        quantity of energies.
+        kind : such as `the force on`.
+        name : the name of the coordinate.
+        energy : the quantity of energies.
         """
         per_second = {"s": -1.0}
         if kind in ("the definition", "the parameter", "the mode"):
@@ -243,9 +244,9 @@ class _UnitCheck:
     ) -> Quantity:
         """Return the quantity of an operation; inconsistent arguments are reported.
 
-        scalar, span : the expression, and the place of the operation in it. op, args :
-        the operation, and the quantities of its arguments. power : the value of the
-        last argument, if it is a constant.
+        scalar, span : the expression, and the place of the operation in it.
+        op, args : the operation, and the quantities of its arguments.
+        power : the value of the last argument, if it is a constant.
         """
         if op not in OPERATIONS or op in JOINING:  # a table
             return _UNKNOWN
@@ -281,8 +282,8 @@ class _UnitCheck:
     ) -> bool:
         """Return whether the units of two quantities fit; if not, report the mismatch.
 
-        span : the place in the scalar; None for the whole. text : the message, with {}
-        for both units.
+        span : the place in the scalar; None for the whole.
+        text : the message, with {} for both units.
         """
         if a.free or b.free or a.unit is None or b.unit is None:
             return True

@@ -109,8 +109,9 @@ def _value_entry(
 ) -> _Entry:
     """Return the value and the further keys of an entry, see `_Entry`.
 
-    key, node : name and value in the file. what : name of the entry in messages. form :
-    the keys that the mapping may have.
+    key, node : name and value in the file.
+    what : name of the entry in messages.
+    form : the keys that the mapping may have.
     """
     if not isinstance(node, Mapping):
         return _Entry(node)
@@ -243,8 +244,10 @@ class Unfolded(Graph):
     ) -> Value:
         """Return value and rounding error of the expression `parsed`, made of numbers.
 
-        A single number is exact, as written in the file. known : value and error of
-        each name in the expression, except `pi`. tables : the tables by name.
+        A single number is exact, as written in the file.
+
+        known : value and error of each name in the expression, except `pi`.
+        tables : the tables by name.
         """
         (kind, number, _), *more = parsed.postfix
         if not more and kind == "number":
@@ -283,10 +286,12 @@ class _Numbers:
     ) -> tuple[Scalar, Parsed, Value] | None:
         """Return an entry's scalar, parsed expression, and value with rounding error.
 
-        None after a fault. node, what : the value in the file, and its name in
-        messages. rule : see `expressions.Expressions.check_by`. beside : whether a unit
-        may be given beside the expression. wanted : False to check the expression only,
-        and return None.
+        None after a fault.
+
+        node, what : the value in the file, and its name in messages.
+        rule : see `expressions.Expressions.check_by`.
+        beside : whether a unit may be given beside the expression.
+        wanted : False to check the expression only, and return None.
         """
         x, found = self.x, self.x.text(node, what, parse, beside=beside)
         if found is None:
@@ -305,8 +310,9 @@ class ParameterReader(_Numbers):
     def read(self, given: list[Entry], modes: list[Entry]) -> tuple[Parameter, ...]:
         """Return parameters and modes; faults are reported.
 
-        given, modes : the entries of the file. Expressions of `--set` replace their
-        values.
+        Expressions of `--set` replace their values.
+
+        given, modes : the entries of the file.
         """
         self._check_names()
         below = {key.text for key, _ in given}  # the parameter being read, and later
@@ -337,8 +343,9 @@ class ParameterReader(_Numbers):
     def _deviation(self, node: Node | None, what: str, rule: Rule) -> float:
         """Return the value of `uncertainty`, a standard deviation; 0 without the key.
 
-        node : the value of the key. what : the parameter, for messages. rule : see
-        `expressions.Expressions.check_by`.
+        node : the value of the key.
+        what : the parameter, for messages.
+        rule : see `expressions.Expressions.check_by`.
         """
         if node is None:
             return 0.0
@@ -430,7 +437,8 @@ class Initial(_Numbers):
     def read(self, entry: Entry | None, root: Place) -> tuple[InitialValue, ...]:
         """Return the start values: positions, velocities, states, then definitions.
 
-        entry : the section `initial`; None without one. root : place of the file.
+        entry : the section `initial`; None without one.
+        root : place of the file.
         """
         x = self.x
         if entry is None:
@@ -504,7 +512,8 @@ class Initial(_Numbers):
     def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
         """Return the expression of a start value, and whether it is a guess.
 
-        key, node : name and value in the file. what : name in messages.
+        key, node : name and value in the file.
+        what : name in messages.
         """
         faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
@@ -614,7 +623,9 @@ class Initial(_Numbers):
     def _rule(self, used: Name, scalar: Scalar) -> bool:
         """Whether the expression of a start value may contain a name; else a fault.
 
-        used, scalar : the name, and the expression. A rule for `Expressions.check_by`.
+        A rule for `Expressions.check_by`.
+
+        used, scalar : the name, and the expression.
         """
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":

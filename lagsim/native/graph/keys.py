@@ -117,8 +117,10 @@ def nodes_of(functions: Functions) -> dict[str, list[int]]:
 def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
     """Return a digest of all inputs that determine the code of `functions`.
 
-    functions : the nodes of the results, or a Loop, by name. manner : further arguments
-    of the code generator. Nodes enter by their order, not by their numbers.
+    Nodes enter by their order, not by their numbers.
+
+    functions : the nodes of the results, or a Loop, by name.
+    manner : further arguments of the code generator.
     """
     made = nodes_of(functions)
     orders = [

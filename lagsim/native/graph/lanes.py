@@ -88,7 +88,9 @@ def suits(g: Graph, nodes: Sequence[int], size: int) -> bool:
     """Whether a function of `nodes` can be evaluated in lanes, and gains by that.
 
     It must have enough arguments and results, not too many operations, and only such as
-    are instructions on vectors. size : the number of components of y.
+    are instructions on vectors.
+
+    size : the number of components of y.
     """
     if min(1 + size, len(nodes)) < LANES:
         return False
@@ -114,9 +116,10 @@ class LaneWriter(FunctionWriter):
     ) -> None:
         """Write the function `name` of one row, and that of several rows, `name`_rows.
 
-        nodes : graph nodes written to out. places : graph nodes that `prepare` has
-        evaluated, with the places of their values in memory. size : the number of
-        components of y.
+        nodes : graph nodes written to out.
+        places : graph nodes that `prepare` has evaluated, with the places of their
+            values in memory.
+        size : the number of components of y.
         """
         stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
         self.function(f"{name}.lanes", stores, places, linkage="internal ", longest=1)

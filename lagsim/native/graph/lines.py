@@ -107,7 +107,8 @@ def fixed_nodes(
 ) -> list[int]:
     """Return the operations on `constant` variables, which `prepare` evaluates once.
 
-    functions : name -> nodes that the function computes. constant : names of variables.
+    functions : name -> nodes that the function computes.
+    constant : names of variables.
     """
     roots = [node for nodes in functions.values() for node in nodes]
     moving = [n for name, n in g.variables().items() if name not in constant]
@@ -159,8 +160,9 @@ class Lines:
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
         """Write an operation on values, and return the name of its value.
 
-        op : the operation, as in the graph. exponent : the exponent of a power with a
-        constant exponent; else None. operands : the names of the values.
+        op : the operation, as in the graph.
+        exponent : the exponent of a power with a constant exponent; else None.
+        operands : the names of the values.
         """
         if op == "pow" and exponent is not None and is_product(exponent):
             return self._power(operands[0], exponent)
@@ -178,8 +180,8 @@ class Lines:
     ) -> list[str]:
         """Write sines and cosines of up to LANES angles; return the values' names.
 
-        angles : names of the angles. wanted : for each value, "sin" or "cos" and the
-        index of the angle.
+        angles : names of the angles.
+        wanted : for each value, "sin" or "cos" and the index of the angle.
         """
         self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"
@@ -250,7 +252,9 @@ class _Vectors(Lines):
     def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
         """Write a polynomial in z by its even and odd halves, which overlap in time.
 
-        coefficients : lowest power first. Return the name of the value.
+        Return the name of the value.
+
+        coefficients : lowest power first.
         """
         square = self.mul(z, z)
         halves = []

@@ -110,8 +110,10 @@ def write(
 ) -> None:
     """Write the function `name`, which evaluates a Taylor series by a loop.
 
-    w : writer to whose lines the code is added. loop : the series. places : graph nodes
-    that `prepare` has evaluated, with the places of their values in memory.
+    w : writer to whose lines the code is added.
+    loop : the series.
+    places : graph nodes that `prepare` has evaluated, with the places of their values
+        in memory.
     """
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)
@@ -192,8 +194,9 @@ def _with_edges(
 ) -> tuple[list[int], list[int]]:
     """Return the nodes of an order k, whose first and last terms are computed before.
 
-    r : the recurrence. edges : for each sum of products, a variable with its two terms
-    a_1 b_(k-1) + a_(k-1) b_1, which the code of the order before has computed.
+    r : the recurrence.
+    edges : for each sum of products, a variable with its two terms a_1 b_(k-1) +
+        a_(k-1) b_1, which the code of the order before has computed.
 
     Returns
     -------

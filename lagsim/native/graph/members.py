@@ -162,7 +162,8 @@ class MembersFunction(Lines):
     def _row(self, column: MemberColumn, k: str) -> str:
         """Write code for the address of row k of a column; return the address's name.
 
-        column : the column's memory. k : the name, in the code, of the row's number.
+        column : the column's memory.
+        k : the name, in the code, of the row's number.
         """
         start = f"getelementptr double, ptr {self.results}, i64 {column.first}"
         if column.length == 1:
@@ -178,8 +179,9 @@ class MembersFunction(Lines):
     def _add(self, value: str, row: str, k: int | str) -> str:
         """Write code that adds a value to an element in memory; return the sum's name.
 
-        value : name of the value. row : name of the address of an array. k : index of
-        the element.
+        value : name of the value.
+        row : name of the address of an array.
+        k : index of the element.
         """
         place = self.line(f"getelementptr double, ptr {row}, i64 {k}")
         old = self.line(f"load double, ptr {place}")
@@ -223,7 +225,9 @@ class MembersFunction(Lines):
     def _member(self, m: str) -> None:
         """Write the code that adds the terms of one member to the rows it uses.
 
-        The rows are those of the member's positions. m : name of the member's number.
+        The rows are those of the member's positions.
+
+        m : name of the member's number.
         """
         of, values, rows = self.of, dict[int, str](), dict[int, str]()
         table = self._table(of.table)
@@ -260,7 +264,7 @@ class MembersFunction(Lines):
         """Write the evaluation of the term's nodes for a member.
 
         values : node of the term -> name of its value; has the slots at first, and all
-        nodes at the end.
+            nodes at the end.
         """
         g = self.of.graph
         for n in self.of.cone:

@@ -52,8 +52,10 @@ def write(
 ) -> None:
     """Write the function `name`, which evaluates a Taylor series order by order.
 
-    w : writer to whose lines the code is added. loop : the series. places : graph nodes
-    that `prepare` has evaluated, with the places of their values in memory.
+    w : writer to whose lines the code is added.
+    loop : the series.
+    places : graph nodes that `prepare` has evaluated, with the places of their values
+        in memory.
     """
     start = _START.format(
         name=name, signature=w.signature, base=w.scratch, mask=LINE_BYTES - 1,
@@ -169,7 +171,8 @@ class _Orders:
         """Write code that loads a vector of factors of order j; return its name.
 
         first, width : index of the first sum to which the factors belong, and their
-        number. which : 0 for the first factors, 1 for the second.
+            number.
+        which : 0 for the first factors, 1 for the second.
         """
         place = self.w.address(self._place(j, first, which))
         kind = f"<{width} x double>"

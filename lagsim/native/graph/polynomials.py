@@ -97,7 +97,8 @@ class _Writer:
     def polynomial(self, terms: Sequence[tuple[int, float]], powers: list[str]) -> str:
         """Write the sum over j of factor_j y_(k_j) h^j; return the name of its value.
 
-        terms : pairs (k_j, factor_j). powers : the names of h, h^2 and h^4.
+        terms : pairs (k_j, factor_j).
+        powers : the names of h, h^2 and h^4.
         """
         h, square, fourth = powers
         parts = []

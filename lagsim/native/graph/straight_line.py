@@ -95,8 +95,9 @@ class CommonNodes:
 def _longest(name: str, manner: Manner) -> int:
     """Return the number of pieces above which a function is not optimised.
 
-    name : the name of the function. manner : lists functions that are called rarely;
-    these are optimised only where they are a single piece.
+    name : the name of the function.
+    manner : lists functions that are called rarely; these are optimised only where they
+        are a single piece.
     """
     return 1 if name in (*manner.once, *manner.rare) else LONG
 

@@ -147,8 +147,9 @@ def tape_functions(
 def _copied(array: str, name: str, first: int, count: int) -> str:
     """Return IR that copies the first numbers of `array` to p.
 
-    name : a fresh name. first : index in p of the first number. count : the count of
-    the numbers.
+    name : a fresh name.
+    first : index in p of the first number.
+    count : the count of the numbers.
     """
     return (
         f"%{name} = getelementptr double, ptr %p, i64 {first}\ncall void "
@@ -267,8 +268,8 @@ class _Tapes:
     ) -> list[str]:
         """Return the IR of the functions.
 
-        before : code that each function executes first. calls : functions that each
-        function calls before that code.
+        before : code that each function executes first.
+        calls : functions that each function calls before that code.
         """
         lines = []
         for k, (name, made) in enumerate(functions.items()):
@@ -300,8 +301,8 @@ class _Tapes:
     def _tasks(self, cone: Sequence[int], functions: Sequence[Sequence[int]]) -> Tasks:
         """Return the table of the evaluations of nodes that the functions need.
 
-        cone : the nodes, in order of evaluation. functions : the results of each
-        function; `prepare` is the last.
+        cone : the nodes, in order of evaluation.
+        functions : the results of each function; `prepare` is the last.
         """
         ops, args, plain = self.g.ops, self.g.args, self.plain
         users, inner = self._users(cone, functions)
@@ -342,7 +343,8 @@ class _Tapes:
         the node is inner: a product whose only use in each function is a sum, so that
         the evaluation of the sum computes the product.
 
-        cone : the nodes that are evaluated. functions : the results of each function.
+        cone : the nodes that are evaluated.
+        functions : the results of each function.
         """
         ops, args = self.g.ops, self.g.args
         users, inner = [0] * len(args), [op == "mul" for op in ops]
@@ -494,7 +496,8 @@ class Interpreter(Lines):
     def _evaluation(self, kind: OperationKind, at: str) -> int:
         """Write the code of one evaluation; return the number of its fields.
 
-        kind : the kind of the operation. at : the name of the address of its fields.
+        kind : the kind of the operation.
+        at : the name of the address of its fields.
         """
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)

@@ -44,9 +44,10 @@ def evaluation_order(
 ) -> list[int]:
     """Return the nodes to evaluate for `roots`, in order, except those in `places`.
 
-    places : nodes with values in memory. Sines and cosines come early and side by side:
-    first the functions of angles that depend on no sine or cosine, then the functions
-    of angles that depend on the first.
+    Sines and cosines come early and side by side: first the functions of angles that
+    depend on no sine or cosine, then the functions of angles that depend on the first.
+
+    places : nodes with values in memory.
     """
     order = g.cone(roots, places)
     depth: dict[int, int] = {}  # others depend on no sine or cosine
@@ -168,9 +169,9 @@ class FunctionWriter(Lines):
     ) -> dict[int, str]:
         """Write the evaluation of graph nodes; return the name of each value, by node.
 
-        stores : pairs of a node and the place where its value is stored. nodes : more
-        nodes, whose values are not stored. places : nodes that are not evaluated, with
-        the places of their values.
+        stores : pairs of a node and the place where its value is stored.
+        nodes : more nodes, whose values are not stored.
+        places : nodes that are not evaluated, with the places of their values.
         """
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
@@ -188,8 +189,8 @@ class FunctionWriter(Lines):
     ) -> dict[int, int]:
         """Return node -> index in p, for values that one piece passes to a later one.
 
-        pieces : the nodes of each piece of a function. places : nodes with values in
-        memory already.
+        pieces : the nodes of each piece of a function.
+        places : nodes with values in memory already.
         """
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
@@ -257,9 +258,11 @@ class FunctionWriter(Lines):
     ) -> None:
         """Write sines and cosines of up to LANES angles side by side.
 
-        They are those with which `nodes` begins. here : node -> name of its value;
-        extended by the sines and cosines. operand : function that returns the name of
-        the value of a node. places : nodes with values in memory, see `function`.
+        They are those with which `nodes` begins.
+
+        here : node -> name of its value; extended by the sines and cosines.
+        operand : function that returns the name of the value of a node.
+        places : nodes with values in memory, see `function`.
         """
         g = self.g
         together: list[int] = []
@@ -285,9 +288,10 @@ class FunctionWriter(Lines):
     ) -> str:
         """Return the name of the value of node n that no operation computes here.
 
-        n is a constant, a variable, or has a value in memory, which is loaded. places :
-        nodes with the places of their values. passed : node -> index in p, of values
-        that earlier pieces have stored.
+        n is a constant, a variable, or has a value in memory, which is loaded.
+
+        places : nodes with the places of their values.
+        passed : node -> index in p, of values that earlier pieces have stored.
         """
         g = self.g
         if g.ops[n] == CONSTANT:

@@ -31,9 +31,11 @@ def fingerprint(
 ) -> str:
     """Return a digest of all inputs that determine the text written by `translate`.
 
-    functions, statics : see `translation.translate`. The digest covers the files of the
-    translator and of the modules of all kernels reached, and the values of the static
-    globals that the kernels use, also values computed from other modules.
+    The digest covers the files of the translator and of the modules of all kernels
+    reached, and the values of the static globals that the kernels use, also values
+    computed from other modules.
+
+    functions, statics : see `translation.translate`.
     """
     # Minor versions of Python may read the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]

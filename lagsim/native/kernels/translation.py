@@ -218,7 +218,8 @@ class _Function(Folding, ast.NodeVisitor):
     def _allocate(self, stem: str, kind: str) -> str:
         """Allocate a variable on the stack; return the name of its address in the IR.
 
-        stem : beginning of the name. kind : kind of the variable.
+        stem : beginning of the name.
+        kind : kind of the variable.
         """
         place = self._name(stem)
         self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
@@ -311,7 +312,9 @@ class _Function(Folding, ast.NodeVisitor):
     def _single(self, value: Value) -> Value:
         """Return the current element of an array, within an assignment to a slice.
 
-        A number is returned unchanged. value : the array or the number.
+        A number is returned unchanged.
+
+        value : the array or the number.
         """
         if value.kind == "Floats" and self.element:
             return self._get("float", self._address(value.text, self.element))
@@ -366,7 +369,8 @@ class _Function(Folding, ast.NodeVisitor):
     def _tabulated(self, node: ast.Subscript, table: tuple[Static, ...]) -> str:
         """Return the address of a number in a static table, at a variable index.
 
-        node : the subscript. table : the values.
+        node : the subscript.
+        table : the values.
         """
         numbers = [self._literal(node, x) for x in table]
         if any(x.kind != "float" for x in numbers):
@@ -380,7 +384,9 @@ class _Function(Folding, ast.NodeVisitor):
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
         """Return the addresses of a memory and of the word of it that `s.t` denotes.
 
-        node : the expression `s.t`. The third result is the field of that word.
+        The third result is the field of that word.
+
+        node : the expression `s.t`.
         """
         found = self.source.field(node)
         if found is None:
@@ -435,7 +441,9 @@ class _Function(Folding, ast.NodeVisitor):
     def _floored(self, node: ast.BinOp, left: Value) -> Value:
         """Translate `//` or `%` by a positive static divisor.
 
-        Both operators round towards minus infinity, as in Python. left : the dividend.
+        Both operators round towards minus infinity, as in Python.
+
+        left : the dividend.
         """
         divisor = self.integer(node.right)
         a = self._cast(left, "int", node).text
@@ -633,8 +641,8 @@ class _Function(Folding, ast.NodeVisitor):
     def _spread(self, target: ast.Subscript, value: ast.expr) -> None:
         """Translate an assignment to a slice: a loop that stores each element.
 
-        target : the slice. value : the expression, whose arrays are as long as the
-        slice.
+        target : the slice.
+        value : the expression, whose arrays are as long as the slice.
         """
         begin = self._element(target)
         start, stop = self._bounds(target)
@@ -774,7 +782,8 @@ class _Function(Folding, ast.NodeVisitor):
         """Write a loop whose counter runs from `start` to `stop`, exclusive.
 
         body : function that writes one pass, from the counter and the labels of exit
-        and next pass. parallel : whether the passes access disjoint elements.
+            and next pass.
+        parallel : whether the passes access disjoint elements.
         """
         counter = self._allocate("counter", "int")
         self._put(start, counter)

@@ -130,7 +130,8 @@ def _serve(
 ) -> None:
     """Work on one task in the second process; an exception ends the results early.
 
-    line : the connection to the first process. ready, work : see `Helper`.
+    line : the connection to the first process.
+    ready, work : see `Helper`.
     """
     # Signals are handled by the first process, and so is its wake-up pipe.
     signal.set_wakeup_fd(-1)

@@ -127,8 +127,9 @@ def kernel_part(
 ) -> ProgramPart:
     """Return the `ProgramPart` of kernels.
 
-    The kernels are translated unless the cache has the code. functions, statics : see
-    `translation.translate`.
+    The kernels are translated unless the cache has the code.
+
+    functions, statics : see `translation.translate`.
     """
     # The digest is computed once in a process: it takes nearly as long as a short run.
     known = *functions, repr(statics)

@@ -169,8 +169,8 @@ def link_object(
 ) -> bytes:
     """Compile several texts of IR to one object, with the visible symbols `exports`.
 
-    irs : pairs of a text and its flag `optimise`, see `compile_object`. chosen : the
-    target.
+    irs : pairs of a text and its flag `optimise`, see `compile_object`.
+    chosen : the target.
     """
     machine = _machine(chosen)
     whole = _module("", chosen, machine, optimise=False)
@@ -189,7 +189,8 @@ def link_object(
 def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
     """Return the LLVM module of an IR text for the target `chosen`.
 
-    machine : LLVM's machine of the target. optimise : see `compile_object`.
+    machine : LLVM's machine of the target.
+    optimise : see `compile_object`.
 
     Raises
     ------

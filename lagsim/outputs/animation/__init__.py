@@ -296,7 +296,8 @@ def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
 def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
     """Return the units on a page: length, energy, force; "" if unknown.
 
-    lengths : the units of coordinates of points. energy : the unit of energies.
+    lengths : the units of coordinates of points.
+    energy : the unit of energies.
 
     Examples
     --------
@@ -316,7 +317,8 @@ def _tracks(
 
     Components that a point lacks are 0.
 
-    values : variables by name, numbers or arrays (count,). count : number of frames.
+    values : variables by name, numbers or arrays (count,).
+    count : number of frames.
     """
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
@@ -341,7 +343,8 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
     There the interpolation from positions and rates of two frames would overshoot.
 
-    t : (frames,). tracks : positions and rates of the points.
+    t : (frames,).
+    tracks : positions and rates of the points.
     """
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = longest_side(tracks)
@@ -526,7 +529,8 @@ class Carriers:
         Each force is an array (count, components); nan in frames in which the forces
         are not unique.
 
-        A : the row, index of a coordinate -> node. name : column of the multiplier.
+        A : the row, index of a coordinate -> node.
+        name : column of the multiplier.
         points : the points.
         """
         multiplier = self._values.get(name)
@@ -728,7 +732,8 @@ def record(film: Film) -> dict[str, Any]:
 def _packed(values: Floats, kind: str = "<f4") -> str:
     """Return an array of numbers as base64 text, row by row.
 
-    values : the array. kind : numpy's dtype in the text, such as `<f4`.
+    values : the array.
+    kind : numpy's dtype in the text, such as `<f4`.
     """
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
@@ -750,8 +755,9 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 
     In space it is the height of the first ground of the scene, if there is one.
 
-    film : whose scene can have a ground. every : positions of all points (k, d). box :
-    least and greatest value of each component in the view.
+    film : whose scene can have a ground.
+    every : positions of all points (k, d).
+    box : least and greatest value of each component in the view.
     """
     if levels := [b.height for b in film.shapes if b.height is not None]:
         return levels[0]
@@ -765,7 +771,9 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 def _box(every: Floats) -> list[list[float]]:
     """Return the least and greatest value of each component, for the view.
 
-    Few places far from all others are left out. every : positions of all points (k, d).
+    Few places far from all others are left out.
+
+    every : positions of all points (k, d).
     """
     if not len(every):
         return [[0.0, 0.0] for _ in range(every.shape[1])]
@@ -779,7 +787,8 @@ def _box(every: Floats) -> list[list[float]]:
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
     """Return a shape as JSON data; the script of the page computes the last axis.
 
-    body : the shape in all frames. names : the names of the points of the film.
+    body : the shape in all frames.
+    names : the names of the points of the film.
     """
     shape = body.shape
     axes = body.axes.swapaxes(1, 2)[:, :-1]
@@ -811,9 +820,11 @@ def _link(
 ) -> dict[str, Any]:
     """Return a link as JSON data.
 
-    names : points of the film. link : the points at its ends. look : the kind of the
-    link; by default it follows from the lengths of the link in the motion. length :
-    stated length of a string, or None.
+    names : points of the film.
+    link : the points at its ends.
+    look : the kind of the link; by default it follows from the lengths of the link in
+        the motion.
+    length : stated length of a string, or None.
     """
     a, b = link
     apart = film.tracks[a].place - film.tracks[b].place

@@ -223,8 +223,10 @@ class Accumulation:
     def _since(self, ratio: float) -> float:
         """Return the length of the longest window since the lengths began to decrease.
 
-        ratio : the ratio of the last two windows. Windows count from the last one back,
-        while their lengths grow by at most REGULAR / ratio.
+        Windows count from the last one back, while their lengths grow by at most
+        REGULAR / ratio.
+
+        ratio : the ratio of the last two windows.
         """
         longest = self._stretch(0)
         for k in range(1, (len(self.recent) - 1) // self.window):

@@ -243,8 +243,9 @@ class Division:
         interval `rough`, also where it is shorter than the length of `rough` over
         GROWTH, so that a long undecided interval costs few cells.
 
-        cells : the cells, whose tasks are changed in place. rough : (lo, hi), the last
-        interval of time in which the value of the function stayed undecided.
+        cells : the cells, whose tasks are changed in place.
+        rough : (lo, hi), the last interval of time in which the value of the function
+            stayed undecided.
         """
         lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
         if not len(cells):
@@ -262,8 +263,9 @@ class Division:
     def _look(self, cells: Cells) -> None:
         """Enclose the values of each surface in new cells; set the cells' tasks.
 
-        cells : intervals of time. The task of a cell is to be divided, to be searched
-        for steps, or none.
+        The task of a cell is to be divided, to be searched for steps, or none.
+
+        cells : intervals of time.
         """
         new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
@@ -425,7 +427,7 @@ def _times_of(
     """Return pairs (time, pause): times at which node `discrete` may change.
 
     values, start, end : see `break_times`. pause : whether the time is a pause of the
-    search, see `Division.times`.
+        search, see `Division.times`.
     """
     clock = TimedTable.of(g, discrete)
     if clock is None:
@@ -465,8 +467,10 @@ class TimedTable(NamedTuple):
     ) -> Iterator[tuple[float, int, int]]:
         """Yield (time, cell before, cell after) of each knot from `start` to `end`.
 
-        values : the values of the parameters. The times are exact to rounding. The
-        iterator is lazy: each time is computed when it is requested.
+        The times are exact to rounding. The iterator is lazy: each time is computed
+        when it is requested.
+
+        values : the values of the parameters.
         """
         at = Values(g, [self.argument, self.rate], values)
         (first, a), (last, _) = at(start), at(end)
@@ -490,10 +494,13 @@ def _knots_located(
 ) -> Iterator[tuple[float, bool]]:
     """Yield pairs (time, False): first doubles at which the cell of a table changes.
 
-    False : none is a pause of the search, see `Division.times`. discrete : the node of
-    the number of the cell. clock : the table. ends : start and end of the run. Each
-    double lies near a knot of `TimedTable.knots`. values : the values of the
-    parameters.
+    False : none is a pause of the search, see `Division.times`. Each double lies near a
+    knot of `TimedTable.knots`.
+
+    discrete : the node of the number of the cell.
+    clock : the table.
+    ends : start and end of the run.
+    values : the values of the parameters.
     """
     value = Values(g, [discrete], values)
     for time, _, _ in clock.knots(g, values, *ends):
@@ -516,8 +523,8 @@ def _clusters(
 ) -> Iterator[_Cluster]:
     """Yield clusters of breaks within one instant; first `start`, last `end`.
 
-    times : pairs (time, pause) in order of time, see `Division.times`. start, end : the
-    ends of the run, each a cluster of its own.
+    times : pairs (time, pause) in order of time, see `Division.times`.
+    start, end : the ends of the run, each a cluster of its own.
     """
 
     def near(t: float) -> float:
@@ -548,9 +555,11 @@ class _Locator:
     def times(self, cell: Cell, state: int | None) -> list[float]:
         """Return the times of the steps that are certain once `cell` has been examined.
 
-        cell : the next interval of time. state : the side of the surface in the cell,
-        or one of HIDDEN, OPEN and CROSSED where a step is possible; None for a pause.
         The list may be empty.
+
+        cell : the next interval of time.
+        state : the side of the surface in the cell, or one of HIDDEN, OPEN and CROSSED
+            where a step is possible; None for a pause.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:

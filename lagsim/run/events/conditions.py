@@ -179,8 +179,9 @@ class Truth:
     def see(self, found: int = -1) -> None:
         """Evaluate the truth of all conditions at the state just before an instant.
 
-        found : index of the condition located at the instant, or -1. The truth is
-        stored.
+        The truth is stored.
+
+        found : index of the condition located at the instant, or -1.
         """
         self.run("see", found)
 
@@ -211,7 +212,7 @@ class Truth:
         """Store as true from now on the conditions that were last found to become true.
 
         for_ever : indices of conditions that are true for the rest of the run, so that
-        their events never act again.
+            their events never act again.
         """
         self.run("hold")
         for c in for_ever:
@@ -239,8 +240,10 @@ class Truth:
     def _marked(self, count: float) -> set[int]:
         """Return the indices of the conditions that the last kernel has marked as true.
 
-        count : the number of marked conditions. Where constraints may keep the value of
-        a true condition at 0, its leeway is raised first.
+        Where constraints may keep the value of a true condition at 0, its leeway is
+        raised first.
+
+        count : the number of marked conditions.
         """
         state = self.state
         if state.any_stays > 0.0 and self.arc.equations.model.constraints:

@@ -161,9 +161,9 @@ def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
     After such a jump, of a position that the constraint prescribes, no motion can
     continue.
 
-    before : the table row before the instant. now : ndarray, shape (k,), the columns of
-    the table at the state reached. bent : the indices of the corners that the state is
-    on.
+    before : the table row before the instant.
+    now : ndarray, shape (k,), the columns of the table at the state reached.
+    bent : the indices of the corners that the state is on.
     """
     names = arc.system.columns.names
     for constraint in arc.equations.rows:
@@ -317,7 +317,9 @@ class NearDependence(Source):
         """Return the decision to solve by QR where rows become nearly dependent.
 
         The decision is a warning alone where QR would cost too much. None for codes of
-        the kernel other than `DEGENERATE`. code : the kernel's return code.
+        the kernel other than `DEGENERATE`.
+
+        code : the kernel's return code.
         """
         if code != at.DEGENERATE:
             return None
@@ -350,8 +352,9 @@ class RankLosses(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the events and the warning for a loss of rank, with its constraints.
 
-        None for codes of the kernel other than `RANK_LOST`. code : the kernel's return
-        code.
+        None for codes of the kernel other than `RANK_LOST`.
+
+        code : the kernel's return code.
         """
         if code != at.RANK_LOST:
             return None

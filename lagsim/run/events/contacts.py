@@ -185,8 +185,9 @@ class Contacts(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to settle the end of a law's mode.
 
-        None for codes of the kernel other than `SWITCH_FOUND`, and for surfaces. code :
-        the kernel's return code.
+        None for codes of the kernel other than `SWITCH_FOUND`, and for surfaces.
+
+        code : the kernel's return code.
         """
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
@@ -369,8 +370,9 @@ class Contacts(Source):
     def _settled(self, here: Kinematics, found: StateAfter) -> Kinematics:
         """Return the kinematics after sliders without mass have changed modes.
 
-        The state, events and ending are stored in `found`. here : all laws at the state
-        reached.
+        The state, events and ending are stored in `found`.
+
+        here : all laws at the state reached.
         """
         arc, before = here.arc, found.y
         settled = select_sliding(arc, before)
@@ -397,7 +399,9 @@ class Contacts(Source):
         """Whether law k can share the load of redundant laws.
 
         Contacts without friction, freewheels and limits can; slips, contacts with
-        slips, equalities and sliders cannot. here : all laws at the state reached.
+        slips, equalities and sliders cannot.
+
+        here : all laws at the state reached.
         """
         table = here.table
         rubs = any(table.slips[i] for i in (k, *table.beside[k]))
@@ -406,9 +410,11 @@ class Contacts(Source):
     def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
         """Return the names of closed laws with residuals beyond the location tolerance.
 
-        closed : whether each law is closed. The function of such a law jumps, or the
-        law was closed in flight, and no motion can continue. The energy of other bodies
-        does not enter the tolerance. here : all laws at the state reached.
+        The function of such a law jumps, or the law was closed in flight, and no motion
+        can continue. The energy of other bodies does not enter the tolerance.
+
+        closed : whether each law is closed.
+        here : all laws at the state reached.
         """
         rtol, table = here.arc.plan.rtol, here.table
         part = SATISFIED if rtol is None else CLOSING * max(rtol, LEAST_CLOSING)
@@ -419,10 +425,12 @@ class Contacts(Source):
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Return the end time of each series of bounces that ends with this impact.
 
-        The keys are the indices of the contacts. closed : whether each law is closed.
-        Each contact is judged by its own flights. All series that end are ended at this
-        impact, as one accumulation; the result is empty if none of their contacts
-        strikes now. here : all laws just before the impact.
+        The keys are the indices of the contacts. Each contact is judged by its own
+        flights. All series that end are ended at this impact, as one accumulation; the
+        result is empty if none of their contacts strikes now.
+
+        closed : whether each law is closed.
+        here : all laws just before the impact.
         """
         t = here.arc.t
         struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
@@ -533,9 +541,11 @@ class Contacts(Source):
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or gains energy, to `found`.
 
-        some : indices of the laws struck. result : the result of the impact. ending :
-        whether the impact ends a series of bounces; then a gain is not reported. here :
-        all laws just before the impact.
+        some : indices of the laws struck.
+        result : the result of the impact.
+        ending : whether the impact ends a series of bounces; then a gain is not
+            reported.
+        here : all laws just before the impact.
         """
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)

@@ -118,8 +118,9 @@ class CornerSides:
         have any of its sides onto which the velocities after the jump lead; it is
         stopped if neither does. Of several solutions one with the fewest stopped
         corners is returned, and of these the one with the highest speed away from the
-        corners, relative to the rounding of the speed. jump : the function that
-        computes the jump.
+        corners, relative to the rounding of the speed.
+
+        jump : the function that computes the jump.
         """
         self._speeds = {}
         count = len(self.corners)
@@ -141,8 +142,10 @@ class CornerSides:
         """Return the corners from which a jump may lead away.
 
         These are corners of `some` at which the jump has a speed, if they have one
-        side, and the others have `sides`. some : indices of corners. jump : see
-        `after`.
+        side, and the others have `sides`.
+
+        some : indices of corners.
+        jump : see `after`.
         """
         if not some:
             return []
@@ -156,8 +159,10 @@ class CornerSides:
     def _solution(self, jump: Jump, some: list[int]) -> Sides:
         """Return the sides of all corners onto which a jump leads.
 
-        some : indices of the corners that may have a side; the others are stopped. jump
-        : see `after`. If no sides are a solution, all corners are stopped.
+        If no sides are a solution, all corners are stopped.
+
+        some : indices of the corners that may have a side; the others are stopped.
+        jump : see `after`.
         """
         still = (SLIDING,) * len(self.corners)
         if len(some) > MOST:
@@ -187,7 +192,8 @@ class CornerSides:
     def _stops(self, jump: Jump, sides: Sides, some: Sequence[int]) -> bool:
         """Whether no stopped corner of `some` has a side onto which the jump leads.
 
-        sides : the sides of all corners. jump : see `after`.
+        sides : the sides of all corners.
+        jump : see `after`.
         """
         for i in some:
             if sides[i] != SLIDING:
@@ -253,7 +259,9 @@ class CornerSides:
     def _least(self, jump: Jump, sides: Sides) -> float:
         """Return the least speed from a corner onto its side, in units of rounding.
 
-        Corners that are stopped have no part in it. sides : the sides of all corners.
+        Corners that are stopped have no part in it.
+
+        sides : the sides of all corners.
         jump : see `after`.
         """
         speeds = self._speed(jump, sides)
@@ -265,7 +273,9 @@ class CornerSides:
 
         The speeds are in units of their rounding; 0 at corners that are stopped,
         infinite at corners whose surfaces are off their levels with these sides.
-        sides : the sides of all corners. jump : see `after`.
+
+        sides : the sides of all corners.
+        jump : see `after`.
         """
         if (known := self._speeds.get(sides)) is not None:
             return known

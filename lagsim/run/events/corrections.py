@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 def corrected_state(here: Kinematics, met: int) -> Floats | None:
     """Return the state (size,) corrected for errors of the step just ended, or None.
 
-    None where there is nothing to correct. met : the index of the law whose mode has
-    ended, or -1. here : all laws at the end of the step.
+    None where there is nothing to correct.
+
+    met : the index of the law whose mode has ended, or -1.
+    here : all laws at the end of the step.
     """
     if here.arc.system.p.law_opens.any():
         return _raised_state(here)
@@ -36,8 +38,9 @@ def corrected_state(here: Kinematics, met: int) -> Floats | None:
 def _raised_state(here: Kinematics) -> Floats:
     """Return the state (size,) in which contacts just opened have gap and rate >= 0.
 
-    Errors of a step may leave such contacts below ground, or approaching. here : all
-    laws at the end of the step.
+    Errors of a step may leave such contacts below ground, or approaching.
+
+    here : all laws at the end of the step.
     """
     state, p = here.arc.state, here.arc.system.p
     y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
@@ -53,8 +56,8 @@ def _raised_state(here: Kinematics) -> Floats:
 def _is_stopping(here: Kinematics, k: int) -> bool:
     """Whether the slip of law k stops before a position changes by more than rounding.
 
-    k : the index of a slip on a disc whose mode has ended. here : all laws at the end
-    of the step.
+    k : the index of a slip on a disc whose mode has ended.
+    here : all laws at the end of the step.
     """
     pair, p = [k, here.laws[k].pair], here.arc.system.p
     if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
@@ -90,8 +93,9 @@ def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
     """Set the rates of stopped laws to 0 in `here.y`; return the laws at this state.
 
     Corrections of gaps may have changed these rates. The velocities in `here.y` get the
-    least change, in place. stopped : ndarray of int, shape (r,), the indices of the
-    laws.
+    least change, in place.
+
+    stopped : ndarray of int, shape (r,), the indices of the laws.
     """
     rates = here.rates[stopped]
     if not (np.abs(rates) > here.still[stopped]).any():

@@ -126,8 +126,9 @@ def _is_still(
     """Whether the motion is at rest at levels that no force leaves, or that laws hold.
 
     If so, the motion is not at the end of a curve, and `Crossing` selects its rest.
-    modes : the modes of all surfaces, which are changed. levels, laws : see
-    `come_to_rest`.
+
+    modes : the modes of all surfaces, which are changed.
+    levels, laws : see `come_to_rest`.
     """
     for k, level in levels.items():
         modes.put(k, level, LEVEL)
@@ -155,11 +156,13 @@ def _rests(
 ) -> bool:
     """Whether the motion can rest on surface k; if so, the modes are set to rest.
 
-    rows : the rows of all surfaces. others : the other surfaces at their levels.
-    levels, sizes, left : see `come_to_rest`. The surfaces `others` have to be at their
-    level on both sides of k (a surface whose expression jumps at k is at its level on
-    one side only), and to stay there while the motion rests (an expression of the time,
-    or of another body, leaves).
+    The surfaces `others` have to be at their level on both sides of k (a surface whose
+    expression jumps at k is at its level on one side only), and to stay there while the
+    motion rests (an expression of the time, or of another body, leaves).
+
+    rows : the rows of all surfaces.
+    others : the other surfaces at their levels.
+    levels, sizes, left : see `come_to_rest`.
     """
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     by_q = J[: arc.system.n]
@@ -294,7 +297,8 @@ def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
     A magnitude within rounding is 0.
 
     pushed : ndarray, shape (K,), the largest derivatives of the surfaces' rates by the
-    forces, see `_pushes`. modes : the modes of all K surfaces.
+        forces, see `_pushes`.
+    modes : the modes of all K surfaces.
     """
     arc = modes.arc
     slopes = np.abs(modes.rows().J)
@@ -312,8 +316,9 @@ def _pushes(modes: SurfaceModes) -> Floats:
     """Return J (q'', s') - b of all surfaces at later times, shape (SAMPLES, K).
 
     The results are the derivatives of the surfaces' rates by the forces. The times are
-    distributed geometrically from now to the end of the run. modes : the modes of all K
-    surfaces.
+    distributed geometrically from now to the end of the run.
+
+    modes : the modes of all K surfaces.
     """
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
@@ -328,8 +333,9 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 
     The root is a force |v|^p, 0 < p < 1, of the velocity v, see `set_floors`. The
     velocity is extrapolated by a power law from the roots with `floors` (K,) and with
-    FARTHER times these floors; infinity where the power law does not apply. modes : the
-    modes of all K surfaces.
+    FARTHER times these floors; infinity where the power law does not apply.
+
+    modes : the modes of all K surfaces.
     """
     small = _jump(modes, k)
     modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
@@ -346,6 +352,7 @@ def _jump(modes: SurfaceModes, k: int) -> float:
     """Return half the jump of J_k (q'', s') across surface k.
 
     J_k : the row of the surface. q'', s' : the accelerations and rates on each side.
+
     modes : the modes of all K surfaces.
     """
     value, found = modes.value[k], []
@@ -515,6 +522,7 @@ class Crossing:
         """Return the rate of surface k; 0 where it is below rounding.
 
         Also 0 for a surface that depends on velocities or whose rate is known to be 0.
+
         rows : the rows of all surfaces.
         """
         modes, arc = self.modes, self.modes.arc
@@ -567,7 +575,9 @@ class Crossing:
         """Return an open surface with gradient parallel to that of surface k, or None.
 
         The result is (j, factor): the number j of that surface, and the gradient of
-        surface k divided by the gradient of surface j. rows : the rows of all surfaces.
+        surface k divided by the gradient of surface j.
+
+        rows : the rows of all surfaces.
         """
         J, b = rows.J, rows.b
         for j in self.open:

@@ -231,7 +231,8 @@ class FilippovCone:
         mix the values on both sides. None where the motion cannot rest with these
         values.
 
-        sides : the side of each surface. trial : the solution with these sides.
+        sides : the side of each surface.
+        trial : the solution with these sides.
         """
         slides = [k for k, mode in enumerate(trial.mode) if mode == SLIDING]
         if not slides:
@@ -253,8 +254,9 @@ class FilippovCone:
     def _change(self, w: Floats, j: int) -> Floats:
         """Return the difference of the rates (count + r,) above and below surface j.
 
-        w : shape (count,), the shares of all surfaces. After the rates of the surfaces
-        the result has the accelerations of the laws.
+        After the rates of the surfaces the result has the accelerations of the laws.
+
+        w : shape (count,), the shares of all surfaces.
         """
         below, above = w.copy(), w.copy()
         below[j], above[j] = BELOW, ABOVE
@@ -263,7 +265,9 @@ class FilippovCone:
     def _blended(self, w: Floats) -> Floats:
         """Return the rates (count + r,) at shares w, interpolated between corners.
 
-        w : shape (count,). The rates are linear in each of the shares.
+        The rates are linear in each of the shares.
+
+        w : shape (count,).
         """
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
@@ -305,8 +309,9 @@ class FilippovCone:
     def _is_mean(self, k: int, w: Floats) -> bool:
         """Whether rates at the level of surface k are the means of both sides' rates.
 
-        True for `sign`, False for a condition. w : shape (count,), the shares of the
-        other surfaces.
+        True for `sign`, False for a condition.
+
+        w : shape (count,), the shares of the other surfaces.
         """
         at, mean = w.copy(), w.copy()
         at[k], mean[k] = LEVEL, 0.5
@@ -562,7 +567,7 @@ class SurfaceModes:
         """Read the modes from the memory of the arc.
 
         selected : the parts of the modes that the memory lacks, if modes have been
-        selected at this instant; else no surface is carried or watched.
+            selected at this instant; else no surface is carried or watched.
         """
         self.arc, p = arc, arc.system.p
         self.kind = p.slides.copy()
@@ -639,9 +644,9 @@ class SurfaceModes:
     def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
         """Set the mode of surface k: a side, sliding along its level, or rest at it.
 
-        level : the level of the surface. mode : BELOW, ABOVE, SLIDING, LEVEL or
-        REDUNDANT. share : the share w of the upper side in the value at LEVEL and for
-        REDUNDANT.
+        level : the level of the surface.
+        mode : BELOW, ABOVE, SLIDING, LEVEL or REDUNDANT.
+        share : the share w of the upper side in the value at LEVEL and for REDUNDANT.
         """
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
@@ -860,10 +865,12 @@ class SurfaceModes:
     def sizes(self, rows: Rows) -> Floats:
         """Return the magnitude of each surface's terms (K,), at the sizes so far.
 
-        rows : the rows of the surfaces at the state. The magnitude is at least the
-        change by rounding of the state, divided by the unit of rounding, since slopes
-        may vanish. Equalities transmit the rounding of one coordinate to others: on a
-        rod u - x = 1e5 the coordinate x has the rounding of 1e5, however small it is.
+        The magnitude is at least the change by rounding of the state, divided by the
+        unit of rounding, since slopes may vanish. Equalities transmit the rounding of
+        one coordinate to others: on a rod u - x = 1e5 the coordinate x has the rounding
+        of 1e5, however small it is.
+
+        rows : the rows of the surfaces at the state.
         """
         arc, seen = self.arc, self.arc.seen
         slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()

@@ -82,8 +82,9 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
 def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> Floats:
     """Return the jump of the velocities (n,), then the impulses of the rows (R,).
 
-    now : masses and rows at the state. P : (n,), the generalized impulse. groups : see
-    `program.impulses.ImpulseFunction.groups`.
+    now : masses and rows at the state.
+    P : (n,), the generalized impulse.
+    groups : see `program.impulses.ImpulseFunction.groups`.
     """
     jump, given = np.zeros(len(P)), np.zeros(len(now.rows))
     for group, rows in groups:
@@ -127,11 +128,13 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
 def _followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
     """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
-    x, change(x) : ndarray, shape (k,). n : the first n numbers, the velocities, decide
-    the length of steps; the others, impulses of rows, may be rounding alone.
+    x, change(x) : ndarray, shape (k,).
 
     Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations
     I, section II.9.
+
+    n : the first n numbers, the velocities, decide the length of steps; the others,
+        impulses of rows, may be rounding alone.
     """
     done, length = 0.0, 1.0
     while done < 1.0:
@@ -151,7 +154,9 @@ def _extrapolated(
 ) -> tuple[Floats, bool]:
     """Return x (k,) after one step of a length, and whether its error is negligible.
 
-    The equation is x' = change(x), as in `_followed`. length : the length of the step.
+    The equation is x' = change(x), as in `_followed`.
+
+    length : the length of the step.
     n : the first n numbers of x are compared.
     """
     table: list[Floats] = []

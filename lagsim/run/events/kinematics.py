@@ -123,8 +123,8 @@ _KEPT = 4
 def _shape(n: int, laws: int, numbers: Floats) -> MassAndRows:
     """Return the mass matrix and the rows in the array `numbers`; memoized.
 
-    numbers : M (n, n) and then the rows, as a compiled function returns these. n, laws
-    : the counts of coordinates and laws.
+    numbers : M (n, n) and then the rows, as a compiled function returns these.
+    n, laws : the counts of coordinates and laws.
     """
     for known in _LAST:
         if known.is_of(n, laws, numbers):
@@ -289,8 +289,9 @@ class Kinematics:
         """Return (y', b, bounds, statics) of `_free` at a state slightly off `y`.
 
         Components are changed by about the part PROBE of their magnitudes (`_known`),
-        so that the changes of the results show their sensitivity to rounding. t : the
-        time.
+        so that the changes of the results show their sensitivity to rounding.
+
+        t : the time.
         """
         return self._free(t, self.y + _probes(len(self.y)) * self._known())
 
@@ -338,10 +339,11 @@ class Kinematics:
     def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
         """Whether the static bound of law k is less than the dynamic bound, at slip 0.
 
-        Only for laws whose static bound is another expression than the dynamic one.
-        met : laws whose event functions were located at this time. The two bounds of
-        such a law may be equal to rounding; then the result is whether its static bound
-        falls below the dynamic one.
+        Only for laws whose static bound is another expression than the dynamic one. The
+        two bounds of such a law may be equal to rounding; then the result is whether
+        its static bound falls below the dynamic one.
+
+        met : laws whose event functions were located at this time.
         """
         pair = self.laws[k].pair
         own = [k] if pair < 0 else [k, pair]
@@ -563,8 +565,9 @@ class Kinematics:
     def is_off(self, parts: Floats) -> Flags:
         """Return a mask (L,) of laws whose residual is not 0 within given bounds.
 
-        The bound is a part of the residual's range so far, plus rounding. parts :
-        ndarray, shape (L,), the part for each law.
+        The bound is a part of the residual's range so far, plus rounding.
+
+        parts : ndarray, shape (L,), the part for each law.
         """
         # Rounding of positions: that of the displacement by forces in the last step.
         rounded = SUM_ROUNDOFF * self.forces * self.arc.state.step_h**2
@@ -586,7 +589,9 @@ class Kinematics:
         """Return the time until contact k has ended its series of bounces, or None.
 
         None if the bounces still matter: if the height of the next flight is more than
-        `least`. restitution : the restitution of the contact.
+        `least`.
+
+        restitution : the restitution of the contact.
         """
         speed, fall = -restitution * self.rates[k], -self.present[k]
         if not (fall > 0.0 and restitution > 0.0):
@@ -659,9 +664,9 @@ class Kinematics:
     def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
         """Return some laws as the rows of the problem that selects their modes.
 
-        some : the indices of the laws. left : for some laws the number of times at this
-        instant at which they reached the end of their mode
-        (`mechanics.row_modes.modes`).
+        some : the indices of the laws.
+        left : for some laws the number of times at this instant at which they reached
+            the end of their mode (`mechanics.row_modes.modes`).
         """
         closed, response = self.problem(
             some, np.zeros(len(some)), self.delassus_of_forces

@@ -51,8 +51,9 @@ def _state_after(
 ) -> Floats:
     """Return the state (size,) after a short time `moment`, to second order.
 
-    free : ndarray, shape (size,), y' without the laws `some`. p : ndarray, shape (r,),
-    the multipliers of these laws. here : all laws at the state now.
+    free : ndarray, shape (size,), y' without the laws `some`.
+    p : ndarray, shape (r,), the multipliers of these laws.
+    here : all laws at the state now.
     """
     rates = free.copy()
     rates[here.arc.velocities] += here.delassus_of_forces.response[:, some] @ p
@@ -106,7 +107,9 @@ def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
     """Return the indices of the laws that are closed and do not separate.
 
     Laws of `also` count as closed whatever their gaps are. A slip could act only where
-    its contact could. here : all laws at the state reached.
+    its contact could.
+
+    here : all laws at the state reached.
     """
     table, acts = here.table, np.array(here.is_closed(also), dtype=bool)
     acts &= ~(table.one_sided & (here.rates > here.still))
@@ -150,9 +153,9 @@ class Chosen(NamedTuple):
     ) -> Chosen:
         """Return the modes of all laws from those of the laws `some`.
 
-        found : the modes of rows, of which the first belong to the laws `some`. kept_on
-        : laws that stay in their modes; all others are off. here : all laws at the
-        state reached.
+        found : the modes of rows, of which the first belong to the laws `some`.
+        kept_on : laws that stay in their modes; all others are off.
+        here : all laws at the state reached.
         """
         mode, direction = np.zeros((2, here.count))
         if len(kept_on):
@@ -347,7 +350,8 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 def set_slack(here: Kinematics, found: Chosen) -> None:
     """Store the slacks and bands of laws, so that rounding ends no mode.
 
-    found : the modes selected. here : all laws at the state reached.
+    found : the modes selected.
+    here : all laws at the state reached.
     """
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
     slack, table, mode = p.slack[K:], here.table, found.mode
@@ -389,7 +393,8 @@ def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -
 def changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     """Yield the events of laws that now hold and did not before, or the reverse.
 
-    before : shape (L,), the modes before. here : all laws, with the modes now.
+    before : shape (L,), the modes before.
+    here : all laws, with the modes now.
     """
     t, now = here.arc.t, here.arc.system.p.law_mode
     changed, told = np.flatnonzero(now != before).tolist(), set[str]()

@@ -107,7 +107,9 @@ def _longest(here: Kinematics, steady: float) -> float:
 
     The interval ends at the next knot of a table of t or at the end of the run, after
     `STRETCH` of the time `steady`, or at half of the time to the next pulse of t,
-    whichever comes first. here : all laws at the start of the slips.
+    whichever comes first.
+
+    here : all laws at the start of the slips.
     """
     p, t = here.arc.system.p, here.t
     times = [here.arc.settings.end, *p.knot_times[int(p.passed) : int(p.known)]]
@@ -274,9 +276,9 @@ def _newton_step(
 def _is_smooth(phi: Floats, nodes: Floats, least: Floats) -> bool:
     """Whether the last two terms of the Chebyshev series of the angles are small.
 
-    phi : ndarray, shape (K, P), the angles of P slips. nodes : ndarray, shape (K,), the
-    points in (0, 1] at which they are known. least : ndarray, shape (P,), the largest
-    sum of the terms of each angle.
+    phi : ndarray, shape (K, P), the angles of P slips.
+    nodes : ndarray, shape (K,), the points in (0, 1] at which they are known.
+    least : ndarray, shape (P,), the largest sum of the terms of each angle.
     """
     terms = np.cos(np.outer(np.arccos(1.0 - 2.0 * nodes), np.arange(len(nodes))))
     series = np.linalg.solve(terms, phi)

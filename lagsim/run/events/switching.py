@@ -173,8 +173,9 @@ class Switching(Source):
         """Whether forces may hold a rate at 0 from this instant on, at a switch.
 
         That is so if a surface that depends on velocities, such as that of
-        `sign(x_dot)`, is at its level to rounding. surfaces : those at the instant,
-        with the levels that the state is on.
+        `sign(x_dot)`, is at its level to rounding.
+
+        surfaces : those at the instant, with the levels that the state is on.
         """
         modes = self.modes
         if not np.any(modes.on_rates):
@@ -349,8 +350,10 @@ class Switching(Source):
     def _projected(self, *, resting: bool) -> Floats | None:
         """Return the state (size,) projected onto the surfaces followed, or None.
 
-        None where the projection changes the state too far. resting : whether the
-        motion rests on surfaces, where a larger change is allowed.
+        None where the projection changes the state too far.
+
+        resting : whether the motion rests on surfaces, where a larger change is
+            allowed.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
@@ -409,7 +412,9 @@ class Switching(Source):
         """Set how far each mode may be off its condition before it ends.
 
         The distances are `slack` and `band`, shape (modes.count,), bounds of rounding
-        and of tolerated errors. crossing : the selection of the modes.
+        and of tolerated errors.
+
+        crossing : the selection of the modes.
         """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc
@@ -545,8 +550,10 @@ class Switching(Source):
 
         On the other side the branch in force may have no finite value (a root, an
         inverse). Where the state is on a surface already, or no step leads to it, the
-        surface counts as reached. short : whether the arc ended before its planned end;
-        if so, another arc begins where no surface is near, else None is returned.
+        surface counts as reached.
+
+        short : whether the arc ended before its planned end; if so, another arc begins
+            where no surface is near, else None is returned.
         """
         found = self._time_ahead(arc)
         if found is None:

@@ -195,8 +195,9 @@ class KnotTimes(_Ahead):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Write further knots to the kernel's memory if all in it are passed.
 
-        None for codes of the kernel other than `KNOTS_PASSED`. code : the kernel's
-        return code.
+        None for codes of the kernel other than `KNOTS_PASSED`.
+
+        code : the kernel's return code.
         """
         if code != at.KNOTS_PASSED:
             return None

@@ -75,7 +75,9 @@ class Transitions(Source):
         """Return the decision with the events that acted at the start.
 
         These events acted before the first row; the first arc has their modes. The
-        impulses of these events are applied here. corners : see `act`.
+        impulses of these events are applied here.
+
+        corners : see `act`.
         """
         begun = arc.equations.begun_by
         events = arc.equations.model.events
@@ -108,8 +110,10 @@ class Transitions(Source):
 
         Return the conditions that become true there, see
         `conditions.Truth.become_at_start`, and the truth of all conditions as bytes,
-        see `conditions.Truth.decided`. before : the values of the conditions before the
-        impacts at the start, or None without impacts.
+        see `conditions.Truth.decided`.
+
+        before : the values of the conditions before the impacts at the start, or None
+            without impacts.
         """
         if not len(arc.state.orientation):
             return NOTHING, b""
@@ -129,9 +133,10 @@ class Transitions(Source):
     def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> tuple[Due, bytes]:
         """Return the events that are due by the state just before, and the truth there.
 
-        The truth is that of all conditions, as bytes (`Truth.decided`). comes_to_rest :
-        function of the arc, whether a law or a surface may hold a rate at 0 from then
-        on, so that `if(x_dot < 0, 1, 0)` stays 0.
+        The truth is that of all conditions, as bytes (`Truth.decided`).
+
+        comes_to_rest : function of the arc, whether a law or a surface may hold a rate
+            at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
         """
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
@@ -151,10 +156,11 @@ class Transitions(Source):
     ) -> tuple[Due, bytes]:
         """Return the events that are due by the state after all acts, and the truth.
 
-        The truth is that of all conditions then, as bytes (`Truth.decided`). struck :
-        whether velocities have jumped since the conditions were decided. looked_at :
-        whether the truth of the conditions just before the instant is stored; if not,
-        it is evaluated here.
+        The truth is that of all conditions then, as bytes (`Truth.decided`).
+
+        struck : whether velocities have jumped since the conditions were decided.
+        looked_at : whether the truth of the conditions just before the instant is
+            stored; if not, it is evaluated here.
         """
         if not len(arc.state.orientation):
             return NOTHING, b""
@@ -240,9 +246,11 @@ class Transitions(Source):
     ) -> tuple[ActsAt, Ending | None]:
         """Return the acts with this visit added, and the ending of a cycle, or None.
 
-        due : the events that act next. A cycle: the impulses lead back to the modes and
-        the velocities before an earlier round of the instant, with the same events. In
-        a model without impulses the acts are returned unchanged.
+        A cycle: the impulses lead back to the modes and the velocities before an
+        earlier round of the instant, with the same events. In a model without impulses
+        the acts are returned unchanged.
+
+        due : the events that act next.
         """
         if not self.kicks:
             return acts, None
@@ -341,7 +349,7 @@ def _chatter(rounds: Sequence[Round]) -> Ending:
     """Return the ending of a run whose events act without end at one instant.
 
     rounds : the rounds of acts of these events, see `records.ActsAt`; their names are
-    reported.
+        reported.
     """
     about = quoted(name for names, *_ in rounds for name in names)
     return Ending(Outcome.EVENTS_CHATTER, about)

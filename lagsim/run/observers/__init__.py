@@ -306,11 +306,13 @@ class Measures(Extremes):
 def _merged(sums: Floats, rows: Floats) -> Floats:
     """Return number, mean and sum of squared deviations, updated by k rows.
 
-    rows : ndarray, shape (k, columns). sums : ndarray, shape (3, columns), the former
-    values, as is the result. nan do not count.
+    nan do not count.
 
     Source: T. F. Chan, G. H. Golub, R. J. LeVeque, Algorithms for computing the sample
     variance, Amer. Stat. 37 (1983), eq. 2.1.
+
+    rows : ndarray, shape (k, columns).
+    sums : ndarray, shape (3, columns), the former values, as is the result.
     """
     if not len(rows):
         return sums

@@ -106,8 +106,9 @@ class Checkpoints:
     def valued(self, rows: Floats) -> Floats:
         """Return the coordinates and first-order states of stored rows.
 
-        rows : ndarray, shape (1 + 2 n + l,) or (k, 1 + 2 n + l), as in `states`. The
-        result has the shape (n + l,) or (k, n + l).
+        The result has the shape (n + l,) or (k, n + l).
+
+        rows : ndarray, shape (1 + 2 n + l,) or (k, 1 + 2 n + l), as in `states`.
         """
         rates = np.s_[1 + self._count : 1 + 2 * self._count]
         return np.delete(rows, rates, axis=-1)[..., 1:]
@@ -395,7 +396,7 @@ class Growth:
         """Whether a block of rows would change the greatest magnitude or the history.
 
         size, noted : the largest entries of the arguments `sizes` and `noted` of `add`
-        for this block, or nan.
+            for this block, or nan.
         """
         return not (size <= self.size and noted <= self._next)
 

@@ -75,7 +75,8 @@ class _Envelope:
     def add(self, t: Array, values: Array) -> None:
         """Update the buckets by k rows.
 
-        t : ndarray, shape (k,), their times. values : ndarray, shape (k, width).
+        t : ndarray, shape (k,), their times.
+        values : ndarray, shape (k, width).
         """
         start = 0
         while start < len(t):
@@ -125,8 +126,9 @@ def _merged(first: Array, second: Array) -> Array:
 def _extremes(t: Array, values: Array, size: int) -> Array:
     """Return low, its time, high, and its time of n whole buckets: (4, n, width).
 
-    t : ndarray, shape (n size,). values : ndarray, shape (n size, width). size : the
-    number of rows of a bucket.
+    t : ndarray, shape (n size,).
+    values : ndarray, shape (n size, width).
+    size : the number of rows of a bucket.
     """
     # Contiguous along the rows, where argmin and argmax are vectorised.
     buckets = values.reshape(-1, size, values.shape[1])
@@ -160,8 +162,8 @@ class _Sample:
     def add(self, rows: Array, chosen: NDArray[np.intp]) -> None:
         """Update the sample by k rows, of which only some columns are stored.
 
-        rows : ndarray, shape (k, c). chosen : ndarray of int, shape (width,), the
-        indices of the stored columns.
+        rows : ndarray, shape (k, c).
+        chosen : ndarray of int, shape (width,), the indices of the stored columns.
         """
         total = self._seen + len(rows)
         while True:
@@ -270,8 +272,9 @@ class Thinning:
     def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
         """Return a curve with values at events inserted, in order of time.
 
-        t, values : the curve. met : (2 k, variants), values before and after each of
-        the k events, of which the variant closest to the curve is used.
+        t, values : the curve.
+        met : (2 k, variants), values before and after each of the k events, of which
+            the variant closest to the curve is used.
         """
         times = self._corners[:, -1, 0]
         at = np.searchsorted(t, times, side="right")
@@ -307,8 +310,9 @@ class Thinning:
 
         Up to 4096 rows all values are returned; for more rows, the first row, the least
         and the greatest value of each bucket in time order, and the last row. NaN is a
-        gap: a bucket without a finite value. name : the name of the column, or of a
-        difference.
+        gap: a bucket without a finite value.
+
+        name : the name of the column, or of a difference.
         """
         column = self._series_at[name]
         t, values = self._envelope.points(column)

@@ -173,8 +173,9 @@ def _between(
     The result has two entries, the least and the greatest values by name; [] if rows
     show the extremes of all velocities.
 
-    velocities : names. rows : columns of the table by name. extents : least and
-    greatest value by name, at the ends of steps.
+    velocities : names.
+    rows : columns of the table by name.
+    extents : least and greatest value by name, at the ends of steps.
     """
     missed = {
         v: extents[v]

@@ -147,7 +147,9 @@ def _residuals_off(
     coordinates multiplied by the slopes of the constraint. The second one decides where
     all terms of a constraint are close to zero, so that their sizes are no scale.
 
-    Residuals that one step explains are left out. coarse : see `worst_residual`.
+    Residuals that one step explains are left out.
+
+    coarse : see `worst_residual`.
     """
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
@@ -270,8 +272,8 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     the energy by lambda r. The multiplier is that which fits the largest constraint
     forces best: in a corner the force on one coordinate may be 0.
 
-    balance : the balance of the energy, with its worst row. state : rounding errors
-    (size,) of the state variables.
+    balance : the balance of the energy, with its worst row.
+    state : rounding errors (size,) of the state variables.
     """
     e, row, found = run.equations, balance.worst_row, 0.0
     assert row is not None

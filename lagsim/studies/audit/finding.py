@@ -136,7 +136,8 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
 
     It is inf if the error bar is unknown.
 
-    balance : the energy balance. row : time, coordinates, velocities and more.
+    balance : the energy balance.
+    row : time, coordinates, velocities and more.
     """
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:

@@ -120,9 +120,11 @@ def curves_below(rows: Sequence[Row], worst: float) -> ChartedCurves:
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
     """Return the geometric mean of a curve's costs relative to the Pareto front.
 
-    entries : the rows of the curve. rows : the rows of all curves. A row is compared
-    with the cheapest row of the front with no larger error. inf if no row can be
-    compared.
+    A row is compared with the cheapest row of the front with no larger error. inf if no
+    row can be compared.
+
+    entries : the rows of the curve.
+    rows : the rows of all curves.
     """
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []
@@ -218,8 +220,8 @@ def drawable_errors(errors: Iterable[float]) -> Array:
 def error_scale(costs: Sequence[CostCurve], floor: float) -> Scale:
     """Return the logarithmic scale for the errors of all curves.
 
-    costs : the curves. floor : the smallest error that is resolved, which the scale
-    includes.
+    costs : the curves.
+    floor : the smallest error that is resolved, which the scale includes.
     """
     known = np.concatenate(
         [*(c.errors for c in costs), drawable_errors([floor]), [0.1]]
@@ -238,8 +240,10 @@ def cost_panel(
 ) -> None:
     """Draw curves of cost against error; errors below `floor` are not resolved.
 
-    across : the scale of errors. costs : the curves. of : name of the cost. front :
-    errors and costs on the Pareto front, if that is drawn.
+    across : the scale of errors.
+    costs : the curves.
+    of : name of the cost.
+    front : errors and costs on the Pareto front, if that is drawn.
     """
     known = [c.costs for c in costs if len(c.costs)]
     across.put(axes, "x")
@@ -318,7 +322,8 @@ def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
 def _name(key: Key, keys: Iterable[Key]) -> str:
     """Return the name of a curve: the method, with its formulation if it has several.
 
-    key : method and formulation. keys : all methods with formulations in the chart.
+    key : method and formulation.
+    keys : all methods with formulations in the chart.
     """
     method, formulation = key
     alone = sum(name == method for name, _ in keys) == 1

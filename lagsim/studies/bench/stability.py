@@ -281,7 +281,8 @@ def _rate(t: Floats, balance: Floats) -> float | None:
 
     It is a bound if the energy has decayed completely; None if it is unknown.
 
-    t : (k,). balance : energy less work (k,), relative to the energy of the motion.
+    t : (k,).
+    balance : energy less work (k,), relative to the energy of the motion.
     """
     last = max(1, int(len(t) * LAST))
     middle = float(np.mean(t[-last:])) - float(t[0])

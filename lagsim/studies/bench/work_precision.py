@@ -268,8 +268,8 @@ class Reference:
         all events: in rows between the times of one event in both runs, the difference
         of these columns is set to 0.
 
-        rows : the rows of the run, of which the first `count` are compared. events :
-        the events of the run.
+        rows : the rows of the run, of which the first `count` are compared.
+        events : the events of the run.
         """
         apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]
@@ -382,8 +382,9 @@ def make_reference(
 def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Reference:
     """Return a solution as a reference that no second solution has confirmed.
 
-    first : the solution. between : further rows (k, columns) of it, from which the
-    ranges of columns are determined too.
+    first : the solution.
+    between : further rows (k, columns) of it, from which the ranges of columns are
+        determined too.
     """
     state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
@@ -418,7 +419,8 @@ def _scales(
     of its unit. If that is 0, the scale of a position follows from that of its
     velocity, and vice versa.
 
-    rows : (k, columns). state, multipliers : indices of columns that are compared.
+    rows : (k, columns).
+    state, multipliers : indices of columns that are compared.
     """
     ranges = np.ptp(rows, axis=0)
     sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)
@@ -603,9 +605,10 @@ def _curves(
 ) -> Iterator[PrecisionCurve]:
     """Yield the curves of a bench, each with a solver and its settings.
 
-    wish : options of the bench. reference : the solution for errors. chosen : settings
-    that `auto` selects. refused : list to which the solvers are added that cannot
-    handle the model.
+    wish : options of the bench.
+    reference : the solution for errors.
+    chosen : settings that `auto` selects.
+    refused : list to which the solvers are added that cannot handle the model.
     """
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)

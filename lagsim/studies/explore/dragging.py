@@ -289,7 +289,9 @@ class ConstrainedStart:
         largest on a circle. Of two directions that lead equally near to the target, the
         one in which the forces pull is used.
 
-        place : the place that is moved. target : (d,). met : gaps that stay closed.
+        place : the place that is moved.
+        target : (d,).
+        met : gaps that stay closed.
         """
         far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
@@ -324,7 +326,8 @@ class ConstrainedStart:
         step ends where it closes the first open gap, to first order, so that it does
         not pass through a body.
 
-        J : (d, n), derivatives of the place. way : (d,), the displacement wanted.
+        J : (d, n), derivatives of the place.
+        way : (d,), the displacement wanted.
         """
         met, closed = frozenset[int](), self._closed(x)
         A = _jacobian(self._gaps, x)
@@ -364,7 +367,8 @@ class ConstrainedStart:
 def _beyond(expected: Floats, moved: Floats) -> bool:
     """Whether a displacement differs from its prediction by more than half of it.
 
-    expected : the linear prediction. moved : the displacement.
+    expected : the linear prediction.
+    moved : the displacement.
     """
     off = np.linalg.norm(moved - expected)
     return bool(off > np.linalg.norm(expected) / 2.0)
@@ -451,6 +455,7 @@ def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:
 def _scaled(J: Floats, L: Floats) -> Floats:
     """Return J L^-T, derivatives (d, n) by coordinates in which M is the identity.
 
-    J : (d, n). L : (n, n), the Cholesky factor of M.
+    J : (d, n).
+    L : (n, n), the Cholesky factor of M.
     """
     return np.asarray(np.linalg.solve(L, J.T).T)

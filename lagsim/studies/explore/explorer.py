@@ -473,7 +473,8 @@ class Explorer:
         The ends of a start value follow from the motion with the values of the file, at
         the first call.
 
-        session : the session of that motion. columns : its columns (rows,) by name.
+        session : the session of that motion.
+        columns : its columns (rows,) by name.
         """
         if not self._around:
             angles = _angles(session)

@@ -259,7 +259,8 @@ def _measurable(model: Model) -> dict[str, str]:
 def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
     """Return the expression and the standard deviation in a text `EXPRESSION[:SD]`.
 
-    column : the column, for messages. faults : to which faults are added.
+    column : the column, for messages.
+    faults : to which faults are added.
     """
     expression, colon, after = text.partition(":")
     if not colon:

@@ -86,7 +86,8 @@ def _decomposed(
 ) -> tuple[Floats, tuple[Floats, Floats, Floats], Flags]:
     """Return the singular value decomposition of a Jacobian with columns of length 1.
 
-    J : (n, p). error : relative error of J.
+    J : (n, p).
+    error : relative error of J.
 
     Returns
     -------
@@ -188,8 +189,9 @@ def unspent(J: Floats, r: Floats, loss: str) -> float:
 def robust_factor(r: Floats, loss: str, free: float) -> float:
     """Return the factor of the covariance of an M-estimate (Huber, equation 7.6.6).
 
-    r : (n,), residuals in standard deviations. loss : `soft_l1` or `huber`. free :
-    degrees of freedom.
+    r : (n,), residuals in standard deviations.
+    loss : `soft_l1` or `huber`.
+    free : degrees of freedom.
     """
     z = r * r
     if loss == LOSSES[1]:

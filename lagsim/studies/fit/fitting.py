@@ -320,7 +320,8 @@ class Fit:
         These are all of `others` if a small change of a varied name makes the start
         inadmissible; else ().
 
-        free : runs of the model, by which changes are tried. names : the varied names.
+        free : runs of the model, by which changes are tried.
+        names : the varied names.
         others : all start values that are not varied.
         """
         for one in names:
@@ -354,8 +355,8 @@ class Fit:
     def _values(self, number: int, x: Floats) -> dict[str, float]:
         """Return the values of the names that apply to one record, by name.
 
-        number : the number of the record, from 0. x : (p,), the values of all varied
-        names.
+        number : the number of the record, from 0.
+        x : (p,), the values of all varied names.
         """
         values = dict(self.own[number])
         for one, value in zip(self.names, x.tolist(), strict=True):
@@ -460,8 +461,8 @@ class Fit:
         start: their changes are added to the residuals. This is repeated until the
         combinations are those that are undetermined at the solution.
 
-        weights : (m,), the inverse standard deviation of each column. loss : one of
-        LOSSES.
+        weights : (m,), the inverse standard deviation of each column.
+        loss : one of LOSSES.
         """
         held = self._undetermined(x, weights)
         for _ in range(RETURNS):
@@ -475,7 +476,9 @@ class Fit:
     def _undetermined(self, x: Floats, weights: Floats) -> Floats:
         """Return the combinations of names that are undetermined at x, (d, p).
 
-        They are orthonormal, in multiples of the scales of the names. weights : (m,).
+        They are orthonormal, in multiples of the scales of the names.
+
+        weights : (m,).
         """
         J, _, error = self.jacobian(x, self.how)
         return undetermined(J * self._per_row(weights)[:, None], error)
@@ -709,8 +712,8 @@ class Fit:
         The first values are the result of fits to growing parts of the records; the
         random starts of least cost follow.
 
-        weights : (m,), the inverse standard deviation of each column. loss : one of
-        LOSSES.
+        weights : (m,), the inverse standard deviation of each column.
+        loss : one of LOSSES.
         """
         x = self.start
         for counts in parts_of(self.elapsed, 2 * len(self.names) + 2):
@@ -743,8 +746,8 @@ class Fit:
         """Return the standard deviation of each column (m,), given or estimated.
 
         raw : residuals (n,), each of which counts with 1 less its leverage as degrees
-        of freedom; a robust loss uses the median of |residual|. given : (m,), 0 where
-        not given.
+            of freedom; a robust loss uses the median of |residual|.
+        given : (m,), 0 where not given.
         """
         found = given.copy()
         for k in np.flatnonzero(given == 0.0):
@@ -778,7 +781,8 @@ class Fit:
     ) -> Estimate:
         """Return the uncertainties at x (p,).
 
-        noise : (m,), standard deviations of the columns. active : names at a bound.
+        noise : (m,), standard deviations of the columns.
+        active : names at a bound.
         how : see `jacobian`.
         """
         J, _, error = self.jacobian(x, how)

@@ -100,7 +100,9 @@ def _clock(text: str) -> float:
 def _known(label: str, number: str, records: int, faults: Problems) -> bool:
     """Whether a record with a number exists; add a fault if not.
 
-    label : for the message. number : text of the number, from 1. records : how many.
+    label : for the message.
+    number : text of the number, from 1.
+    records : how many.
     """
     if number.isdecimal() and 1 <= int(number) <= records:
         return True
@@ -172,8 +174,8 @@ def concerned(
     A name without a number applies to all records that have neither a varied name nor a
     value of their own.
 
-    every : all varied names. own : for each record, the names with a value for this
-    record only.
+    every : all varied names.
+    own : for each record, the names with a value for this record only.
     """
     if one.record >= 0:
         return [one.record]

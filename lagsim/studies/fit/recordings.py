@@ -110,8 +110,9 @@ class Recording(Sensitivities):
     def trial(self, name: str, value: float, held: bool) -> Trial:
         """Return the run in which the parameter or start value `name` is `value`.
 
-        The run is unusable if t0 moves times of the data outside of the run. held : see
-        `Sensitivities.trial`.
+        The run is unusable if t0 moves times of the data outside of the run.
+
+        held : see `Sensitivities.trial`.
         """
         if self.setup.clocked and name == CLOCK:
             low, high = self.times[0] - value, self.times[-1] - value

@@ -56,7 +56,8 @@ def has_pattern(raw: Floats, data: Floats) -> bool:
 def patterned(raw: Floats, data: Floats, groups: Iterable[Flags]) -> bool:
     """Whether the residuals of at least one of several groups of rows follow a pattern.
 
-    raw, data : (n,), see `has_pattern`. groups : a mask (n,) of the rows of each group.
+    raw, data : (n,), see `has_pattern`.
+    groups : a mask (n,) of the rows of each group.
     """
     return any(has_pattern(raw[own], data[own]) for own in groups)
 

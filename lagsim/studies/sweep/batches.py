@@ -150,7 +150,9 @@ def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
     """Return the reason why rows of runs cannot be computed in batches; else "".
 
     The rows are needed for extremes of columns and for error bars; last values alone
-    need none. bars : when runs have an error bar.
+    need none.
+
+    bars : when runs have an error bar.
     """
     plan, settings = session.plan, session.case.settings
     if settings.duration > (MOST_ROWS - 2) * settings.output_step:
@@ -261,8 +263,9 @@ class Batch:
     def _plain(self, numbers: Sequence[int]) -> Values:
         """Return parameters, starts and swept values of some runs, see `_judged`.
 
-        For models in which no expression depends on the swept names. numbers : indices
-        of the runs.
+        For models in which no expression depends on the swept names.
+
+        numbers : indices of the runs.
         """
         case = self.session.case
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
@@ -282,7 +285,9 @@ class Batch:
 
         For models with expressions that depend on the swept names: the model is bound
         to the values of each run; nan if that fails, or if the run may begin at another
-        state on the constraints. numbers : indices of the runs.
+        state on the constraints.
+
+        numbers : indices of the runs.
         """
         case, axes = self.session.case, self.grid.axes
         unbound, held = case.model, bool(case.equations.rows)
@@ -505,7 +510,9 @@ class Ensemble:
     def by_columns(self, table: Floats, order: Sequence[int]) -> Floats:
         """Return some columns (k, rows) of a table (rows, columns), each contiguous.
 
-        These are valid until the next call. order : indices of the columns, (k,).
+        These are valid until the next call.
+
+        order : indices of the columns, (k,).
         """
         count, rows = len(order), len(table)
         if len(self._columns) < count * rows:
@@ -627,7 +634,8 @@ class Judge:
         None if the values are not all finite, if energy less work is not conserved, or
         if a constraint is not satisfied.
 
-        table : rows (rows, columns), or None. order : indices of the columns, (k,).
+        table : rows (rows, columns), or None.
+        order : indices of the columns, (k,).
         """
         if table is None or not satisfied(ensemble.session, table).all():
             return None
@@ -650,7 +658,9 @@ class Judge:
     def _error(self, k: int, start: Floats, sound: Sound) -> float | None:
         """Return the error of run k, which was just made, by a repeat.
 
-        None if the run is not plain, and must be made separately. start : (2 n + l,).
+        None if the run is not plain, and must be made separately.
+
+        start : (2 n + l,).
         sound : the rows of the run.
         """
         session, run = self._ensemble.session, self._ensemble.trajectory
@@ -680,8 +690,8 @@ class Judge:
     def _repeated(self, other: Repeat, finer: int) -> Ensemble:
         """Return the ensemble that repeats the runs with more frequent output.
 
-        other : the means of the repeats: method and tolerance. finer : the number of
-        output steps of a repeat in one output step of the run.
+        other : the means of the repeats: method and tolerance.
+        finer : the number of output steps of a repeat in one output step of the run.
         """
         if self._repeats is None:
             spacing = self._ensemble.session.case.settings.output_step / finer
@@ -695,8 +705,10 @@ class Judge:
 
         None if another scale than the range of a coordinate might be needed.
 
+        The last row of both is at the end.
+
         own, again : rows of the run, and of its repeat, whose output is `finer` times
-        as frequent. The last row of both is at the end.
+            as frequent.
         """
         assert self._repeats is not None
         places, rates, which = self._coordinates, self._rates, self._state

@@ -135,8 +135,9 @@ def _panels(
 
     With one swept name, a band shows the range of each run.
 
-    names : the names of the columns. missing : whether runs have no result. more :
-    arguments of `Picture`.
+    names : the names of the columns.
+    missing : whether runs have no result.
+    more : arguments of `Picture`.
     """
     shown, grid = found.grid.axes[:ABREAST], found.grid
     banded = len(grid.axes) == 1 and not found.work.ends

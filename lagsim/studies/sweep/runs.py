@@ -90,7 +90,9 @@ class Runs:
     ) -> Iterator[list[SweepRow]]:
         """Make runs; yield their rows in lists: a single row, or the rows of a batch.
 
-        numbers : indices of the runs. After an interrupt there are fewer rows.
+        After an interrupt there are fewer rows.
+
+        numbers : indices of the runs.
         """
         left = numbers
         while left and not interrupt.asked:
@@ -161,7 +163,8 @@ class Runs:
     ) -> Attempt:
         """Execute a run, write its folder of results, and return the attempt.
 
-        number : index of the run. extremes : observer of its columns.
+        number : index of the run.
+        extremes : observer of its columns.
         """
         from lagsim.outputs.results import MANIFEST, open_results
 

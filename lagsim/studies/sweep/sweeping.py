@@ -352,7 +352,8 @@ def sampled(
 ) -> Grid:
     """Draw `runs` values of each name from its distribution; return these as points.
 
-    given : pairs of a name and a distribution. seed : the seed of the random numbers.
+    given : pairs of a name and a distribution.
+    seed : the seed of the random numbers.
 
     Raises
     ------
@@ -378,8 +379,9 @@ def sampled(
 def _uniform(seed: int, place: int, count: int) -> Floats:
     """Return uniform random numbers in the open interval (0, 1), shape (count,).
 
-    place : index of the axis. The numbers depend on seed and axis alone, and are equal
-    on every machine.
+    The numbers depend on seed and axis alone, and are equal on every machine.
+
+    place : index of the axis.
     """
     raw = np.random.Philox(key=seed + (place << 64)).random_raw(count)
     return np.asarray(((raw >> np.uint64(11)) + 0.5) * 2.0**-53)
@@ -389,7 +391,6 @@ def _distributed(model: Model, name: str, text: str, uniform: Floats) -> Floats:
     """Return values (count,) of a distribution, from uniform random numbers (count,).
 
     name : the swept name.
-
     text : the distribution, such as `normal(4, 0.1)`, whose numbers may be expressions.
     """
     found = _DRAWN.fullmatch(text)

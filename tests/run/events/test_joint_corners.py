@@ -33,9 +33,10 @@ def after(text, *names, t=1.0, **options):
 def beads(masses, slopes, kinks, more, start, *, far=0.0, rod=3.0, unit=1.0, order=1):
     """Return beads with rods at rest in the corners of their wires, and a body z.
 
-    far : of the first corner from the origin. rod : the length of each rod, along x.
-    unit : a length of 1, in the unit of the file. order : 1, or -1 for the opposite
-    order of the constraints.
+    far : of the first corner from the origin.
+    rod : the length of each rod, along x.
+    unit : a length of 1, in the unit of the file.
+    order : 1, or -1 for the opposite order of the constraints.
     """
     n = range(len(masses))
     places = [far + rod * unit * i for i in n]
