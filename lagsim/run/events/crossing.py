@@ -49,7 +49,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
@@ -417,6 +417,7 @@ class Crossing:
     levels: dict[int, float] = field(default_factory=dict)
     stale: set[int] = field(default_factory=set)  # sides changed since `rows`
     roundoff: Floats = field(init=False)  # roundoff bounds of open surfaces' rates (K,)
+    led: Floats = field(init=False)  # see `_rounding_beside`
     values: Floats = field(init=False)
     sizes: Floats = field(init=False)
     rows: Rows = field(init=False)
@@ -465,14 +466,43 @@ class Crossing:
         self.rows = modes.rows()
         self.sizes = modes.sizes(self.rows)
         self.stale.clear()
+        self.led = np.zeros(modes.count)
+        self.levels = self._levels()
+        if 0 < len(self.levels) < modes.count:
+            self.led = self._rounding_beside()
+            self.levels = self._levels()
+
+    def _levels(self) -> dict[int, float]:
+        """Return the levels of the surfaces whose `values` equal them to rounding."""
         found = (self._level(k, x) for k, x in enumerate(self.values.tolist()))
-        self.levels = {k: level for k, level in enumerate(found) if level is not None}
+        return {k: level for k, level in enumerate(found) if level is not None}
 
     def _level(self, k: int, value: float) -> float | None:
         """Return the level of surface k that `value` equals to rounding, or None."""
         level = self.modes.level(k, value)
-        most = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.known.get(k, 0.0))
-        return level if abs(value - level) <= most else None
+        least = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.led[k])
+        return (
+            level if abs(value - level) <= max(least, self.known.get(k, 0.0)) else None
+        )
+
+    def _rounding_beside(self) -> Floats:
+        """Return the rounding (K,) of expressions that surfaces at their levels imply.
+
+        A state at the level of a surface, to the rounding of its expression, may be
+        anywhere within this rounding. The expressions of other surfaces there have the
+        corresponding rounding: the knot of a long table at x = 0 has that of its
+        range, and abs(x) beside it has none of its own.
+        """
+        modes, J = self.modes, self.rows.J
+        found, moving = np.zeros(modes.count), np.array(modes.on_rates)
+        for k in self.levels:
+            square = float(J[k] @ J[k])
+            if not square > 0.0:
+                continue
+            change = modes.along_rows(RESIDUAL_ROUNDOFF * self.sizes[k] / square * J[k])
+            beside = moving == moving[k]
+            found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
+        return np.asarray(found)
 
     def _put_clear(self, k: int) -> None:
         """Set surface k, off its levels, to the side of its expression's value."""
@@ -581,7 +611,7 @@ class Crossing:
         """
         J, b = rows.J, rows.b
         for j in self.open:
-            if self.modes.on_rates[j] != self.modes.on_rates[k]:
+            if j == k or self.modes.on_rates[j] != self.modes.on_rates[k]:
                 continue
             factor = multiple_of(J[j], J[k])
             if factor and abs(b[k] - factor * b[j]) <= COMPUTED_ZERO * abs(b[k]):
@@ -616,10 +646,12 @@ class Crossing:
             if level is None:
                 modes.put_clear(k, value)
                 continue
+            rows = modes.rows()
             if k in self.open:
                 modes.put(k, level, corner[self.open.index(k)])
+                if modes.keeps(k) or self._parallel(rows, k):
+                    free.add(k)
                 continue
-            rows = modes.rows()
             rate = self._rate(rows, k)
             if rate != 0.0:
                 modes.put(k, level, ABOVE if rate > 0.0 else BELOW)
@@ -703,19 +735,45 @@ class Crossing:
         chosen : RowModes
             Modes of all rows, the rows of the laws first.
         """
-        self._share(w)
+        modes, arc = self.modes, self.modes.arc
+        along = (w > BELOW) & (w < ABOVE)
+        along[i] = False
+        if not along.any():
+            self._share(w)
+            rates = modes.rates
+        else:  # shares of followed surfaces change in time
+            former = modes.value.copy(), modes.kind.copy()
+            self._take(np.where(along, SLIDING, w).astype(int).tolist(), w)
+            modes.write()
+            rates = arc.rates
         if self.beside is not None:
             self._put_laws(chosen)
-        modes, arc, k = self.modes, self.modes.arc, self.open[i]
+        found = self._short_steps(self.open[i], rates)
+        if along.any():
+            modes.carried, modes.watched = {}, []
+            modes.restore(*former)
+            modes.write()
+        return found
+
+    def _short_steps(
+        self, k: int, rates: Callable[[float, Floats], Floats]
+    ) -> int | None:
+        """Return the side of surface k to which short steps lead; None if to neither.
+
+        rates : the function of t and y (size,) that returns y' (size,).
+        """
+        modes, arc = self.modes, self.modes.arc
         t, y, level = arc.t, arc.y, self.levels[k]
         clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
+        if arc.system.m:  # rows may hold the motion, to the rounding of their forces
+            clear = max(clear, modes.drifts()[k])
         step = FIRST * arc.settings.duration
         for _ in range(MOST):
             # The classical Runge-Kutta method.
-            a = modes.rates(t, y)
-            b = modes.rates(t + 0.5 * step, y + 0.5 * step * a)
-            c = modes.rates(t + 0.5 * step, y + 0.5 * step * b)
-            d = modes.rates(t + step, y + step * c)
+            a = rates(t, y)
+            b = rates(t + 0.5 * step, y + 0.5 * step * a)
+            c = rates(t + 0.5 * step, y + 0.5 * step * b)
+            d = rates(t + step, y + step * c)
             after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
             found = modes.values(t + step, after)[k] - level
             if abs(found) > clear:

@@ -890,15 +890,33 @@ class SurfaceModes:
         Each is the state reached, changed by the difference of two Newton steps onto
         the rows: from a state of `asides`, and from the state reached.
         """
-        arc, n = self.arc, self.arc.system.n
+        arc = self.arc
         if not arc.system.m:
             return []
-        step = arc.runner.function("position_step")
-        here, found = step(arc.t, arc.y)[:n].copy(), []
+        here, found = self._step(arc.y), []
         for aside in self.asides():
-            aside[arc.state.positions] += step(arc.t, aside)[:n] - here
+            aside[arc.state.positions] += self._step(aside) - here
             found.append(aside)
         return found
+
+    def _step(self, y: Floats) -> Floats:
+        """Return the Newton step (n,) of the positions in y (size,) onto the rows."""
+        arc = self.arc
+        step = arc.runner.function("position_step")
+        return step(arc.t, y)[: arc.system.n].copy()
+
+    def along_rows(self, change: Floats) -> Floats:
+        """Return a small change (n + l,) of q and s, projected along the rows in force.
+
+        change : shape (n + l,).
+        """
+        arc, n = self.arc, self.arc.system.n
+        if not arc.system.m:
+            return change
+        aside, change = arc.y.copy(), change.copy()
+        aside[arc.state.positions] += change[:n]
+        change[:n] += self._step(aside) - self._step(arc.y)
+        return change
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
         """Yield states (size,) near the state reached, for tests of its neighbourhood.

@@ -426,8 +426,9 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        if modes.watched and arc.system.laws:
-            slack[modes.watched] += modes.drifts()[modes.watched]
+        led = [*modes.watched, *modes.carried]
+        if led and arc.system.m:
+            slack[led] += modes.drifts()[led]
         # Changes of the expressions by errors within the tolerance: where a coordinate
         # hardly moves their sign is arbitrary. The tolerance has a floor, see
         # `methods.parts.control`; within the floor of a surface its roots coincide.
