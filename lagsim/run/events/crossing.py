@@ -488,18 +488,20 @@ class Crossing:
     def _rounding_beside(self) -> Floats:
         """Return the rounding (K,) of expressions that surfaces at their levels imply.
 
-        A state at the level of a surface, to the rounding of its expression, may be
-        anywhere within this rounding. The expressions of other surfaces there have the
+        A state at the level of a surface may be anywhere within the rounding of its
+        expression, and its distance there. The expressions of other surfaces have the
         corresponding rounding: the knot of a long table at x = 0 has that of its
         range, and abs(x) beside it has none of its own.
         """
         modes, J = self.modes, self.rows.J
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
-        for k in self.levels:
+        for k, level in self.levels.items():
             square = float(J[k] @ J[k])
             if not square > 0.0:
                 continue
-            change = modes.along_rows(RESIDUAL_ROUNDOFF * self.sizes[k] / square * J[k])
+            off = 2.0 * abs(float(self.values[k]) - level)
+            least = max(RESIDUAL_ROUNDOFF * float(self.sizes[k]), off)
+            change = modes.along_rows(least / square * J[k])
             beside = moving == moving[k]
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
