@@ -1,6 +1,6 @@
 """A bead at rest in the corner of its wire, however the kink of the wire is written.
 
-A force F = t along x is held up to t = k g, by the reaction of one side of y = k*abs(x).
+The reaction of one side of y = k*abs(x) holds a force F = t along x up to t = k g.
 Afterwards (1 + k^2) x'' = t - k g.
 """
 
