@@ -433,8 +433,8 @@ class Switching(Source):
         # hardly moves their sign is arbitrary. The tolerance has a floor, see
         # `methods.parts.control`; within the floor of a surface its roots coincide.
         speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]
-        part = np.where(self.on_rates, 1.0, arc.state.step_h if arc.steps else 0.0)
-        noise = NOISE * arc.state.rtol * part * speeds
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
         roundoff = np.maximum(noise, 0.5 * modes.p.floor)
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
