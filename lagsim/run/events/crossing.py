@@ -45,6 +45,7 @@ from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
+    HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
 )
 
@@ -502,6 +503,9 @@ class Crossing:
             off = 2.0 * abs(float(self.values[k]) - level)
             least = max(RESIDUAL_ROUNDOFF * float(self.sizes[k]), off)
             change = modes.along_rows(least / square * J[k])
+            own = abs(float(J[k] @ change))
+            if own > HALF_OF_DIGITS * least:  # not held by the rows
+                change *= least / own
             beside = moving == moving[k]
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
