@@ -162,7 +162,7 @@ class Located(NamedTuple):
         The index of the switching surface or of the law; -1 for none.
     off : float
         Largest distance of the surface's expression from its level, by the error of
-        the time located.
+        the time located; negative where the expression jumps past its level.
     """
 
     surface: int = -1

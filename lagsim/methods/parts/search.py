@@ -507,6 +507,10 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             over = not value >= least_allowed(EVENT, s, p, law)
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0
+        # A pole, or the cut of an angle: the surface is not at its level.
+        is_surface = first < p.surfaces and p.slides[first] == 0.0
+        jumped = is_surface and high > 0.0 and jumps(EVENT, s, p, first, high, 0.0)
+        s.discontinuous = 1.0 if jumped else 0.0
     shorten(s, high)
     # Rows at the same instant are the next arc's.
     s.row_limit = min(s.row_limit, s.t - same_time(s, s.t))

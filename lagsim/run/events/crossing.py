@@ -391,7 +391,7 @@ class Crossing:
         The modes of all surfaces, changed in place.
     known : mapping of int to float
         For each surface known to be at its level, the largest distance of its
-        expression from the level.
+        expression from the level; negative for one that has jumped past its level.
     levels : dict of int to float
         Level of each surface that the state is on.
     sizes : ndarray, shape (K,)
@@ -480,11 +480,9 @@ class Crossing:
 
     def _level(self, k: int, value: float) -> float | None:
         """Return the level of surface k that `value` equals to rounding, or None."""
-        level = self.modes.level(k, value)
-        least = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.led[k])
-        return (
-            level if abs(value - level) <= max(least, self.known.get(k, 0.0)) else None
-        )
+        level, known = self.modes.level(k, value), self.known.get(k, 0.0)
+        least = max(RESIDUAL_ROUNDOFF * self.sizes[k], self.led[k], known)
+        return level if known >= 0.0 and abs(value - level) <= least else None
 
     def _rounding_beside(self) -> Floats:
         """Return the rounding (K,) of expressions that surfaces at their levels imply.

@@ -105,7 +105,8 @@ class SurfacesAt(NamedTuple):
     met : int
         The surface that was located last, or -1.
     off : float
-        The largest distance of the expression of surface `met` from its level.
+        The largest distance of the expression of surface `met` from its level; negative
+        where the expression has jumped past its level.
     stopped : frozenset of int
         Corners of equalities at which velocities have been stopped.
     selected : Selected or None

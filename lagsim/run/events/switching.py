@@ -161,10 +161,13 @@ class Switching(Source):
         In the decision, `Located.off` is the distance of the switch's expression from
         its level up to which the surface counts as at its level: twice the present
         distance; 0 for a carried surface, whose expression jumps with the side of its
-        leader.
+        leader. It is negative where the expression itself jumps past its level, as
+        `tan` does at a pole: the side is then that of the value.
         """
         modes, off = self.modes, 0.0
-        if arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
+        if arc.state.discontinuous:
+            off = -1.0
+        elif arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
             value = float(modes.values(arc.t, arc.y)[k])
             off = abs(value - modes.level(k, value))
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
@@ -377,7 +380,8 @@ class Switching(Source):
 
         A rounded value of such an expression may be off its level by up to that bound.
 
-        The result contains the surface reached last, with its distance then, and the
+        The result contains the surface reached last, with its distance then (negative
+        where its expression has jumped past its level, see `_reached`), and the
         surfaces at whose levels constraints hold the motion, with the rounding of the
         constraints. A surface whose expression has jumped since is farther off and not
         included.
@@ -390,7 +394,8 @@ class Switching(Source):
         self.resting = modes.held()
         held |= self.resting
         if (k := surfaces.met) >= 0:
-            held[k] = max(surfaces.off, held.get(k, 0.0))
+            jumps = surfaces.off < 0.0
+            held[k] = surfaces.off if jumps else max(surfaces.off, held.get(k, 0.0))
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:

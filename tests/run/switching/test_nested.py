@@ -243,3 +243,36 @@ def test_rows_of_a_nested_law_show_the_force_that_holds(law):
     held = found["t"] > stuck[0]
     assert np.count_nonzero(held) > 10
     assert np.max(np.abs(found["x_dot"][held])) < 1e-15
+
+
+TURNING = """
+coordinates: {q: {unit: rad}, w: {}}
+energy: {kinetic: q_dot^2/2 + w_dot^2/2, potential: 0}
+forces: {w: "FORCE"}
+initial: {q: 0, q_dot: 1, w: 0}
+simulation: {duration: 20, output_step: 0.5, METHOD}
+"""
+LEFT = 20 - 6 * math.pi  # of the fourth turn
+
+
+@pytest.mark.parametrize(
+    ("force", "impulse"),
+    [
+        # The angle from -pi to pi: positive in half of each turn.
+        ("if(atan2(sin(q), cos(q)) > 0, 1, 0)", 20 - 3 * math.pi),
+        ("abs(atan2(sin(q), cos(q)))", 3 * math.pi**2 + LEFT**2 / 2),
+        ("mod(atan2(sin(q), cos(q)) + 2*pi, 2*pi)", 6 * math.pi**2 + LEFT**2 / 2),
+        ("sign(atan(tan(q/2)))", LEFT),
+        # Poles.
+        ("sign(tan(q))", LEFT),
+        ("if(1/sin(q) > 0, 1, 0)", 20 - 3 * math.pi),
+        ("heaviside(1/(q - 3))", 17.0),
+        ("min(max(tan(q), -1), 1)", math.log(2) / 2 + LEFT - math.pi / 4),
+    ],
+)
+@pytest.mark.parametrize("method", ["method: auto", "method: dopri5"])
+def test_an_argument_jumps_past_the_level(force, impulse, method):
+    """At a cut of an angle, or a pole, the side is that of the value after the jump."""
+    found = run(TURNING.replace("FORCE", force).replace("METHOD", method))
+    # An angle is a force that jumps: two steps of rtol 1e-11 beside each of three cuts.
+    assert found["w_dot"][-1] == pytest.approx(impulse, abs=1e-8)
