@@ -195,14 +195,13 @@ DOCTESTS = [
 ]
 
 
-# One test: of a parametrised one the quick suite runs only the first case.
-def test_the_examples_of_docstrings_return_the_values_shown():
-    finder, runner, told = doctest.DocTestFinder(), doctest.DocTestRunner(), []
-    for name in DOCTESTS:
-        tests = finder.find(importlib.import_module(name))
-        assert any(test.examples for test in tests), f"{name}: no docstring has these"
-        for test in tests:
-            runner.run(test, out=told.append)
+@pytest.mark.parametrize("name", DOCTESTS)
+def test_the_examples_of_docstrings_return_the_values_shown(name):
+    runner, told = doctest.DocTestRunner(), []
+    tests = doctest.DocTestFinder().find(importlib.import_module(name))
+    assert any(test.examples for test in tests), "no docstring has these"
+    for test in tests:
+        runner.run(test, out=told.append)
     assert runner.failures == 0, "".join(told)
 
 
@@ -336,8 +335,18 @@ def double_pendulum(numbers):
     return np.linalg.solve(M, f)
 
 
-def test_the_whole_model_file_is_whole(folder, lagsim):  # noqa: F811
+def test_the_whole_model_file_is_whole():
     """Every key that the reader knows stands in the guide's last model."""
+    text = only(GUIDE, "yaml", "format version")
+    schema = json.loads((ROOT / "lagsim/lagsim.schema.json").read_text())
+    assert [key for key in schema["properties"] if f"\n{key}:" not in text] == []
+    for section in ("energy", "simulation", "scene", "output"):
+        keys = schema["properties"][section]["properties"]
+        assert [k for k in keys if not re.search(rf"\b{k}:", text)] == []
+
+
+@pytest.mark.slow
+def test_the_whole_model_file_is_run(folder, lagsim):  # noqa: F811
     text = only(GUIDE, "yaml", "format version")
     # These sensitivities take five times as long as all else.
     short = text.replace("  sensitivities: [l, theta]\n", "")
@@ -347,11 +356,6 @@ def test_the_whole_model_file_is_whole(folder, lagsim):  # noqa: F811
     assert called.code == 0, called.err
     files = {p.name for p in (folder / "results/elastic-pendulum").iterdir()}
     assert {"trajectory.csv", "energy.png", "plot_1.png"} <= files
-    schema = json.loads((ROOT / "lagsim/lagsim.schema.json").read_text())
-    assert [key for key in schema["properties"] if f"\n{key}:" not in text] == []
-    for section in ("energy", "simulation", "scene", "output"):
-        keys = schema["properties"][section]["properties"]
-        assert [k for k in keys if not re.search(rf"\b{k}:", text)] == []
 
 
 def test_the_laws_of_constraints_are_those_of_the_page(folder, lagsim):  # noqa: F811

@@ -21,7 +21,7 @@ from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from lagsim.show.symbols import symbol, to_sympy
 from tests.language._cases import CASES, DIGITS
-from tests.language._programs import AsWritten
+from tests.language._programs import AsWritten, build
 from tests.support import ROOT
 
 NAMES = ("x", "y", "z")
@@ -263,3 +263,29 @@ def test_values_never_raise(
     assert found == pytest.approx(expected, rel=EPS, nan_ok=True)
     native, _ = compiled(*args, *(0.0,) * (3 - len(args)))
     assert native[name] == pytest.approx(expected, rel=EPS, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "function"),
+    [
+        ("log(x)", np.log), ("log10(x)", np.log10), ("sqrt(x)", np.sqrt),
+        ("asin(x)", np.arcsin), ("acos(x)", np.arccos), ("acosh(x)", np.arccosh),
+        ("atanh(x)", np.arctanh), ("x^0.3", lambda x: np.power(x, 0.3)),
+        ("x^y", lambda x: np.power(x, 2.5)),
+    ],
+)  # fmt: skip
+def test_a_domain_has_the_points_with_a_value(text, function):
+    g = Graph()
+    node = build(g, text)
+    inside = OPERATIONS[g.ops[node]].domain(g, g.args[node])
+    for x in (-3.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 3.0):
+        with np.errstate(all="ignore"):
+            expected = not np.isnan(function(x))
+        assert evaluate(g, [inside], {"x": x, "y": 2.5}) == [expected], x
+
+
+def test_whole_powers_have_values_everywhere():
+    g = Graph()
+    for text in ("x^3", "x^-2"):
+        node = build(g, text)
+        assert OPERATIONS["pow"].domain(g, g.args[node]) is None

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from lagsim.language.evaluate import evaluate, evaluate_with_error
-from lagsim.language.graph import Graph
+from lagsim.language.graph import Graph, TooMuchError
 from tests.language._programs import (
     AsWritten,
     OutsideError,
@@ -17,6 +17,7 @@ from tests.language._programs import (
     programs,
     states,
 )
+from tests.support import refused
 
 
 @pytest.mark.parametrize(
@@ -174,3 +175,17 @@ def test_constants_keep_their_bits(x):
     g = Graph()
     assert g.value(g.constant(x)) == x
     assert g.value(g.call("neg", g.constant(x))) == -x
+
+
+def test_each_operation_is_counted_as_work():
+    g = Graph(work=100.0)
+    x = g.variable("x")
+    with refused("too-large", kind=TooMuchError):
+        for k in range(1000):
+            x = g.call("mul", g.call("sin", x), g.constant(2.0 + k))
+    # Work that is announced is refused before it is done, and what is left serves less.
+    other = Graph(work=100.0)
+    other.count(60.0)
+    with refused("too-large", kind=TooMuchError):
+        other.count(60.0)
+    other.count(40.0)

@@ -16,6 +16,8 @@ import lagsim
 from tests.scenes.contact.motions import G
 
 STEP = 0.02
+# Other methods need kernels that no other quick test has compiled.
+SLOW = [pytest.param(x, marks=pytest.mark.slow) for x in ("radau", "rk4", "dopri5")]
 # The table of abs(x)/2.
 V = "tables: {v: {points: [[-1, 0.5], [0, 0], [1, 0.5]], outside: extend}}"
 
@@ -104,7 +106,7 @@ def test_a_bead_passes_the_corner_ever_shorter_and_rests(relation):
     assert found["energy"] - found["work"] == pytest.approx(G / 2, rel=1e-9)
 
 
-@pytest.mark.parametrize("method", ["taylor", "radau", "rk4"])
+@pytest.mark.parametrize("method", ["taylor", *SLOW[:2]])
 def test_by_other_methods(method):
     options = {"step": 0.005} if method == "rk4" else {}
     found = simulated(wire(), method=method, **options)
@@ -118,7 +120,7 @@ ELSEWHERE = {
 }
 
 
-@pytest.mark.parametrize("method", ["dopri5", "taylor"])
+@pytest.mark.parametrize("method", ["taylor", SLOW[2]])
 def test_a_pole_of_the_relation_beyond_the_corner_has_no_effect(method):
     # Beyond x = 0 the side of x > 0 has a pole at x = -1/k, which a step passes before
     # the corner is located in it: its rates there are no magnitudes of the motion.

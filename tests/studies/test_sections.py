@@ -314,7 +314,9 @@ def halves(*numbers):
 NO_EVENT = "none: {at: x >= 2, set: {z: 1}}"
 
 
-@pytest.mark.parametrize("name", ["taylor", "dop853", "radau"])
+@pytest.mark.parametrize(
+    "name", ["taylor", "dop853", pytest.param("radau", marks=pytest.mark.slow)]
+)
 def test_touches_and_jumps_of_the_relation_cross_nothing(name):
     asked = [
         "at: x = 1",  # touched at the start, and every period

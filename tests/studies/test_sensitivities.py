@@ -141,7 +141,9 @@ def test_a_row_between_the_impacts_of_two_runs_is_not_differentiable():
     assert np.isnan(found.values[1]).all()
 
 
-@pytest.mark.parametrize("names", [("x", "x0"), ("g", "g")])
+@pytest.mark.parametrize(
+    "names", [("x", "x0"), pytest.param(("g", "g"), marks=pytest.mark.slow)]
+)
 def test_start_values_that_constraints_determine_follow(names):
     times = np.linspace(0.0, 3.0, 13)
     held, free = (
@@ -232,7 +234,7 @@ def test_five_names_cost_41_runs_where_the_first_step_serves(monkeypatch):
     assert len(made) == 41
 
 
-@pytest.mark.parametrize("name", ["e", "h"])
+@pytest.mark.parametrize("name", [pytest.param("e", marks=pytest.mark.slow), "h"])
 def test_columns_that_do_not_depend_on_a_name_lose_no_rows(name):
     """Their differences are rounding errors, of which no two orders agree."""
     text = BALL.replace("{y: {}}", "{y: {}, x: {}, z: {}}")

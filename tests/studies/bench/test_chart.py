@@ -130,6 +130,7 @@ def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
         assert f"{method} {kind}" in said or f"{method} (" in said
 
 
+@pytest.mark.slow
 def test_what_is_on_the_front_is_shown():
     # A dozen methods with many digits, and a cheap one with hardly any.
     rows = curve("dop853", "none", 1.0, chosen=True)
@@ -213,6 +214,7 @@ def test_what_auto_takes_has_rings(crowded):
         assert len(rings.x) == 11
 
 
+@pytest.mark.slow
 def test_errors_below_the_floor_are_shaded():
     [_, panel] = drawn(work_precision, DOCUMENTS["horizon"]).panels
     [(_, corners)] = panel.areas
@@ -326,6 +328,7 @@ def test_the_legend_names_what_is_drawn(strips, border, expected):
     assert {text for text in said if text.startswith(marks)} == expected
 
 
+@pytest.mark.slow
 def test_few_panels_fill_the_sheet(strips):
     drawing = drawn(stability_figure, strips)
     assert "step h (s)" in [panel.labels[0] for panel in drawing.panels]

@@ -106,6 +106,7 @@ def test_rk4_decays_and_verlet_holds():
         assert "all steps hold" in border["note"]
 
 
+@pytest.mark.slow
 def test_periodic_events_end_the_range_of_steps():
     # A damped oscillator whose force is set every 0.1 s: no step is longer.
     text = DAMPED + "modes: {u: 0}\nforces: {x: u}\n"
@@ -240,7 +241,10 @@ def test_modes_about_an_equilibrium(text, overrides, at, expected):
 @pytest.mark.parametrize(
     ("text", "at"),
     [
-        (MODES[3][0], {"theta1": math.pi, "theta2": 0}),  # nearest to its start
+        # Nearest to its start.
+        pytest.param(
+            MODES[3][0], {"theta1": math.pi, "theta2": 0}, marks=pytest.mark.slow
+        ),
         (LAGGING, {"x": 0, "s": 0}),
     ],
 )

@@ -358,12 +358,12 @@ def test_saved_files_are_told_to_pages_that_listen(server, file):
 
 
 def test_it_ends_some_time_after_the_last_page_has_been_closed(file, monkeypatch):
-    monkeypatch.setattr(serving, "LINGER", 0.5)
+    monkeypatch.setattr(serving, "LINGER", 0.3)
     monkeypatch.setattr(serving, "SIGN", 0.05)
     server = Server(Explorer(str(file), {}, {}, error_text))
     answering = threading.Thread(target=server.serve)
     answering.start()
-    time.sleep(0.8)  # before a page has been opened it waits
+    time.sleep(0.4)  # before a page has been opened it waits
     pages = []
     for _ in range(2):
         line = socket.create_connection(server.server_address, timeout=20 * PATIENCE)
@@ -374,10 +374,10 @@ def test_it_ends_some_time_after_the_last_page_has_been_closed(file, monkeypatch
         assert line.recv(15) == b"HTTP/1.1 200 OK"
         pages.append(line)
     pages[0].close()
-    answering.join(1.2)
+    answering.join(0.5)
     assert answering.is_alive()
     pages[1].close()
-    answering.join(0.3)
+    answering.join(0.1)
     assert answering.is_alive()
     answering.join(20 * PATIENCE)
     assert not answering.is_alive()
