@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -147,6 +147,26 @@ class Plan:
     def tolerance(self) -> float:
         """Relative tolerance of an adaptive method, given or by default."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol
+
+    @property
+    def accuracy(self) -> tuple[Literal["rtol", "step"], float]:
+        """Name and value of the setting on which the error depends.
+
+        It is `rtol` for a method that controls its error, else `step`.
+        """
+        if self.step is not None:
+            return "step", self.step
+        assert self.rtol is not None
+        return "rtol", self.rtol
+
+    def at(self, value: float) -> Plan:
+        """Return the plan with another `rtol` or `step`, and with the default `atol`.
+
+        value : of the setting that `accuracy` names.
+        """
+        if self.step is not None:
+            return replace(self, step=value, atol=None)
+        return replace(self, rtol=value, atol=None)
 
 
 # --- From a scene to its plan: structure, formulation, solve, method

@@ -537,8 +537,9 @@ class Attempt(Evidence):
 
 def _means(plan: Plan) -> str:
     """Return a text with the method of a plan, and its tolerance or step size."""
-    own = f"step {plan.step:.3g}" if plan.rtol is None else f"rtol {plan.rtol:.2g}"
-    return f"{plan.method} at {own}"
+    setting, value = plan.accuracy
+    digits = 3 if setting == "step" else 2
+    return f"{plan.method} at {setting} {value:.{digits}g}"
 
 
 @dataclass

@@ -15,7 +15,6 @@ import os
 import platform
 import time
 import warnings
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -23,7 +22,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from lagsim.errors import InputError
-from lagsim.methods import method as method_named
 from lagsim.program.system import FUNCTION
 from lagsim.run.trajectory import Statistics
 from lagsim.studies.comparison import on_grid
@@ -76,6 +74,8 @@ class Own:
     ----------
     setting : str
         `rtol` or `step`: the meaning of the argument of `solve`.
+    value : float
+        The value of the setting in the plan.
     compile_seconds : float
         The time to make the solver ready.
     names : tuple of str
@@ -100,8 +100,7 @@ class Own:
         self.case, self.plan = self.session.case, self.session.plan
         self.system = self.session.system
         self.method, self.formulation = self.plan.method, self.plan.formulation
-        adaptive = bool(method_named(self.method).ADAPTIVE)
-        self.setting = "rtol" if adaptive else "step"
+        self.setting, self.value = self.plan.accuracy
         self.names = self.system.columns.names
 
     def solve(self, value: float, patience: Patience) -> Trial:
@@ -110,9 +109,7 @@ class Own:
         The result has the rows at the output times, and the last one; no rows if the
         solve fails, exceeds its time limit, or has values that are not finite.
         """
-        rtol, step = (value, None) if self.setting == "rtol" else (None, value)
-        plan = replace(self.plan, rtol=rtol, atol=None, step=step)
-        found = tried(self.session.by(plan), patience=patience)
+        found = tried(self.session.by(self.plan.at(value)), patience=patience)
         rows = found.rows
         if found.complete:
             rows = on_grid(rows, self.case.settings)

@@ -556,9 +556,7 @@ def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[fl
     chosen = defaultdict(list)
     for rtol in tolerances:
         plan = asking(case, rtol=rtol).plan()
-        value = plan.rtol if plan.step is None else plan.step
-        assert value is not None
-        chosen[plan.method, plan.formulation].append(value)
+        chosen[plan.method, plan.formulation].append(plan.accuracy[1])
     return dict(chosen)
 
 
@@ -568,9 +566,7 @@ def longest(case: Case, rtol: float) -> float:
     rtol : the tolerance of `auto`.
     """
     own, seconds = Own(case, "auto", "auto", rtol), PATIENCE_SECONDS
-    value = own.plan.rtol if own.plan.step is None else own.plan.step
-    assert value is not None
-    solved = own.solve(value, Patience(10 * PATIENCE_SECONDS))
+    solved = own.solve(own.value, Patience(10 * PATIENCE_SECONDS))
     if solved.outcome != TOO_SLOW:
         seconds = solved.seconds
     return max(PATIENCE_SECONDS, PATIENCE_TIMES * seconds)
