@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Arguments = tuple[int, ...]
     Partials = Callable[[Builder, Arguments, int], Arguments]
-    Condition = Callable[[Builder, Arguments], int | None]
+    Domain = Callable[[Builder, Arguments], tuple[int, int] | None]
 
 
 # Cost of a library function, in additions (measured: sin 18, exp 15).
@@ -70,8 +70,9 @@ class Function(NamedTuple):
     steep
         Whether a slope is infinite somewhere.
     domain
-        The condition on the arguments under which the function has a value; None if it
-        always has one.
+        `(graph, arguments)`: the condition on the arguments under which the function
+        has a value, and the first argument mirrored at the nearest end of the domain;
+        None if the function always has a value.
     switch, step
         Whether the graph of the function has a corner or a jump; whether the function
         is constant between jumps.
@@ -101,7 +102,7 @@ class Function(NamedTuple):
     commutes: bool = False
     exact: bool = False
     steep: bool = False
-    domain: Condition | None = None
+    domain: Domain | None = None
     switch: bool = False
     step: bool = False
     decided_by: str = ""
@@ -336,11 +337,13 @@ def _power_partials(g: Builder, a: tuple[int, ...], itself: int) -> tuple[int, .
     return slope, g.call(SMOOTH, zero, g.zero, log)
 
 
-def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
-    exponent = g.value(a[1])
-    if exponent is not None and exponent == math.floor(exponent):
+def _power_domain(g: Builder, a: Arguments) -> tuple[int, int] | None:
+    exponent, inside = g.value(a[1]), g.call("ge", a[0], g.zero)
+    if exponent is None:
+        inside = g.call("or", inside, g.call("le", a[1], g.call("floor", a[1])))
+    elif exponent == math.floor(exponent):
         return None
-    return g.call("ge", a[0], g.zero)
+    return inside, g.call("neg", a[0])
 
 
 def _operator(
@@ -486,11 +489,20 @@ def _smooth(
     )
 
 
-def _domain(least: float, most: float) -> Condition | None:
+def _domain(least: float, most: float) -> Domain | None:
     if most < math.inf:  # and least = -most
-        return lambda g, a: g.call("le", g.call("abs", a[0]), g.constant(most))
+
+        def between(g: Builder, a: Arguments) -> tuple[int, int]:
+            inside = g.call("le", g.call("abs", a[0]), g.constant(most))
+            ends = (g.call("sub", g.constant(2.0 * x), a[0]) for x in (most, -most))
+            return inside, g.call("if", g.call("gt", a[0], g.zero), *ends)
+
+        return between
     if least > -math.inf:
-        return lambda g, a: g.call("ge", a[0], g.constant(least))
+        return lambda g, a: (
+            g.call("ge", a[0], g.constant(least)),
+            g.call("sub", g.constant(2.0 * least), a[0]),
+        )
     return None
 
 

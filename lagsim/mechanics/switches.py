@@ -14,8 +14,10 @@ Conditions joined by `and`, `or`, `not` are separated as far as their parts diff
 kind: in `if(t < 1 and x > 0, ...)`, `t < 1` is a time switch.
 
 In `if(x > 0, -x^1.5, (-x)^1.5)` each root has a value on its own side alone. A stage
-past the surface would evaluate a frozen root outside its domain: there the expression
-is evaluated as written.
+past the surface, or a start within rounding of it, would evaluate a frozen root outside
+its domain: there the argument is mirrored at the end of the domain, so that the value
+is continuous. As written, `sqrt(mod(x, 2))` would jump there, which would count as
+rounding of y' and raise the tolerance.
 
 Under -c |v|^p sign(v) with 0 < p < 1 a body comes to rest in a finite time. While
 another force F grows slowly from 0, the velocity is about (F/c)^(1/p), close to 0, with
@@ -48,34 +50,46 @@ from lagsim.mechanics.surfaces import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
+    from lagsim.language.functions import Domain
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
 
-def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
-    """Return the node of the condition under which a branch of an `if` has a value.
+def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int] | None:
+    """Return the condition under which a branch of an `if` has a value, and a branch.
 
     The condition is that the arguments of roots and logarithms below the node `branch`
-    are in their domains. It counts functions of variables in `decides`, on which the
-    condition of the `if` depends, and outside nested branches; None if there are no
-    such functions.
+    are in their domains. The result's branch has them mirrored at the ends of their
+    domains. Counted are functions of variables in `decides`, on which the condition of
+    the `if` depends, and outside nested branches; None if there are no such functions.
     """
     found = None
     seen: set[int] = set()
     stack = [branch]
     while stack:
         n = stack.pop()
-        if n in seen or g.ops[n] in ("if", SMOOTH):
-            continue
-        seen.add(n)
-        stack += g.args[n]
+        if n not in seen and g.ops[n] not in ("if", SMOOTH):
+            seen.add(n)
+            stack += g.args[n]
+    done: dict[int, int] = {}
+    for n in g.cone([branch]):
+        args = tuple(done[a] for a in g.args[n])
         operation = OPERATIONS.get(g.ops[n])
-        if operation is None or operation.domain is None:
-            continue
-        inside = operation.domain(g, g.args[n])
-        if inside is not None and decides & g.depends([g.args[n][0]]):
-            found = inside if found is None else g.call("and", found, inside)
-    return found
+        domain = operation.domain if operation is not None else None
+        if domain and n in seen and decides & g.depends([g.args[n][0]]):
+            inside, _ = domain(g, g.args[n]) or (None, n)
+            if inside is not None:
+                found = inside if found is None else g.call("and", found, inside)
+                args = (_within(g, domain, args), *args[1:])
+        kept = n not in seen or args == g.args[n]
+        done[n] = n if kept else g.call(g.ops[n], *args)
+    return None if found is None else (found, done[branch])
+
+
+def _within(g: Graph, domain: Domain, args: tuple[int, ...]) -> int:
+    """Return the first of `args`, mirrored where it is outside the domain."""
+    inside, mirrored = domain(g, args) or (None, args[0])
+    return args[0] if inside is None else g.call("if", inside, args[0], mirrored)
 
 
 # Functions without derivatives at 0.
@@ -314,7 +328,7 @@ class Switches:
         op = g.ops[n]
         if args == g.args[n] and self._roots.floor(n) is None:
             return n
-        if op == "if" and self._sides_of and args[0] != g.args[n][0]:
+        if op == "if" and args[0] != g.args[n][0]:
             return self._with_values(n, args)
         if op in ("mul", "div"):
             return self._product(op, *args)
@@ -325,28 +339,21 @@ class Switches:
                 return g.call("if", condition, *apart)
         return self._inside(n, args, args[0])
 
-    def _as_written(self, n: int) -> int:
-        """Return node n with time switches alone frozen."""
-        return replace(self, _sides_of={}).freeze([n])[0]
-
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
         """Return the node `if` n with the frozen arguments `args`.
 
-        Where a branch has no value, the node as written is used.
+        Where a branch has no value and the condition as written selects the other one,
+        roots of the branch have their arguments mirrored.
         """
         g, (condition, *branches) = self.graph, args
-        decides = g.depends([g.args[n][0]])
-        inside = [_has_value(g, branch, decides) for branch in branches]
-        if inside == [None, None]:
-            return g.call("if", *args)
-        plain = self._as_written(n)
-        if g.ops[plain] != "if" or g.args[plain][0] == condition:
-            return g.call("if", *args)
-        apart = [
-            branch if there is None else g.call("if", there, branch, plain)
-            for there, branch in zip(inside, branches, strict=True)
-        ]
-        return g.call("if", condition, *apart)
+        written = g.args[n][0]
+        decides = g.depends([written])
+        for k, here in enumerate((written, g.call("not", written))):
+            if beyond := _mirrored(g, branches[k], decides):
+                inside, mirrored = beyond
+                own = g.call("or", inside, here)
+                branches[k] = g.call("if", own, branches[k], mirrored)
+        return g.call("if", condition, *branches)
 
     def _product(self, op: str, first: int, second: int) -> int:
         """Return the product or quotient of frozen arguments.
@@ -367,26 +374,26 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return n as a node: frozen in the domain of its function, else as written.
+        """Return n as a node, with its argument mirrored outside the function's domain.
 
         A stage past the surface could evaluate the root of a negative number, where the
-        expression as written has no root.
+        expression as written has a root. If that has none either, there is no value.
 
         args : the frozen arguments.
-        frozen : the first argument with all switches frozen. If it equals the argument
-            frozen by time switches alone, no stage leaves the domain.
+        frozen : the first argument with all switches frozen.
         """
         g = self.graph
-        op = g.ops[n]
+        op, written = g.ops[n], g.args[n]
         args = (self._roots.floored(n, args[0]), *args[1:])
         domain = OPERATIONS[op].domain
-        inside = domain(g, args) if domain else None
-        if inside is None or self._roots.floor(n) is not None:
+        found = domain(g, args) if domain else None
+        if found is None or written[0] == frozen or self._roots.floor(n) is not None:
             return g.call(op, *args)
-        plain = self._as_written(g.args[n][0])
-        if plain == frozen:
-            return g.call(op, *args)
-        return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
+        inside, mirrored = found
+        assert domain is not None
+        there, _ = domain(g, (written[0], *args[1:])) or (inside, mirrored)
+        own = g.call("or", inside, g.call("not", there))
+        return g.call(op, g.call("if", own, args[0], mirrored), *args[1:])
 
     def at_levels(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` for conditions: as written, but fixed at levels that hold.

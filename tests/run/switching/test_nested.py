@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 
+from lagsim.run.trajectory import Outcome
 from tests.run.switching.scenes import events, scene
 from tests.support import run
 
@@ -276,3 +277,36 @@ def test_an_argument_jumps_past_the_level(force, impulse, method):
     found = run(TURNING.replace("FORCE", force).replace("METHOD", method))
     # An angle is a force that jumps: two steps of rtol 1e-11 beside each of three cuts.
     assert found["w_dot"][-1] == pytest.approx(impulse, abs=1e-8)
+
+
+# The integral over a time of 6: a root at a jump or a kink, where its argument, with
+# all switches held, is below 0 by rounding.
+ROOTS = {
+    "sqrt(mod(q, 2))": 3 * 2**2.5 / 3,
+    "mod(q, 2)^1.5": 3 * 2**3.5 / 5,
+    "acosh(1 + mod(q, 2))": 3 * (3 * math.acosh(3) - math.sqrt(8)),
+    "asin(1 - mod(q, 2)/2)": 3 * (math.pi - 2),
+    "if(q < 2, sqrt(2 - q), 5 + sqrt(q - 2))": 2**2.5 / 3 + 20 + 16 / 3,
+    "if(mod(q, 2) < 1, sqrt(1 - mod(q, 2)), 0)": 2.0,
+    "max(0, 1 - abs(q - 3))^1.5": 0.8,
+}
+
+
+@pytest.mark.parametrize("method", ["auto", "dopri5", "radau"])
+@pytest.mark.parametrize("variable", ["q", "t"])
+@pytest.mark.parametrize("force", ROOTS)
+def test_a_root_at_a_switch_has_no_jump_by_rounding(force, variable, method):
+    shown = force.replace("q", variable).replace(f"s{variable}rt", "sqrt")
+    model = TURNING.replace("FORCE", shown).replace("METHOD", f"method: {method}")
+    found = run(model.replace("duration: 20", "duration: 6"))
+    # Roots whose slope is unbounded: steps of 1e-11 where they begin, at six places.
+    assert found["w_dot"][-1] == pytest.approx(ROOTS[force], abs=1e-9)
+
+
+def test_a_root_without_a_value_on_its_own_side_ends_the_run():
+    """Outside its domain a root is mirrored beside its own switch alone."""
+    shown = "if(q > 1, sqrt(q - 3), 0)"
+    model = TURNING.replace("FORCE", shown).replace("METHOD", "method: auto")
+    found = run(model).trajectory
+    assert found.outcome == Outcome.NOT_FINITE
+    assert found.end == pytest.approx(1.0, abs=1e-6)
