@@ -579,7 +579,7 @@ def _explained(
     If that point satisfies the relations, the result has `converged` True.
 
     reached : the result of the iteration that failed.
-    metric : (k, k), of the iteration.
+    metric : (k, k), the metric of the iteration.
     """
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached

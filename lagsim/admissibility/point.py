@@ -390,7 +390,7 @@ class _ScaledGradient(NamedTuple):
 
         The result is -inf if no coordinate of the gradient has a known length.
 
-        lengths : (n,), of all coordinates.
+        lengths : (n,), the lengths of all coordinates.
         """
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)

@@ -441,11 +441,11 @@ class _Walk:
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key of the walk's position after surface k would be left.
+        """Return the key of the walk's position if it left surface k to one side.
 
-        The key (see `_mode`) shows whether the walk has been there before.
+        The key (see `_mode`) shows whether the walk has been at that position before.
 
-        above : whether to its upper side.
+        above : whether it leaves to the upper side.
         """
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}

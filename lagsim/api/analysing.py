@@ -14,7 +14,7 @@ from lagsim.outputs.results import open_results
 from lagsim.studies import branches as branching
 from lagsim.studies import modes as small_motions
 from lagsim.studies import rest
-from lagsim.studies.modes import REST, START, Small
+from lagsim.studies.modes import REST, START, SmallMotions
 from lagsim.studies.options import FREQUENCY_RANGE, VARIED_RANGE
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class Modes(Analysis):
     zero: int
 
     def __init__(
-        self, small: Small, response: small_motions.FrequencyResponse | None
+        self, small: SmallMotions, response: small_motions.FrequencyResponse | None
     ) -> None:
         super().__init__(small.document)
         self._small, self._response = small, response
@@ -359,6 +359,6 @@ def modes(
     if frequencies is not None:
         frequencies = number_range("frequencies", frequencies, FREQUENCY_RANGE)
     with in_python():
-        small = Small(model_of(model), at)
+        small = SmallMotions(model_of(model), at)
         found = small.response(pairs, frequencies)[1] if pairs else None
     return Modes(small, found)

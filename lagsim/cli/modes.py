@@ -37,7 +37,7 @@ from lagsim.studies.modes import (
     MANIFEST,
     REST,
     START,
-    Small,
+    SmallMotions,
     matrices_of,
     pair_of,
     tables,
@@ -91,7 +91,7 @@ def command(
     """Frequencies, damping and shapes of small motions."""
     pairs, between = _wish(responses, frequencies, matrices)
     read = read_file(model, assignments(sets))
-    small = Small(read, at.value)
+    small = SmallMotions(read, at.value)
     space, response = small.response(pairs, between) if pairs else (None, None)
     for caution in small.cautions:
         print_warning(caution)

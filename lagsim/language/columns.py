@@ -1,8 +1,9 @@
-"""The registry of columns: a row for each kind of column that is made of other names.
+"""The registry of columns: a row for each kind of column named after another name.
 
-Names, clashes of names, units, letters in pictures and the choice of columns for
-pictures and comparisons follow from these rows. Other columns have the names of
-coordinates, their rates, states, modes, definitions and energies.
+`lambda_rod` is the multiplier of the constraint `rod`: it consists of the prefix of its
+kind and the name of its owner. Clashes of names, units, letters in pictures and the
+choice of columns for pictures and comparisons follow from these rows. All other columns
+have the names of coordinates, their rates, states, modes, definitions and energies.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 
 class Owner(Enum):
-    """Kind of the names from which names of columns are made."""
+    """Kind of the name that follows the prefix in the name of a column."""
 
     CONSTRAINT = "a constraint"
     COORDINATE = "a coordinate"
@@ -23,7 +24,7 @@ class Owner(Enum):
 
 
 class ColumnKind(NamedTuple):
-    """A kind of column that is made of other names.
+    """Kind of columns whose names consist of a prefix and the name of an owner.
 
     Attributes
     ----------
@@ -130,7 +131,7 @@ class Column(NamedTuple):
 
 
 def parsed(name: str) -> tuple[ColumnKind, str] | None:
-    """Return the kind of a column made of other names, and the rest of its name.
+    """Return the kind of a column, and the rest of its name after the prefix.
 
     None for other columns. Whether the rest is the name of an owner is not checked.
 
@@ -147,14 +148,14 @@ def parsed(name: str) -> tuple[ColumnKind, str] | None:
     return None if bool(rest) is (kind.owner is Owner.RUN) else (kind, rest)
 
 
-def made(name: str, *kinds: ColumnKind) -> bool:
-    """Whether the name of a column is a prefix of one of `kinds` with another name."""
+def is_of_kind(name: str, *kinds: ColumnKind) -> bool:
+    """Whether a column is of one of the given kinds, by the prefix of its name."""
     found = parsed(name)
     return found is not None and found[0] in kinds
 
 
 def base(name: str) -> str:
-    """Return the name of the owner from which a column's name is made.
+    """Return the owner's name in the name of a column, as `rod` for `lambda_rod`.
 
     For other columns: the column's name.
     """

@@ -652,13 +652,14 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Whether a product keeps its constant factor, not grouped with other products.
+        """Whether a product keeps its constant factor in place, without collection.
 
-        A constant among `factors`, which other expressions can share, is moved to
-        `still` only if fewer constants remain.
+        No other product has the same variable factors. A constant among `factors`,
+        which other expressions can share, is moved to `still` only if fewer constants
+        remain.
 
         still : the constant factor of the product.
-        factors : all its factors; no other product has the factors that vary.
+        factors : all its factors.
         """
         signs = self.g.one, self.g.constant(-1.0)
         fixed = [n for n in factors if n not in signs and not self.moves(n)]

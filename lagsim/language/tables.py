@@ -420,7 +420,7 @@ def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Da
     return Data(name, np.array([len(knots) - 1.0, *head, *knots]))
 
 
-def made(
+def axes_and_pieces(
     name: str, points: tuple[Floats, ...], values: Floats, how: str, outside: str
 ) -> tuple[tuple[Data, ...], Data]:
     """Return the axes and pieces of a table.
@@ -462,7 +462,7 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 
     x : (m + 1,).
     y : (m + 1, ...).
-    how, outside : see `made`.
+    how, outside : see `axes_and_pieces`.
     """
     import numpy as np
 
@@ -486,7 +486,7 @@ def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 
     x : (m + 1,).
     y : (m + 1, ...).
-    how, outside : see `made`.
+    how, outside : see `axes_and_pieces`.
     """
     import numpy as np
     from scipy.interpolate import CubicSpline, PchipInterpolator

@@ -208,8 +208,9 @@ def symmetric_band(D: Floats) -> Floats | None:
 class BandFactor:
     """Cholesky factor of a symmetric, positive definite matrix (r, r), from its band.
 
-    band : ndarray, shape (b + 1, r), see `symmetric_band`. A matrix that is not
-    positive definite raises LinAlgError.
+    A matrix that is not positive definite raises LinAlgError.
+
+    band : ndarray, shape (b + 1, r), see `symmetric_band`.
     """
 
     def __init__(self, band: Floats) -> None:

@@ -343,7 +343,7 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Return a substitution of definitions and their rates by functions of the motion.
+    """Return the expressions by which definitions and their rates are replaced.
 
     For each definition x in `output.reactions`: the variables x, x' and x'' -> nodes of
     t, q, q' and q''.

@@ -94,7 +94,7 @@ class Eigenmodes(NamedTuple):
         return found
 
     def swing(self, part: float) -> Flags:
-        """Return flags (k,): whether a mode decays slowly beside its |eigenvalue|.
+        """Return a mask (k,) of the modes that decay slowly beside their |eigenvalue|.
 
         part : the largest rate of decay, as a part of |eigenvalue|.
         """

@@ -420,7 +420,7 @@ def _line(
         way = g.call("sub", w, g.constant(x))
         return g.call("add", g.constant(y), g.call("mul", g.constant(slope), way))
     points = np.array(ends)
-    made = tables.made(
+    made = tables.axes_and_pieces(
         axis.name, (points,), y + slope * (points - x), "linear", "error"
     )
     return tables.called(g, *made, [w])
@@ -437,7 +437,7 @@ def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:
     far = FAR * max(float(x[-1] - x[0]), float(np.max(np.abs(x))), 1.0)
     points = np.array([x[0] - far, *x, x[-1] + far])
     values = jumps @ np.maximum(points - x[:, None], 0.0)
-    made = tables.made(axis.name, (points,), values, "linear", "extend")
+    made = tables.axes_and_pieces(axis.name, (points,), values, "linear", "extend")
     return tables.called(g, *made, [w])
 
 

@@ -356,7 +356,7 @@ LINKS = ("rod", "spring", "damper", "string", "line")
 
 
 class StringLength(NamedTuple):
-    """Length of a string: the graph node of its expression, and its place."""
+    """Length of a drawn string: node of its expression, and its place in the file."""
 
     node: int
     place: Place
@@ -524,7 +524,7 @@ class Stated(Protocol):
         """
 
     def places(self) -> NumberPlaces:
-        """Return the places of the numbers of names in the text of the file."""
+        """Return where the file has the numbers of parameters and start values."""
 
     def formulas(self) -> Mapping[str, Parsed]:
         """Return the expressions of parameters, start values and settings, by name.

@@ -21,7 +21,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.offsetbox import AnchoredText
 
-from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, made
+from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, is_of_kind
 from lagsim.native.link import ahead
 from lagsim.outputs import attempted
 from lagsim.outputs.figure import (
@@ -278,7 +278,7 @@ class Panels:
             bands = bands_of(data, group, drawn)
             extents = [*drawn, *sides_of(bands)]
             scale, draw = spread_scale(*extents, size=sizes[unit]), series
-            if made(group[0], IMPULSE):  # each has a size of its own
+            if is_of_kind(group[0], IMPULSE):  # each has a size of its own
                 columns = [values for _, values in drawn]
                 scale, draw = value_scale(*columns, size=sizes[unit]), stems
             frame(
@@ -672,8 +672,8 @@ def constraint_forces(
     forces = [FORCE.of(name) for name in coordinates]
     multipliers = [MULTIPLIER.of(name) for name in constraints]
     columns = data.rows.columns
-    multipliers += [name for name in columns if made(name, FRICTION)]
-    impulses = [name for name in columns if made(name, IMPULSE)]
+    multipliers += [name for name in columns if is_of_kind(name, FRICTION)]
+    impulses = [name for name in columns if is_of_kind(name, IMPULSE)]
     names = [*forces, *multipliers, *impulses]
     sizes = {name: size_of_column(data, name) for name in names}
     most = largest(data, sizes)

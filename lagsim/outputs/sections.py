@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.columns import OF_CONSTRAINTS, made
+from lagsim.language.columns import OF_CONSTRAINTS, is_of_kind
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.letters import letters_of, raised_powers
 from lagsim.outputs.table import table_of
@@ -126,7 +126,7 @@ def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[
     as for `without_noise`.
     """
     motion = [
-        n for n in names[1:] if n not in ENERGIES and not made(n, *OF_CONSTRAINTS)
+        n for n in names[1:] if n not in ENERGIES and not is_of_kind(n, *OF_CONSTRAINTS)
     ]
     if not len(rows):
         return motion[:2]

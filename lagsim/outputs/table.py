@@ -22,7 +22,7 @@ import orjson
 
 from lagsim.codes.known import MISSING_PACKAGE, USAGE
 from lagsim.errors import unusable
-from lagsim.language.columns import DEVIATION, SENSITIVITY, made
+from lagsim.language.columns import DEVIATION, SENSITIVITY, is_of_kind
 from lagsim.outputs import TableFormat
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ class TableWriter(Writer):
         self, path: Path, columns: Sequence[str], units: Sequence[str] | None = None
     ) -> None:
         head = table_of(columns, [] if units is None else [units])
-        self._gaps = [made(x, SENSITIVITY, DEVIATION) for x in columns]
+        self._gaps = [is_of_kind(x, SENSITIVITY, DEVIATION) for x in columns]
         super().__init__(path.open("wb", buffering=0), len(columns), head)
 
     def go_on(self, content: Iterable[bytes], rows: int, last: float | None) -> None:

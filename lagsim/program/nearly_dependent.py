@@ -75,7 +75,7 @@ def solve_by_rows(p: Parameters, begin: int, count: int, R: Floats) -> None:
     The right sides are scaled as the rows of S.
 
     begin, count : the places of the group's rows.
-    R : (count, count), of `factor_rows`.
+    R : (count, count), the factor of `factor_rows`.
     """
     w, scales = p.w[begin:], p.scales[begin:]
     for k in range(count):

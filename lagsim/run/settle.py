@@ -390,13 +390,13 @@ def laws_struck(
     now: InstantRecord, by: Deciders, projected: Decision = GO_ON, *, met: int = -1,
     decided: bool = True,
 ) -> InstantRecord:  # fmt: skip
-    """Return the record after the impacts of laws.
+    """Return the record after the impacts of laws at an instant.
 
-    projected : the jump of velocities by equalities, which is part of the jump by laws.
-    met : the law whose mode has ended, or -1.
-    decided : whether sides are decided.
     now : the record before.
     by : the parts of the run that decide.
+    projected : the jump of velocities by equalities, which is part of the jump by laws.
+    met : the law whose mode has ended, or -1.
+    decided : whether the sides of surfaces are decided.
     """
     assert by.contacts is not None
     assert now.laws is not None

@@ -62,7 +62,7 @@ from lagsim.studies.audit.evidence import (
     constraint_residual,
     inertia_roots,
 )
-from lagsim.studies.audit.finding import Finding, audit, fault, up_to
+from lagsim.studies.audit.finding import Finding, audit, finding_text, up_to
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     NO_MOTION,
@@ -727,7 +727,7 @@ class Attempts:
             repeated, plan = own.trajectory, own.plan
             if repeated.outcome is Outcome.INTERRUPTED:
                 return "the repeat was interrupted"
-            if wrong := fault(own):
+            if wrong := finding_text(own):
                 text = f"a repeat by {plan.method} is not valid itself: {wrong}"
                 found = Failed(text)
             elif plan.method == session.plan.method and (
@@ -738,13 +738,13 @@ class Attempts:
             elif repeated.outcome.complete or repeated.end >= end:
                 runs = trajectory, repeated
                 bar = compared(session.case, runs, plan, run.checkpoints, again)
-                return self._by_ownsteps_of(run, bar, always=always)
+                return self._by_own_steps(run, bar, always=always)
             else:
                 where = f"{plan.method} ended at t = {repeated.end:.6g}"
                 found = Failed(f"a repeat did not finish: {where}")
         return found
 
-    def _by_ownsteps_of(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
+    def _by_own_steps(self, run: Attempt, bar: ErrorBar, *, always: bool) -> ErrorBar:
         """Return the error bar from shorter steps of the run's method, if far smaller.
 
         Else the error bar `bar` is returned: its repeat is by a method with error
@@ -765,7 +765,7 @@ class Attempts:
             step = row / math.ceil(row / step)
         shorter = Repeat(run.session._replace(plan=replace(plan, step=step)), 1.0)
         own, again = self._again(run, shorter, always=always)
-        if fault(own) or not own.trajectory.outcome.complete:
+        if finding_text(own) or not own.trajectory.outcome.complete:
             return bar
         runs = run.trajectory, own.trajectory
         other = compared(run.session.case, runs, own.plan, run.checkpoints, again)
@@ -788,7 +788,7 @@ class Attempts:
         way = way._replace(plan=tightened(way.plan, TIGHTER), longest_step=longest)
         own, third = self._again(run, other._replace(session=way))
         self.clock.lap("error_bar")
-        if fault(own):
+        if finding_text(own):
             return False
         found = third.numbered
         if not bar.repeated.keys() <= found.keys():

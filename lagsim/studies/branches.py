@@ -671,7 +671,7 @@ class Branches:
 
 
 def _alone(found: Sequence[Special]) -> list[Special]:
-    """Return special points without folds that are branch points as well.
+    """Return the special points, less each fold that is also a branch point.
 
     The branch points stay in the list.
     """

@@ -23,7 +23,7 @@ from lagsim.language.columns import (
     DEVIATION,
     OF_CONSTRAINTS,
     SENSITIVITY,
-    made,
+    is_of_kind,
     parsed,
 )
 from lagsim.language.names import rate_of, rated
@@ -133,7 +133,7 @@ def kind(column: str, columns: Collection[str]) -> str:
     >>> [kind(column, columns) for column in columns[2:]]
     ['velocity', 'acceleration', 'lambda', 'energy', 'definition']
     """
-    if made(column, *OF_CONSTRAINTS) and (found := parsed(column)):
+    if is_of_kind(column, *OF_CONSTRAINTS) and (found := parsed(column)):
         return found[0].prefix.rstrip("_")
     if column in ENERGIES:
         return "energy"
@@ -363,7 +363,7 @@ class ComparedColumn(NamedTuple):
             difference = np.abs(new - golden)
             # A derivative that does not exist is an empty cell of both.
             gaps = np.isnan(golden) & np.isnan(new)
-            gaps &= made(column, SENSITIVITY, DEVIATION)
+            gaps &= is_of_kind(column, SENSITIVITY, DEVIATION)
             difference[(golden == new) | gaps] = 0.0  # inf, too
             wrong = ~(difference <= bound) & ~gaps
             if exact:

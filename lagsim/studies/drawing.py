@@ -159,7 +159,7 @@ def artist(model: Model) -> Iterator[Draw]:
 
     def draw(data: PlotData, model: Model) -> Iterator[Made]:
         brought = set()
-        for picture in helper.give(pickle.dumps(data)) if helper else ():
+        for picture in helper.send(pickle.dumps(data)) if helper else ():
             name, _, file = picture.partition(b"\n")
             brought.add(name.decode())
             yield name.decode(), file

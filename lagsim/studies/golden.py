@@ -20,7 +20,7 @@ import orjson
 from lagsim import files
 from lagsim.codes.known import BAD_GOLDEN, NO_GOLDEN, NOT_FINITE
 from lagsim.errors import InputError, Place, Problems, several, unusable
-from lagsim.language.columns import FORCE, RESIDUAL, base, made
+from lagsim.language.columns import FORCE, RESIDUAL, base, is_of_kind
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.language.names import rated
 from lagsim.mechanics.pieces import whole
@@ -88,7 +88,7 @@ def invariants(equations: Equations, motion: SampledMotion) -> dict[str, Floats]
     laws = {RESIDUAL.of(whole(law.row.name)): law for law in equations.laws}
     for name, values in column.items():
         law = laws.get(name)
-        if made(name, RESIDUAL) and law is None:
+        if is_of_kind(name, RESIDUAL) and law is None:
             found[name] = values
         elif law and law.one_sided and law.when is None:
             found[name] = np.minimum(values, 0.0)
@@ -283,7 +283,7 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     columns : the columns of the table.
     """
     rates = case.equations.accelerations
-    rest = [x for x in columns if x in rates or made(x, FORCE, RESIDUAL)]
+    rest = [x for x in columns if x in rates or is_of_kind(x, FORCE, RESIDUAL)]
     first = [x for x in columns if x not in rest]
     wanted = set[str]()
     for names, most in ((first, MOST_COLUMNS), (rest, MOST_COLUMNS - len(first))):

@@ -76,7 +76,7 @@ class FrequencyResponse(NamedTuple):
         return found
 
 
-class Small:
+class SmallMotions:
     """Small motions of a model about a steady state.
 
     Attributes
@@ -323,7 +323,9 @@ class Small:
         ]
 
 
-def tables(small: Small, response: FrequencyResponse | None = None) -> dict[str, bytes]:
+def tables(
+    small: SmallMotions, response: FrequencyResponse | None = None
+) -> dict[str, bytes]:
     """Return the contents of modes.csv and, with a response, response.csv by name."""
     rows = ([row[name] for name in small.columns] for row in small.rows)
     found = {"modes.csv": table_of(small.columns, rows)}

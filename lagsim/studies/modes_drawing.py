@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.linearisation import EigenMode
-    from lagsim.studies.modes import FrequencyResponse, Small
+    from lagsim.studies.modes import FrequencyResponse, SmallMotions
 
 # Frames of a cycle on a page, cycles, the seconds that one takes there; most modes.
 FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
@@ -56,7 +56,7 @@ AMPLITUDE, PHASE = 2.4, 1.3
 
 
 def drawings(
-    small: Small,
+    small: SmallMotions,
     response: FrequencyResponse | None,
     form: str = "png",
     *,
@@ -87,7 +87,7 @@ def titled(number: int, mode: EigenMode) -> str:
     return text + ("" if mode.stable else ",  grows")
 
 
-def picture(small: Small, form: str = "png") -> bytes:
+def picture(small: SmallMotions, form: str = "png") -> bytes:
     """Return the picture of the shapes of all modes: modes.png."""
     model, steady = small.setting.model, small.steady
     e, values = steady.equations, steady.values
@@ -115,7 +115,7 @@ def picture(small: Small, form: str = "png") -> bytes:
     return encoded_figure(found, form)
 
 
-def bode(small: Small, response: FrequencyResponse, form: str = "png") -> bytes:
+def bode(small: SmallMotions, response: FrequencyResponse, form: str = "png") -> bytes:
     """Return the picture of amplitudes and phases against frequency: response.png."""
     modes = [x.frequency for x in small.modes if abs(x.damping_ratio) < UNDAMPED]
     return encoded_figure(_bode(small.setting.model.name, response, modes), form)
@@ -189,7 +189,7 @@ def _stands_out(values: Floats, k: int) -> float:
     )
 
 
-def page(small: Small) -> bytes:
+def page(small: SmallMotions) -> bytes:
     """Return the page that plays all modes, with one cycle of each in two seconds."""
     model, steady = small.setting.model, small.steady
     t = np.linspace(0.0, CYCLES * SECONDS, CYCLES * FRAMES + 1)

@@ -183,7 +183,13 @@ class _Surfaces:
             return []
 
     def _gradient(self, k: int, values: Mapping[str, float]) -> tuple[Floats, Floats]:
-        """Return du/d(q, q', s) of surface k, and du/d(a, w, z) without rounding."""
+        """Return the gradient of surface k's expression u, by two sets of variables.
+
+        These are (q, q', s), and the variables (a, w, z) of small motions that satisfy
+        the constraints; entries of the second gradient within rounding are 0.
+
+        values : values of mode variables, by name.
+        """
         point = Point(self.e, self.steady.state)
         names = (*self.e.accelerations, *self.e.multipliers)
         known = {name: self.steady.values[name] for name in names}
@@ -266,11 +272,13 @@ class _Surfaces:
                 yield self._caution(k, above=alike[0][k] if alike else None)
 
     def _decides(self, k: int, found: list[tuple[dict[int, bool], _OnSides]]) -> bool:
-        """Whether surface k has to be crossed with others for a change of equations.
+        """Whether the equations change only where k is crossed with other surfaces.
 
-        Such surfaces coincide to first order.
+        That is so if no two compared combinations differ in the side of k alone, and a
+        combination above k has other equations than one below it. Such surfaces
+        coincide to first order.
 
-        found : the compared combinations of sides.
+        found : the compared combinations of sides, with their equations.
         """
         coupled = [
             (x, y)
@@ -293,7 +301,7 @@ class _Surfaces:
         )
         dM = _beyond(y.M - x.M, M.reshape(x.M.shape))
         dA = _beyond(y.A - x.A, A.reshape(x.A.shape))
-        if _any(Z.T, dM, Z) or _any(np.eye(len(dA)), dA, Z):
+        if _exceeds_rounding(Z.T, dM, Z) or _exceeds_rounding(np.eye(len(dA)), dA, Z):
             return True
         error = np.abs(x.metric.inverse) @ c + np.abs(Z) @ (np.abs(Z.T) @ f)
         jumps = _beyond(y.acceleration - x.acceleration, error)
@@ -356,7 +364,7 @@ def _beyond(change: Floats, error: Floats) -> Floats:
     return np.where(np.abs(change) > error, change, 0.0)
 
 
-def _any(left: Floats, change: Floats, right: Floats) -> bool:
+def _exceeds_rounding(left: Floats, change: Floats, right: Floats) -> bool:
     """Whether an entry of left @ change @ right is more than rounding."""
     moved = left @ change @ right
     size = np.abs(left) @ np.abs(change) @ np.abs(right)

@@ -428,7 +428,7 @@ def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
     return dict(zip(names, (values + 0.0).tolist(), strict=True))
 
 
-def turning(point: Point, others: Sequence[int] = ()) -> Flags:
+def full_turn_angles(point: Point, others: Sequence[int] = ()) -> Flags:
     """Return a mask of the coordinates that are angles of period 2 pi, shape (n,).
 
     A whole turn of an angle changes no equation, and none of the nodes `others`, at the
@@ -474,7 +474,7 @@ class Search:
     @cached_property
     def angles(self) -> Flags:
         """Mask (n,) of the coordinates that are angles."""
-        return turning(self._point)
+        return full_turn_angles(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
         """Return the rest to which a search from the start leads; None without one.

@@ -110,7 +110,7 @@ class TablePart(NamedTuple):
     digest: str
 
 
-class Stand(NamedTuple):
+class RunCheckpoint(NamedTuple):
     """Checkpoint of a run.
 
     Attributes
@@ -159,7 +159,7 @@ class Restart:
     def __init__(self, folder: Path, identity: Mapping[str, str]) -> None:
         self.folder = folder
         self.identity = {**_machine(), **identity}
-        self.stand: Stand | None = None
+        self.stand: RunCheckpoint | None = None
         self._key = _key()
         self._digests: dict[str, Digest] = {}
         self._due = time.monotonic()
@@ -200,7 +200,7 @@ class Restart:
                     return path
         return None
 
-    def _read(self, path: Path) -> Stand | None:
+    def _read(self, path: Path) -> RunCheckpoint | None:
         try:
             content = files.content(path)
         except FileNotFoundError:
@@ -215,7 +215,7 @@ class Restart:
         other = [x for x, own in self.identity.items() if there.get(x) != own]
         if other:
             raise _refused(path, f"is that of a run with another {', '.join(other)}")
-        return Stand(tuple(TablePart(*x) for x in tables), kept)
+        return RunCheckpoint(tuple(TablePart(*x) for x in tables), kept)
 
     # A run
 

@@ -195,7 +195,7 @@ class _Runs:
         return self.known[key]
 
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
-        """Return the rows of runs at several offsets, shape (offsets, k, columns).
+        """Return the rows of the runs at several offsets, shape (offsets, k, columns).
 
         offsets : numbers of steps.
         power : the exponent of FACTOR in the step, see `trial`.

@@ -27,7 +27,7 @@ import orjson
 from lagsim import files, limits
 from lagsim.codes.known import BAD_TABLE
 from lagsim.errors import unusable
-from lagsim.language.columns import DEVIATION, SENSITIVITY, made
+from lagsim.language.columns import DEVIATION, SENSITIVITY, is_of_kind
 from lagsim.outputs import TableFormat
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import arrow, numberless, unguarded
@@ -364,7 +364,7 @@ def _cells(file: BinaryIO, first: int, columns: tuple[str, ...]) -> Floats:
 
 
 def _number(cell: str, column: str, line: int) -> float:
-    if not cell.strip() and made(column, SENSITIVITY, DEVIATION):
+    if not cell.strip() and is_of_kind(column, SENSITIVITY, DEVIATION):
         return math.nan
     try:
         if "_" not in cell:

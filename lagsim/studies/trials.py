@@ -535,8 +535,8 @@ class Trials:
             Called with the part of the variants that is done.
         hired : callable
             Function that returns a context manager of a crew of processes, such as
-            `workers.processes`. In repeated calls, the function of `workers.standing`
-            keeps the processes and their compiled functions.
+            `workers.processes`. In repeated calls, the function of
+            `workers.shared_processes` keeps the processes and their compiled functions.
         """
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0

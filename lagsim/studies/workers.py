@@ -151,7 +151,7 @@ def processes(most: int) -> Iterator[Crew]:
 
 
 @contextlib.contextmanager
-def standing(most: int) -> Iterator[Hired]:
+def shared_processes(most: int) -> Iterator[Hired]:
     """Context manager: processes that several studies use in turn.
 
     It yields a function that a study calls in place of `processes` to have a crew. The

@@ -36,9 +36,9 @@ TINY = 1e-9
 class Law:
     """A row of A. kind: hold, contact, ratchet or limit (of velocities), slip.
 
-    when : a condition of t and modes; normal : the number of a slip's contact
-    e, mu, static : texts; mu of a limit is the limit
-    poisson : Poisson's restitution instead of Newton's
+    when : a condition of t and modes.
+    normal : the number of a slip's contact e, mu, static : texts; mu of a limit is the
+        limit poisson : Poisson's restitution instead of Newton's
     """
 
     kind: str
@@ -55,8 +55,9 @@ class Law:
 class Plain:
     """A written-out scene. document : of a model file, without laws and events.
 
-    tables : name -> (x, y, interpolation, outside)
-    events : name -> {at or every, set, once}; times : at which a condition jumps
+    tables : name -> (x, y, interpolation, outside) events : name -> {at or every, set,
+        once}.
+    times : at which a condition jumps
     """
 
     document: dict[str, Any]
@@ -244,7 +245,8 @@ class Equations:
 class Discrete:
     """The sides, pieces and modes that are fixed within an arc.
 
-    held : whether each row has a multiplier of its own; signs : of sliding laws, or 0
+    held : whether each row has a multiplier of its own.
+    signs : of sliding laws, or 0
     """
 
     modes: Any
@@ -258,10 +260,10 @@ class Discrete:
 class Hybrid:
     """One integration of a scene.
 
-    small : speeds of approach that count as 0, relative to the largest
-
     rows : (t, y, modes) at the requested times; events : (time, name, y); impacts :
     times; crossings : name -> (t, y) of sections
+
+    small : speeds of approach that count as 0, relative to the largest
     """
 
     def __init__(self, equations, tolerance=1e-12, small=1e-10, nudge=0.0):

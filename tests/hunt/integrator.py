@@ -32,9 +32,8 @@ class NoTruthError(Exception):
 class Extrapolation:
     """Adaptive steps of order 2*columns.
 
-    slope : of (t, y); y is an array (2n,) of long doubles
-    cap : the longest step from (t, y, dy) that sees every feature
-    sizes : how far each component moves, roughly
+    slope : of (t, y); y is an array (2n,) of long doubles cap : the longest step from
+        (t, y, dy) that sees every feature sizes : how far each component moves, roughly
     """
 
     slope: Callable[[Any, Any], Any]

@@ -13,7 +13,7 @@ class Law:
     """A constraint that holds at times, or that may give way.
 
     kind : "contact" and "wheel" keep `gap` from below 0, "limit" and "equality" at 0
-    until : the time up to which it is in force
+        until : the time up to which it is in force
     """
 
     kind: str
@@ -46,10 +46,10 @@ class Item:
     """Part of a scene, kept or omitted as a whole; texts are as in model files.
 
     coordinates : name -> (position, velocity) at the start, floats parameters : name ->
-    float definitions, constraints : name -> text kinetic, potential, dissipation :
-    terms forces : (key, text) breaks : times at which an expression in the texts jumps
-    features : (text of an argument, its width) of terms that a large step would miss
-    loose : coordinates with an arbitrary start that the laws admit
+        float definitions, constraints : name -> text kinetic, potential, dissipation :
+        terms forces : (key, text) breaks : times at which an expression in the texts
+        jumps features : (text of an argument, its width) of terms that a large step
+        would miss loose : coordinates with an arbitrary start that the laws admit
     """
 
     tag: str

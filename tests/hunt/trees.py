@@ -30,7 +30,9 @@ TIE = 1e-11
 class Tree:
     """A node. kind : + * var const sin cos, a kind of switch, or a condition's.
 
-    args : nodes; data : a number, a name, a `Table`; form : which spelling `text` takes
+    args : nodes.
+    data : a number, a name, a `Table`.
+    form : which spelling `text` takes
     """
 
     kind: str
@@ -116,8 +118,9 @@ class Table:
 class Kind(NamedTuple):
     """A kind of switch.
 
-    of : the argument, from the series of the node's arguments
-    cell, bounds : of a number, and of a cell; value : from cell, argument, arguments
+    of : the argument, from the series of the node's arguments cell, bounds : of a
+        number, and of a cell.
+    value : from cell, argument, arguments
     """
 
     of: Callable[..., Any]

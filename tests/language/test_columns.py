@@ -11,7 +11,7 @@ from lagsim.language.columns import (
     SENSITIVITY,
     Owner,
     base,
-    made,
+    is_of_kind,
     parsed,
 )
 from lagsim.mechanics.derivation import derive
@@ -56,7 +56,7 @@ def test_a_kind_without_an_owner_is_its_whole_name():
     assert parsed("gauss.G")[1] == ""
     assert parsed("gauss.G2") is None
     assert parsed("impulse.") is None
-    assert made("impulse.floor.1", IMPULSE)
+    assert is_of_kind("impulse.floor.1", IMPULSE)
 
 
 @pytest.mark.parametrize(

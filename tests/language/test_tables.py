@@ -13,7 +13,7 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate, evaluate_rows
 from lagsim.language.graph import Graph
 from lagsim.language.intervals import Enclosures
-from lagsim.language.tables import KERNELS, called, made
+from lagsim.language.tables import KERNELS, axes_and_pieces, called
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.kernels.translation import translate
 from lagsim.native.link.engine import Engine, compile_object
@@ -35,7 +35,7 @@ CURVES = {
 def curve(how, outside, x=X, y=Y):
     """Graph, f(x) and f'(x) of a table of one argument."""
     g = Graph()
-    f = called(g, *made("f", (x,), y, how, outside), [g.variable("x")])
+    f = called(g, *axes_and_pieces("f", (x,), y, how, outside), [g.variable("x")])
     return g, f, *gradient(g, f, [g.variable("x")])
 
 
@@ -43,7 +43,7 @@ def surface(how, outside):
     """Graph, f(x, y) and its two partial derivatives."""
     g = Graph()
     x, y = map(g.variable, "xy")
-    f = called(g, *made("f", (X, X2), Z, how, outside), [x, y])
+    f = called(g, *axes_and_pieces("f", (X, X2), Z, how, outside), [x, y])
     return g, f, *gradient(g, f, [x, y])
 
 
@@ -114,10 +114,14 @@ def test_native_code_gives_the_bits_of_python(generate):
     nodes = []
     for how, outside in (*CURVES, ("linear", "repeat")):
         nodes.append(
-            called(g, *made(how, (X,), Y * (X < 2.0) + (X > 2.0), how, outside), [x])
+            called(
+                g,
+                *axes_and_pieces(how, (X,), Y * (X < 2.0) + (X > 2.0), how, outside),
+                [x],
+            )
         )
         if how != "monotone":
-            f = called(g, *made("f", (X, X2), Z, how, "extend"), [x, y])
+            f = called(g, *axes_and_pieces("f", (X, X2), Z, how, "extend"), [x, y])
             nodes += [f, *gradient(g, f, [x, y])]
     nodes += gradient(g, nodes[0], [x])
     made_ = code.Compiled.__new__(code.Compiled)
@@ -141,7 +145,9 @@ def test_enclosures_hold_all_values(how, outside, two):
     args = [t, g.call("sin", t)][: 1 + two]
     z = np.zeros_like(Z) if outside == "repeat" else Z
     table = (
-        made("f", (X, X2), z, how, outside) if two else made("f", (X,), Y, how, outside)
+        axes_and_pieces("f", (X, X2), z, how, outside)
+        if two
+        else axes_and_pieces("f", (X,), Y, how, outside)
     )
     f = called(g, *table, args)
     nodes = [f, *tangent(g, [f], {t: g.one}), g.args[f][-1]]

@@ -78,7 +78,7 @@ def test_a_helper_gives_one_content_after_the_other(tmp_path):
     ready = tmp_path / "ready"
     large = os.urandom(10**6)  # more than a pipe holds
     made = ahead.Helper(ready.touch, lambda order: iter([order, large]))
-    assert list(made.give(large[::-1])) == [large[::-1], large]
+    assert list(made.send(large[::-1])) == [large[::-1], large]
     assert made.done
     made.end()
     assert ready.exists()
@@ -91,7 +91,7 @@ def test_a_helper_that_ends_on_the_way_is_not_done():
 
     for ready, expected in ((lambda: None, [b"first"]), (killed, [])):
         made = ahead.Helper(ready, work)
-        assert list(made.give(os.urandom(10**6))) == expected
+        assert list(made.send(os.urandom(10**6))) == expected
         assert not made.done
         made.end()
 

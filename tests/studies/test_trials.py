@@ -18,7 +18,7 @@ from lagsim.studies.trials import (
     Trials,
     Variant,
 )
-from lagsim.studies.workers import completed_pieces, standing
+from lagsim.studies.workers import completed_pieces, shared_processes
 from tests.small_scenes import CONTACT, PENDULUM, spring
 
 SPRING = spring("duration: 3, output_step: 0.5", parameters="k: 4, w: sqrt(k)")
@@ -173,7 +173,7 @@ def number_of_process(_item, _interrupt):
 @pytest.mark.slow
 def test_a_standing_crew_is_hired_again():
     some, variants = trials(CONTACT), [Variant({"y": 1.0 + k / 8}) for k in range(4)]
-    with standing(2) as hired:
+    with shared_processes(2) as hired:
         first, second = (
             dict(completed_pieces(number_of_process, range(2), 2, Interrupt(), hired))
             for _ in range(2)

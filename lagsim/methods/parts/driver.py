@@ -161,10 +161,10 @@ def pass_knots(p: Parameters, t: float) -> int:
 
 
 def passes_level(s: State, p: Parameters) -> bool:
-    """Continue past the level of a table's surface that the last step has reached.
+    """Let the motion pass the level of a table's surface that the last step reached.
 
-    Return True if the motion continues in the next cell, False if the run has to select
-    the modes of surfaces and laws.
+    Return True if the motion continues in the next cell; False, without effect, if the
+    run has to select the modes of surfaces and laws.
     """
     k = int(s.switched) - 1
     if k >= p.surfaces or p.slides[k] != 0.0:

@@ -48,11 +48,11 @@ from lagsim.model.expansion.trees import (
     by_quaternion,
     call,
     composed,
+    described,
     name,
     number,
     parsed,
     product,
-    said,
     scalar,
     space,
     total,
@@ -193,7 +193,7 @@ class SectionReader:
         """
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
-            text = f"{what} must be a number, found {said(value)}"
+            text = f"{what} must be a number, found {described(value)}"
             self.refuse(WRONG_COUNT, text, at.place_of(0, len(at.text)))
         return value, at
 
@@ -490,7 +490,7 @@ class FrameReader(SectionReader):
         # One along x, y or z is taken as such, which makes all that follows shorter:
         # with other values of its parameters the file is read again.
         if sum(value != 0.0 for value in values) == 1:
-            self.scope.ask(*(tree for tree, _ in parts))
+            self.scope.note_structural(*(tree for tree, _ in parts))
             signs = (float(value > 0.0) - float(value < 0.0) for value in values)
             return tuple(map(number, signs))
         raw = tuple(

@@ -529,7 +529,7 @@ class Scope:
         token : its place, for messages.
         """
         if not isinstance(value, Tree):
-            text = f"a subscript is one number, found {trees.said(value)}"
+            text = f"a subscript is one number, found {trees.described(value)}"
             raise token.fault(text, "", EXPRESSION_SUBSCRIPT)
         names: set[str] = set()
         if value.op == "number":
@@ -555,7 +555,7 @@ class Scope:
         self._faulty |= names
         return SILENT if known else code
 
-    def ask(self, *values: Tree) -> None:
+    def note_structural(self, *values: Tree) -> None:
         """Record that the form of the equations depends on parameters in `values`.
 
         values : trees, such as the subscripts of a family.
@@ -680,7 +680,7 @@ def _component(value: Value, letter: str) -> Tree:
         raise UnfitError(f"a number has no component `.{letter}`")
     letters = trees.components(len(value))
     if letter not in letters:
-        raise UnfitError(f"{trees.said(value)} has no component `.{letter}`")
+        raise UnfitError(f"{trees.described(value)} has no component `.{letter}`")
     return value[letters.index(letter)]
 
 
@@ -709,7 +709,7 @@ def _operation(op: str, args: list[Value], token: Token) -> Value:
     if op in _RULES:
         return _RULES[op](*args)
     if vectors := [a for a in args if trees.size(a) > 1]:
-        text = f"`{token.text}` takes numbers, found {trees.said(vectors[0])}"
+        text = f"`{token.text}` takes numbers, found {trees.described(vectors[0])}"
         raise UnfitError(text, _HINTS.get(op, ""))
     return Tree(op, args=tuple(a for a in args if isinstance(a, Tree)))
 
@@ -760,7 +760,7 @@ class MemberReading:
             )
         if not isinstance(value, Tree):
             wanted = f"a vector of {self.size}" if self.size > 1 else "a number"
-            about = f"{wanted} is expected here, found {trees.said(value)}"
+            about = f"{wanted} is expected here, found {trees.described(value)}"
             hint = "" if self.size > 1 else "write a component, `.x`, or `norm(...)`"
             raise ExpressionError(0, len(text), about, hint, EXPRESSION_SIZE)
         return trees.parsed(value, text)

@@ -91,7 +91,7 @@ def size(value: Value) -> int:
     return 1 if isinstance(value, Tree) else len(value)
 
 
-def said(value: Value) -> str:
+def described(value: Value) -> str:
     """Return words for a value in messages: `a number`, `a vector of 2`."""
     return f"a vector of {size(value)}" if size(value) > 1 else "a number"
 
@@ -104,7 +104,7 @@ def scalar(value: Value, what: str) -> Tree:
     if isinstance(value, Tree):
         return value
     hint = "write a component, such as `.x`, or `norm(...)`"
-    raise UnfitError(f"{what} must be a number, found {said(value)}", hint)
+    raise UnfitError(f"{what} must be a number, found {described(value)}", hint)
 
 
 def vector(value: Value, what: str) -> Vector:
@@ -114,7 +114,7 @@ def vector(value: Value, what: str) -> Vector:
     """
     if isinstance(value, Tree) or len(value) == len(ENTRIES):
         raise UnfitError(
-            f"{what} must be a vector, found {said(value)}", "write vec(a, b)"
+            f"{what} must be a vector, found {described(value)}", "write vec(a, b)"
         )
     return value
 
@@ -277,8 +277,8 @@ def _columns(rows: Sequence[Vector]) -> tuple[Vector, ...]:
 
 def _turned(rows: Sequence[Vector], v: Value, what: str) -> Vector:
     if size(v) != len(rows):
-        text = f"`{what}` takes a vector of {len(rows)} in this frame, found {said(v)}"
-        raise UnfitError(text)
+        wanted = f"`{what}` takes a vector of {len(rows)} in this frame"
+        raise UnfitError(f"{wanted}, found {described(v)}")
     assert not isinstance(v, Tree)
     return tuple(_inner(row, v) for row in rows)
 
@@ -317,7 +317,7 @@ def spin(J: Value, w: Value) -> Tree:
     if size(w) != len(LETTERS):
         text = f"`spin` with {n} moments of inertia takes an angular velocity of 3 "
         raise UnfitError(
-            f"{text}components, found {said(w)}", "in the plane J is a number"
+            f"{text}components, found {described(w)}", "in the plane J is a number"
         )
     assert not isinstance(w, Tree)
     squares = total(product(j, x, x) for j, x in zip(J, w, strict=False))

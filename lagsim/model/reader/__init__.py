@@ -457,7 +457,7 @@ class File:
         return found
 
     def places(self) -> NumberPlaces:
-        """Return the places of the numbers in the file, see `model.model.Stated`."""
+        """Return where the file has its numbers, see `model.model.Stated`."""
         from lagsim.model.reader.rewriting import places
 
         return places(self.node)

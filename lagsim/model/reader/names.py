@@ -262,7 +262,7 @@ class Names:
         if name in ("kinetic", "potential"):
             text = f"`{name}` is not known where the file gives `lagrangian`"
             return text, "`energy` is known"
-        if name in ("lagrangian", "work") or columns.made(name, RESIDUAL):
+        if name in ("lagrangian", "work") or columns.is_of_kind(name, RESIDUAL):
             hint = _A_COLUMN
             if name == "lagrangian" and not self.has_lagrangian:
                 hint = "write kinetic - potential"

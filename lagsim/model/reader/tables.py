@@ -120,7 +120,7 @@ class _TableReader:
             self._fault(TOO_LARGE, text, self.place, "fewer points, or linear, do")
         if not self._is_sound():
             return None
-        made = tables.made(self.name, axes, values, how, outside)
+        made = tables.axes_and_pieces(self.name, axes, values, how, outside)
         path = self.below.text("file")
         return Table(self.name, *made, how, outside, path, self.sha256)
 

@@ -262,8 +262,10 @@ class Unfolded(Graph):
 class _Numbers:
     """Reader of numbers whose expressions may use the numbers read before.
 
-    instead : expressions that replace those of the file, by name. `known` has value and
-    rounding error of each sound number, `formulas` the expression of each.
+    `known` has value and rounding error of each sound number, `formulas` the expression
+    of each.
+
+    instead : expressions that replace those of the file, by name.
     """
 
     def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:

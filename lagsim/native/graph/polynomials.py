@@ -60,8 +60,9 @@ def series_values(size: int, order: int) -> str:
 class _Writer:
     """Writer of IR lines on vectors of `width` doubles.
 
-    A vector is loaded from an array NAME at the address `NAME.at`. mark : prefix of the
-    names of values.
+    A vector is loaded from an array NAME at the address `NAME.at`.
+
+    mark : prefix of the names of values.
     """
 
     def __init__(self, size: int, width: int, mark: str) -> None:

@@ -207,9 +207,10 @@ class _Function(Folding, ast.NodeVisitor):
         return f"%{stem}.{self._names}"
 
     def _op(self, kind: str, text: str) -> Value:
-        """Append an instruction whose result has a kind; return the result.
+        """Append an instruction; return its result.
 
-        text : the instruction.
+        kind : the kind of the result.
+        text : the instruction, without the name of its result.
         """
         name = self._name("x")
         self.lines.append(f"  {name} = {text}")

@@ -58,7 +58,7 @@ def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
         return make
     helper = Helper(lambda: None, lambda _: iter([make()]))
     _helpers[-1].append(helper)
-    contents = helper.give(b"")
+    contents = helper.send(b"")
 
     def brought() -> bytes:
         content = next(contents, None)
@@ -101,7 +101,7 @@ class Helper:
         other.close()
         self.done = False
 
-    def give(self, order: bytes) -> Iterator[bytes]:
+    def send(self, order: bytes) -> Iterator[bytes]:
         """Send the task `order`; return an iterator over the results as they arrive.
 
         The iterator ends early if the second process fails.

@@ -177,7 +177,7 @@ class Truth:
         return arc.located(time, arc.y + moved)
 
     def see(self, found: int = -1) -> None:
-        """Evaluate the truth of all conditions at the state just before an instant.
+        """Decide all conditions at the state just before an instant; store the result.
 
         The truth is stored.
 

@@ -350,7 +350,7 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: SurfaceModes, k: int) -> float:
-    """Return half the jump of J_k (q'', s') across surface k.
+    """Return half the jump of surface k's row times the rates, across the surface.
 
     J_k : the row of the surface. q'', s' : the accelerations and rates on each side.
 

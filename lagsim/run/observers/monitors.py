@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.columns import FORCE, RESIDUAL, made
+from lagsim.language.columns import FORCE, RESIDUAL, is_of_kind
 from lagsim.run.observers import Extremes
 from lagsim.tolerances import SAME_STEP, TERM_ROUNDOFF
 
@@ -242,7 +242,7 @@ class EnergyMonitor:
         own = [k for k, name in enumerate(columns) if name.startswith("work.")]
         self._works = own or ([] if self._work is None else [self._work])
         self._parts = energy_parts(columns)
-        self._held = [k for k, name in enumerate(columns) if made(name, FORCE)]
+        self._held = [k for k, name in enumerate(columns) if is_of_kind(name, FORCE)]
         self._extremes = Extremes(len(columns))
         # Stored rows are the first `_count` of an array that doubles where it is full.
         self._kept = np.empty((FIRST_KEPT, 2 + self._shown + len(self._works)))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, made
+from lagsim.language.columns import FORCE, FRICTION, IMPULSE, MULTIPLIER, is_of_kind
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -363,7 +363,7 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     series |= {
         name
         for name in columns
-        if name.startswith("plot:") or made(name, FRICTION, IMPULSE)
+        if name.startswith("plot:") or is_of_kind(name, FRICTION, IMPULSE)
     }
     paths = {name for name in columns if name.startswith(("point.", "plot:"))}
     shapes = [node for shape in model.scene.shapes for node in shape.nodes]

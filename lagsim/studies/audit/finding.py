@@ -87,7 +87,7 @@ def audit(run: Evidence) -> Finding | None:
     return found or _another_motion(run)
 
 
-def fault(run: Evidence) -> str:
+def finding_text(run: Evidence) -> str:
     """Return the text of the audit's finding against a run; "" without one."""
     found = audit(run)
     return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"

@@ -137,7 +137,7 @@ def formulation_solvers(case: Case, method: str) -> tuple[list[Own], dict[str, s
     return list(found.values()), refused
 
 
-def least(solve: Callable[[], Trial]) -> Trial:
+def fastest(solve: Callable[[], Trial]) -> Trial:
     """Return the result with the least time, of several calls of `solve`."""
     best = solve()
     spent = best.seconds

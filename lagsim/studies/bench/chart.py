@@ -155,7 +155,7 @@ ERROR = "← more accurate      error / range"
 HEIGHT, REST, NAMES = 3.3, 0.3, 3.2
 
 
-class Look(NamedTuple):
+class CurveStyle(NamedTuple):
     """Style of a curve: its line, and the marker of its points."""
 
     line: Pen
@@ -173,29 +173,31 @@ class CostCurve(NamedTuple):
     Attributes
     ----------
     name : str
-    look : Look
+    look : CurveStyle
     errors, costs : ndarray, shape (k,)
     ringed : sequence of bool
         Points with a ring: settings that `auto` selects.
     """
 
     name: str
-    look: Look
+    look: CurveStyle
     errors: Array
     costs: Array
     ringed: Sequence[bool] = ()
 
 
-def look_of(method: str, formulation: str = "none") -> Look:
+def style_of(method: str, formulation: str = "none") -> CurveStyle:
     """Return the style of a method in a formulation, which is equal in all charts."""
     if method in SCIPY:
         line: Pen = {"color": GREY, "linewidth": 0.7}
-        return Look(line, marker_pen(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
+        return CurveStyle(
+            line, marker_pen(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY)
+        )
     turn, colour = divmod([*names(), *RETIRED].index(method), len(PENS))
     return curve_style(colour, turn, FORMULATIONS.get(formulation, 0))
 
 
-def curve_style(colour: int, turn: int = 0, kind: int = 0) -> Look:
+def curve_style(colour: int, turn: int = 0, kind: int = 0) -> CurveStyle:
     """Return the style for a colour, a round of colours and a kind of formulation.
 
     Parameters
@@ -209,7 +211,7 @@ def curve_style(colour: int, turn: int = 0, kind: int = 0) -> Look:
         The index of the marker in its row.
     """
     pen = PENS[(colour + SHIFT * turn) % len(PENS)] | {"color": PENS[colour]["color"]}
-    return Look(pen, marker_pen(MARKERS[turn][kind], 3.6, pen["color"]))
+    return CurveStyle(pen, marker_pen(MARKERS[turn][kind], 3.6, pen["color"]))
 
 
 def drawable_errors(errors: Iterable[float]) -> Array:
@@ -311,7 +313,7 @@ def _costs(found: ChartedCurves, of: str) -> list[CostCurve]:
     keys = [*found.curves, *found.left_out]
     return [
         CostCurve(
-            _name(key, keys), look_of(*key),
+            _name(key, keys), style_of(*key),
             drawable_errors(row["error"] for row in rows),
             drawable_errors(row[of] for row in rows), [row["chosen"] for row in rows],
         )
@@ -705,7 +707,7 @@ def _work(part: SubFigure, document: Document) -> None:
         axes.set_ylabel(label)
         for name, values in curves.items():
             x = varied.values[: len(values)]
-            curve(axes, x, values, look_of(name).line | {"label": name})
+            curve(axes, x, values, style_of(name).line | {"label": name})
     varied.stand_at(axes.xaxis)
     part.align_ylabels()
     panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)

@@ -35,7 +35,7 @@ from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import evaluation_cost
 from lagsim.studies.bench import asking
-from lagsim.studies.modes import Small
+from lagsim.studies.modes import SmallMotions
 from lagsim.studies.rest import NoRestError
 from lagsim.studies.step_bounds import predicted
 from lagsim.studies.trials import Compiled, Trial, refused_trial, tried
@@ -757,7 +757,7 @@ def _equilibrium(subject: Subject) -> Document:
         reason = "the equations depend on time"
     elif not reason:
         try:
-            small = Small(subject.case.model)
+            small = SmallMotions(subject.case.model)
             rest, about = small.steady, small.modes
         except NoRestError as error:
             reason = str(error)

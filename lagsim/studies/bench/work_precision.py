@@ -40,9 +40,9 @@ from lagsim.studies.bench import (
     Scipy,
     Solver,
     asking,
+    fastest,
     formulation_solvers,
     index_one,
-    least,
     machine,
     scipy_refusal,
     today,
@@ -677,7 +677,7 @@ class PrecisionCurve:
         row |= {"method": solver.method, "formulation": solver.formulation}
         row |= {"setting": solver.setting, "value": value, "reason": ""}
         row["chosen"] = value in self.chosen
-        solved = least(lambda: solver.solve(value, patience))
+        solved = fastest(lambda: solver.solve(value, patience))
         row |= {"outcome": solved.outcome, "reason": solved.reason}
         if solved.outcome == TOO_SLOW:
             self.given_up += 1

@@ -220,7 +220,7 @@ class ConstrainedStart:
         target: Floats,
         share: float,
     ) -> tuple[Point, float, float]:
-        """Return the state along a step whose place is nearest to a target.
+        """Return the state, along a step, in which a place is nearest to a target.
 
         Where the target is out of reach, a whole step is too long: fractions of the
         step are tried, from one near the length of the last step on. If none is nearer,

@@ -39,7 +39,7 @@ from lagsim.run.observers.thinning import Frames
 from lagsim.run.session import StartError
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.explore.dragging import ConstrainedStart
-from lagsim.studies.rest import turning
+from lagsim.studies.rest import full_turn_angles
 from lagsim.studies.trials import Forms, tried
 
 if TYPE_CHECKING:
@@ -495,7 +495,7 @@ class Explorer:
         code = str(outcome.value) if outcome.failed else ""
         return self._shown(_failure(code, reason))
 
-    def told(self, error: LagsimError) -> str:
+    def error_text(self, error: LagsimError) -> str:
         """Return the text of an error, as a command prints it."""
         return self._shown(error)
 
@@ -717,7 +717,7 @@ def _angles(session: Session) -> set[str]:
     seen += [d.node for d in model.definitions if d.level is Level.POSITION]
     found = set()
     for name, turns, shows in zip(
-        e.q, turning(point), turning(point, seen), strict=True
+        e.q, full_turn_angles(point), full_turn_angles(point, seen), strict=True
     ):
         unit = units.get(name, "")
         if turns and (unit == "rad" or (shows and not unit)):

@@ -263,7 +263,7 @@ class Handler(BaseHTTPRequestHandler):
         except SupersededError:
             self._send_json({"superseded": True})
         except LagsimError as error:
-            self._send_json({"error": self.server.explorer.told(error)})
+            self._send_json({"error": self.server.explorer.error_text(error)})
 
     def _check(self) -> None:
         """Refuse a request that names another host or comes from another origin."""

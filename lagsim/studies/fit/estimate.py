@@ -139,7 +139,7 @@ def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]
 
     Each maps names to relative changes, of which the largest is 1.
 
-    names : (p,), of the columns of `kernel`.
+    names : (p,), the names of the columns of `kernel`.
     """
     rest = kernel.copy()
     for k in range(len(rest)):

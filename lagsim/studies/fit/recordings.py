@@ -14,7 +14,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.studies.fit.names import CLOCK
 from lagsim.studies.sensitivities import Derivative, Sensitivities
 from lagsim.studies.trials import UNUSABLE, Trial, Trials, Variant
-from lagsim.studies.workers import Died, completed_pieces, cores, standing
+from lagsim.studies.workers import Died, completed_pieces, cores, shared_processes
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -197,7 +197,9 @@ class Team:
         known: dict[int, Derivative | LagsimError | Died] = {}
         if self._wanted and self.most > 1 and len(tasks) > 1:
             interrupt = interrupt or Interrupt()
-            self._hired = self._hired or self._stack.enter_context(standing(self.most))
+            self._hired = self._hired or self._stack.enter_context(
+                shared_processes(self.most)
+            )
             known |= completed_pieces(
                 _differentiated, tasks, self.most, interrupt, self._hired
             )
