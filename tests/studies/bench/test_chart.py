@@ -17,8 +17,8 @@ from lagsim.studies.bench.chart import (
     VERDICT_COLOURS,
     curves_below,
     figure,
-    look_of,
     stability_figure,
+    style_of,
     work_precision,
 )
 from lagsim.studies.bench.stability import VERDICTS, MapOptions, measure
@@ -160,13 +160,13 @@ def test_how_much_dearer_is_that_of_equal_errors():
 
 def test_curves_differ_in_colour_and_in_grey():
     kinds = ("none", "elimination", "baumgarte", "drift")
-    looks = [look_of(*key) for key in itertools.product(names(), kinds)]
-    looks += [look_of(method) for method in SCIPY]
+    looks = [style_of(*key) for key in itertools.product(names(), kinds)]
+    looks += [style_of(method) for method in SCIPY]
     coloured = {(a.line["color"], a.line.get("dashes"), b) for a, b in marked(looks)}
     grey = {(a.line.get("dashes"), b) for a, b in marked(looks)}
     assert len(coloured) == len(grey) == len(looks)
     # Methods differ in colour or dashes already.
-    own = [look_of(method).line for method in names()]
+    own = [style_of(method).line for method in names()]
     assert len({(pen["color"], pen.get("dashes")) for pen in own}) == len(own)
 
 
@@ -183,7 +183,7 @@ def test_names_stand_beside_a_sample_of_their_curve():
     found = curves_below(crowd(), 3.0).curves
     assert len(beside) == len(found)
     for key in found:
-        look = look_of(*key)
+        look = style_of(*key)
         sample = beside.get(" ".join(key)) or beside[key[0]]
         assert sample == (look.mark["marker"], look.line["color"])
 
