@@ -12,7 +12,7 @@ from lagsim.studies.bench.chart import (
     curve_style,
     drawable_errors,
     error_scale,
-    look_of,
+    style_of,
 )
 
 # Inches: a panel with its scales, what is below all of them.
@@ -21,8 +21,8 @@ LOOKS = {
     "lagsim": curve_style(0),
     "heyoka": curve_style(2, 1),
     "CVODE Adams": curve_style(5, 2, 0),
-    "scipy DOP853": look_of("scipy:DOP853"),
-    "scipy LSODA": look_of("scipy:LSODA"),
+    "scipy DOP853": style_of("scipy:DOP853"),
+    "scipy LSODA": style_of("scipy:LSODA"),
     "IDA, GGL": curve_style(3, 0, 1),
     "IDA, index 1": curve_style(4, 1, 1),
 }
