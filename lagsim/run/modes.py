@@ -1,4 +1,4 @@
-"""The modes of an arc as one frozen record, and trials of other modes and truths.
+"""The modes of an arc and the truth of conditions as one frozen record, and trials.
 
 The kernels read the modes of the file, the branches of switches of t, and the modes of
 surfaces and laws from the memory of the arc (`methods.parts.parameters.ModeWords`). A
@@ -6,8 +6,8 @@ phase of `run.settle` decides on trial
 (`TrialModes`): the modes that it tries, and those that it selects, are in the memory
 until the trial ends, so that the functions of the model are evaluated with them. Then
 the memory is as it was before, and the modes selected are a record. Only `settle`
-writes the record to the memory (`write`). The truth of the conditions of events is
-decided in the same way (`conditions.Truth`).
+writes the record to the memory (`write`). The truth of the conditions of events, which
+is in the memory of the method, is part of the record.
 
 Within an arc the kernel itself changes some words: the cell of a table of t whose knot
 is passed, the side and the slack of a surface whose level decides nothing and is
@@ -24,7 +24,6 @@ from lagsim.methods.parts import parameters as kept
 if TYPE_CHECKING:
     from typing import Self
 
-    from lagsim.methods.parts.parameters import Parameters
     from lagsim.run.arc import Arc
 
 
@@ -40,20 +39,23 @@ class ArcModes(NamedTuple):
     numbers, arrays : bytes
         Copies of the numbers and of all arrays of `ModeWords`, in their order. The
         modes of the file and the branches of t are the first of the arrays.
+    truth : bytes
+        The orientations, then the leeways, of all conditions; empty without conditions.
     """
 
     numbers: bytes
     arrays: bytes
+    truth: bytes
 
     @classmethod
-    def of(cls, p: Parameters) -> ArcModes:
-        """Return a copy of the modes in the memory p."""
-        numbers, arrays = p.modes
-        return cls(bytes(numbers), bytes(arrays))
+    def of(cls, arc: Arc) -> ArcModes:
+        """Return a copy of the modes and the truth in the memory of the arc."""
+        numbers, arrays = arc.system.p.modes
+        return cls(bytes(numbers), bytes(arrays), bytes(arc.state.truth_words))
 
 
 def write(arc: Arc, modes: ArcModes) -> None:
-    """Write modes to the memory of the arc, which the kernels read.
+    """Write modes and truth to the memory of the arc, which the kernels read.
 
     If modes of the file or branches of t change, expressions of these alone are
     evaluated again.
@@ -62,33 +64,33 @@ def write(arc: Arc, modes: ArcModes) -> None:
     numbers, arrays = p.modes
     given = WORD * (p.model_modes + p.switches)
     changed = given > 0 and bytes(arrays[:given]) != modes.arrays[:given]
-    numbers[:], arrays[:] = modes
+    numbers[:], arrays[:], arc.state.truth_words[:] = modes
     if changed:
         arc.runner.prepare()
 
 
 class TrialModes:
-    """Context in which the modes in the memory may be changed on trial.
+    """Context in which the modes and the truth in the memory may be changed on trial.
 
     Within the context the functions of the model are evaluated with the modes on trial;
-    its end restores the modes before.
+    its end restores the modes and the truth before.
 
     Attributes
     ----------
     before, found : ArcModes
-        The modes at the start of the context, and those at its end, before they are
+        The record at the start of the context, and those at its end, before they are
         restored.
     """
 
     def __init__(self, arc: Arc) -> None:
         self.arc = arc
-        self.before = self.found = ArcModes.of(arc.system.p)
+        self.before = self.found = ArcModes.of(arc)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.found = ArcModes.of(self.arc.system.p)
+        self.found = ArcModes.of(self.arc)
         write(self.arc, self.before)
 
 

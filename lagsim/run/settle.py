@@ -14,7 +14,7 @@ returns the next one (`instant.InstantRecord`):
 
 Each phase selects modes (of the file, branches of t, of surfaces and laws) and the
 truth of conditions on trial, and leaves the memory of the arc as it was
-(`modes.TrialModes`, `conditions.Truth`). Then `carried_out` alone writes the modes, the
+(`modes.TrialModes`). Then `carried_out` alone writes the modes, the
 truth and the state to this memory, which compiled functions and the kernels of the next
 arc read. docs/events.md lists who writes each word.
 """
@@ -451,12 +451,11 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.transitions is None or now.acts.is_over:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts
-    due, truth = by.transitions.due_after(
-        now.arc, struck=struck, looked_at=now.looked_at
-    )
+    with TrialModes(now.arc) as trial:
+        due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
     acted = acted._replace(rounds=()) if struck else acted
     return carried_out(
-        now, GO_ON, truth=truth,
+        now, GO_ON, modes=trial.found,
         due=due, acts=acted, impacts=False, looked_at=due.acts,
     )  # fmt: skip
 
@@ -476,7 +475,6 @@ def carried_out(
     found: Decision,
     *,
     modes: ArcModes | None = None,
-    truth: bytes = b"",
     **others: Any,
 ) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
@@ -491,17 +489,13 @@ def carried_out(
     found : Decision
         The decision of the phase.
     modes : ArcModes, optional
-        The modes of surfaces and laws that the phase has selected.
-    truth : bytes, optional
-        The truth of conditions that the phase has decided, if not in `found`.
+        The modes, and the truth of conditions, that the phase has selected.
     **others
         Further fields of the next record.
     """
     arc = now.arc
     if modes is not None:
         write(arc, modes)
-    if truth := truth or found.truth:
-        arc.state.truth_words[:] = truth
     if found is GO_ON:
         return now.but(**others)
     if found.sizes is not None:
@@ -556,8 +550,9 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    due, truth = by.transitions.due(now.arc, rests)
-    return carried_out(now, GO_ON, truth=truth, due=due, looked_at=True)
+    with TrialModes(now.arc) as trial:
+        due = by.transitions.due(now.arc, rests)
+    return carried_out(now, GO_ON, modes=trial.found, due=due, looked_at=True)
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -581,9 +576,10 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     now = modes(sides_and_velocities(now, by), by)
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
-        due, truth = by.transitions.look_at_start(arc, struck)
+        with TrialModes(arc) as trial:
+            due = by.transitions.look_at_start(arc, struck)
         now = carried_out(
-            now, GO_ON, truth=truth, due=due, impacts=False, looked_at=True
+            now, GO_ON, modes=trial.found, due=due, impacts=False, looked_at=True
         )
         if now.due != NOTHING:
             return settle(now, by)
@@ -602,12 +598,11 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     arc, transitions = now.arc, by.transitions
     assert transitions is not None
-    if not arc.equations.begun_by.impulses or may_strike(arc, by):
-        return carried_out(now, transitions.start(arc, None))
-    at_rest = modes(velocities(sides(now, by), by), by)
+    kicked = bool(arc.equations.begun_by.impulses) and not may_strike(arc, by)
+    at_rest = modes(velocities(sides(now, by), by), by) if kicked else now
     with TrialModes(arc) as trial:
-        found = transitions.start(arc, corners_at(at_rest, by))
-        if by.switching is not None:
+        found = transitions.start(arc, corners_at(at_rest, by) if kicked else None)
+        if kicked and by.switching is not None:
             by.switching.let_go(arc)
     return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
 

@@ -228,8 +228,6 @@ class Decision(NamedTuple):
         Columns just before the jump, to be written as a row.
     impulses : JumpImpulses or None
         The impulses transmitted in the jump.
-    truth : bytes
-        The truth of the conditions, see `conditions.Truth`; empty if it is not new.
     ending : Ending or None
         Reason to end the run.
     turn : Turn
@@ -249,7 +247,6 @@ class Decision(NamedTuple):
     y: Floats | None = None
     rows: Floats | None = None
     impulses: JumpImpulses | None = None
-    truth: bytes = b""
     ending: Ending | None = None
     turn: Turn = Turn.NONE
     located: Located = NOWHERE

@@ -16,7 +16,6 @@ from lagsim.methods.parts.truth import LEAST
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from typing import Self
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
@@ -59,38 +58,21 @@ def rounding_of_start(arc: Arc) -> Floats:
 
 
 class Truth:
-    """Context in which the truth of all conditions at an instant is decided on trial.
+    """Decisions of the truth of all conditions at an instant.
 
     The kernels decide the truth just before and just after the instant, and write it to
-    the arrays `orientation` and `leeway` of the memory. At the end of the context both
-    arrays get their former values; `settle` writes `decided` to them, which the kernels
-    read in the next arc and at the next instant.
+    the arrays `orientation` and `leeway` of the memory: within a trial (`modes`), whose
+    record has both arrays.
 
     Attributes
     ----------
     set_by_modes : bool
         Whether conditions contain modes that events set.
-    before, decided : bytes
-        The orientations, then the leeways, of all conditions, at the start and at the
-        end of the context. Empty without conditions.
     """
-
-    before = decided = b""
 
     def __init__(self, arc: Arc, *, set_by_modes: bool = True) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
         self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
-
-    def __enter__(self) -> Self:
-        words = self.state.truth_words
-        self.before = bytes(words) if words else b""
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self.before:
-            words = self.state.truth_words
-            self.decided = bytes(words)
-            words[:] = self.before
 
     def run(self, kernel: str, *arguments: float) -> float:
         """Call a kernel of `methods.parts.truth` by its name, and return its result."""
@@ -287,8 +269,8 @@ def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     state.leeway[which] = np.maximum(state.leeway, part * scale)[which]
 
 
-def truth_of_closed(arc: Arc, y: Floats, closed: Floats) -> bytes:
-    """Return the truth after an impact, with a leeway for conditions met at gaps of 0.
+def allow_closed(arc: Arc, y: Floats, closed: Floats) -> None:
+    """Set a leeway for conditions that are met at gaps of 0, after an impact.
 
     After an impact rounding leaves a gap of either sign, and the motion opens the gap:
     with its old leeway, `x <= 0` may never become true at the ground `x >= 0`. A false
@@ -301,18 +283,11 @@ def truth_of_closed(arc: Arc, y: Floats, closed: Floats) -> bytes:
         The arc that the impact ends.
     y, closed : ndarray, shape (size,)
         The state after an impact, and this state with the gaps at exactly 0.
-
-    Returns
-    -------
-    bytes
-        The orientations, then the leeways, of all conditions, as in `Truth.decided`;
-        empty without conditions.
     """
     state = arc.state
     if not len(state.orientation):
-        return b""
+        return
     misses = arc.located(arc.t, y) * state.orientation
     met = arc.located(arc.t, closed) * state.orientation <= 0.0
     met &= (state.orientation != 0.0) & (state.leeway == 0.0)
-    leeway = np.where(met, -np.maximum(misses, LEAST), state.leeway)
-    return state.orientation.tobytes() + leeway.tobytes()
+    state.leeway[met] = -np.maximum(misses, LEAST)[met]

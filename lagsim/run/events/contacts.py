@@ -27,7 +27,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
-from lagsim.run.events.conditions import truth_of_closed
+from lagsim.run.events.conditions import allow_closed
 from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
@@ -117,7 +117,7 @@ class StateAfter:
         The events, and the warnings.
     rows : ndarray or None
         Table rows just before an impact; None where no impact is reported.
-    impulses, truth
+    impulses
         See `trajectory.Decision`.
     ending
         The reason why the motion cannot continue, or None.
@@ -132,7 +132,6 @@ class StateAfter:
     cautions: list[Caution] = field(default_factory=list)
     rows: Floats | None = None
     impulses: JumpImpulses | None = None
-    truth: bytes = b""
     ending: Ending | None = None
     state: LawState | None = None
 
@@ -152,8 +151,7 @@ class StateAfter:
         sizes = None if y is None else np.maximum(arc.sizes, np.abs(y))
         return Decision(
             events=tuple(self.events), cautions=tuple(self.cautions), y=y,
-            sizes=sizes, rows=self.rows, impulses=self.impulses, truth=self.truth,
-            ending=self.ending,
+            sizes=sizes, rows=self.rows, impulses=self.impulses, ending=self.ending,
         )  # fmt: skip
 
 
@@ -508,7 +506,7 @@ class Contacts(Source):
         met = [k for k in struck if k in self.contacts]
         closed = y.copy()
         closed[arc.state.positions] -= lift(met, here.gaps[met] + here.slack[met])
-        found.truth = truth_of_closed(arc, y, closed)
+        allow_closed(arc, y, closed)
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):

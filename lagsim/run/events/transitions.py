@@ -82,11 +82,10 @@ class Transitions(Source):
         begun = arc.equations.begun_by
         events = arc.equations.model.events
         located = [x.name for x in events if x.at is not None]
-        with self._truth(arc) as truth:
-            for name in begun.acts:
-                once = any(x.once for x in events if x.name == name)
-                if once and name in located:
-                    arc.state.leeway[located.index(name)] = math.inf
+        for name in begun.acts:
+            once = any(x.once for x in events if x.name == name)
+            if once and name in located:
+                arc.state.leeway[located.index(name)] = math.inf
         acts = tuple(Event(arc.t, "event", name=name) for name in begun.acts)
         y = rows = given = None
         if begun.impulses:
@@ -97,30 +96,27 @@ class Transitions(Source):
         ending = Ending(Outcome.UNTIL) if begun.is_over else None
         if begun.chatter:
             ending = Ending(Outcome.EVENTS_CHATTER, quoted(begun.chatter))
-        return Decision(
-            acts, y=y, rows=rows, impulses=given, truth=truth.decided, ending=ending
-        )
+        return Decision(acts, y=y, rows=rows, impulses=given, ending=ending)
 
     def _truth(self, arc: Arc) -> Truth:
-        """Return a context in which the truth of the conditions is decided."""
+        """Return the decisions of the truth of the conditions."""
         return Truth(arc, set_by_modes=self.set_by_modes)
 
-    def look_at_start(self, arc: Arc, before: Floats | None) -> tuple[Due, bytes]:
+    def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Decide which conditions are true at the start, after all modes are set.
 
         Return the conditions that become true there, see
-        `conditions.Truth.become_at_start`, and the truth of all conditions as bytes,
-        see `conditions.Truth.decided`.
+        `conditions.Truth.become_at_start`.
 
         before : the values of the conditions before the impacts at the start, or None
             without impacts.
         """
         if not len(arc.state.orientation):
-            return NOTHING, b""
-        with self._truth(arc) as truth:
-            truth.begin()
-            found = truth.become_at_start(before)
-        return Due(conditions=frozenset(found)) if found else NOTHING, truth.decided
+            return NOTHING
+        truth = self._truth(arc)
+        truth.begin()
+        found = truth.become_at_start(before)
+        return Due(conditions=frozenset(found)) if found else NOTHING
 
     def times(self, arc: Arc) -> Iterator[float]:
         """Return the times of the next acts of periodic events."""
@@ -130,10 +126,8 @@ class Transitions(Source):
         """Return the time of the next act of periodic event k."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
-    def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> tuple[Due, bytes]:
-        """Return the events that are due by the state just before, and the truth there.
-
-        The truth is that of all conditions, as bytes (`Truth.decided`).
+    def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> Due:
+        """Return the events that are due by the state just before.
 
         comes_to_rest : function of the arc, whether a law or a surface may hold a rate
             at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
@@ -141,34 +135,30 @@ class Transitions(Source):
         soon = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
         if not len(arc.state.orientation):
-            return Due(periodic), b""
-        with self._truth(arc) as truth:
-            truth.see(int(arc.state.event) - 1)
-            met = frozenset(truth.met())
-            waiting = truth.jumped(met) if met else NONE
-            if waiting and not comes_to_rest(arc):
-                waiting = NONE
-            truth.wait(waiting)
-        return Due(periodic, met - waiting, bool(waiting)), truth.decided
+            return Due(periodic)
+        truth = self._truth(arc)
+        truth.see(int(arc.state.event) - 1)
+        met = frozenset(truth.met())
+        waiting = truth.jumped(met) if met else NONE
+        if waiting and not comes_to_rest(arc):
+            waiting = NONE
+        truth.wait(waiting)
+        return Due(periodic, met - waiting, bool(waiting))
 
-    def due_after(
-        self, arc: Arc, *, struck: bool, looked_at: bool
-    ) -> tuple[Due, bytes]:
-        """Return the events that are due by the state after all acts, and the truth.
-
-        The truth is that of all conditions then, as bytes (`Truth.decided`).
+    def due_after(self, arc: Arc, *, struck: bool, looked_at: bool) -> Due:
+        """Return the events that are due by the state after all acts.
 
         struck : whether velocities have jumped since the conditions were decided.
         looked_at : whether the truth of the conditions just before the instant is
             stored; if not, it is evaluated here.
         """
         if not len(arc.state.orientation):
-            return NOTHING, b""
-        with self._truth(arc) as truth:
-            if not looked_at:
-                truth.see()
-            found = truth.settled(struck=struck)
-        return Due(conditions=frozenset(found)) if found else NOTHING, truth.decided
+            return NOTHING
+        truth = self._truth(arc)
+        if not looked_at:
+            truth.see()
+        found = truth.settled(struck=struck)
+        return Due(conditions=frozenset(found)) if found else NOTHING
 
     def act(
         self, arc: Arc, due: Due, acts: ActsAt, corners: CornerSides | None
@@ -199,32 +189,32 @@ class Transitions(Source):
         acts, ending = self._returned(arc, due, acts)
         is_over, counts, rounds = acts.is_over, list(acts.counts), list(acts.rounds)
         impulse = np.zeros(len(arc.equations.q))
-        with self._truth(arc) as truth:
-            while due != NOTHING and ending is None:
-                is_over |= len(event_of) in due.conditions
-                own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
-                if due.conditions:
-                    once = [c for k, c in own.items() if events[k].once]
-                    truth.hold(for_ever=once)
-                names = tuple(events[k].name for k in sorted(own))
-                rounds.append((names, arc.modes, y[arc.velocities]))
-                for k in sorted(due.periodic.union(own)):
-                    found.append(Event(arc.t, "event", name=events[k].name))
-                    if events[k].impulses:
-                        more, failed = _impulse(arc, k)
-                        impulse, ending = impulse + more, ending or failed
-                    ending = ending or self._set(arc, k)
-                    counts[k] += 1
-                    if self._chatters(arc, k, counts[k]):
-                        ending = ending or _chatter(acts.visits or rounds)
-                if due.periodic or any(events[k].once for k in own):
-                    # They act once at an instant, so no cycle contains this round.
-                    rounds.clear()
-                else:
-                    ending = ending or _undone(arc, rounds)
-                due = NOTHING
-                if found:
-                    due = Due(conditions=frozenset(truth.changed()))
+        truth = self._truth(arc)
+        while due != NOTHING and ending is None:
+            is_over |= len(event_of) in due.conditions
+            own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
+            if due.conditions:
+                once = [c for k, c in own.items() if events[k].once]
+                truth.hold(for_ever=once)
+            names = tuple(events[k].name for k in sorted(own))
+            rounds.append((names, arc.modes, y[arc.velocities]))
+            for k in sorted(due.periodic.union(own)):
+                found.append(Event(arc.t, "event", name=events[k].name))
+                if events[k].impulses:
+                    more, failed = _impulse(arc, k)
+                    impulse, ending = impulse + more, ending or failed
+                ending = ending or self._set(arc, k)
+                counts[k] += 1
+                if self._chatters(arc, k, counts[k]):
+                    ending = ending or _chatter(acts.visits or rounds)
+            if due.periodic or any(events[k].once for k in own):
+                # They act once at an instant, so no cycle contains this round.
+                rounds.clear()
+            else:
+                ending = ending or _undone(arc, rounds)
+            due = NOTHING
+            if found:
+                due = Due(conditions=frozenset(truth.changed()))
         if before is not None:
             arc.add_work(y, before)
         kicks = ending is None and self.kicks and bool(impulse.any())
@@ -236,7 +226,7 @@ class Transitions(Source):
         changed = kicks or before is not None
         decision = Decision(
             tuple(found), y=y if changed else None, rows=rows if kicks else None,
-            impulses=given, truth=truth.decided, ending=ending,
+            impulses=given, ending=ending,
         )  # fmt: skip
         after = ActsAt(tuple(counts), tuple(rounds), acts.visits, is_over)
         return decision, after
