@@ -135,6 +135,30 @@ def test_a_run_in_plain_python_is_the_native_run(case):
     assert native.evaluations > stages * native.steps
 
 
+# Methods that evaluate the motion by `derivative` alone, in the first steps of a run.
+COUNTED = (
+    "free", "held", "dopri5", "dopri5 held until", "rk4", "rk4 held until",
+    "euler held until", "verlet", "kahan-li6", "radau held until",
+    "generalized-alpha held", "rattle held until",
+)  # fmt: skip
+
+
+def test_the_evaluations_are_the_calls_of_the_derivative():
+    for case in COUNTED:
+        runner, s, statics = linked_system(case)
+        model, calls = linked(runner), []
+
+        def derivative(*given, own=model["derivative"], calls=calls):
+            calls.append(given[0])
+            own(*given)
+
+        plain = Plain(runner.method, model | {"derivative": derivative}, **statics)
+        out = np.zeros(50 * (1 + runner.system.size))
+        plain.advance(s, runner.system.p.copy(), out, 50, 10)
+        assert s.steps > 3, case
+        assert s.evaluations == len(calls), case
+
+
 def test_tabulate_is_the_same():
     runner, _, _ = linked_system("held")
     states = np.array([[0.1, 0.9, 0.19, -0.1, 0.18, 0.0], [0.2, 0.5, 0.75, 1, -1, 0.3]])

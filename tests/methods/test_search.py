@@ -2,11 +2,14 @@
 
 import math
 import random
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.polynomial import polynomial
 
 from lagsim import simulate
+from lagsim.methods.parts import missed
 from tests.choosing import tonight, turn
 
 # x = t, exactly, by any method; a row of fixed-step methods is one step.
@@ -157,3 +160,30 @@ def test_each_localized_condition_is_met_once(kind, method):
         times = [e.time for e in simulate(text, error_bar="never").events]
         expected = [r for r in roots if 0 < r < 4]
         assert times == pytest.approx(expected, abs=1e-8), condition
+
+
+def test_the_shape_of_a_step_is_the_quintic_that_it_follows():
+    # A motion of degree 5 in u = (t - t0)/h is given by its values, rates and second
+    # derivatives at both ends; its velocity is a cubic for other motions alone.
+    n, h, degrees = 2, 0.7, 6
+    motion = np.array([[1.0, -2.0, 0.5, 3.0, -1.5, 0.25], [0.3, 0.7, -1, 2, 0.9, -4]])
+    ends = []
+    for u in (0.0, 1.0):
+        x = [polynomial.polyval(u, c) for c in motion]
+        v = [polynomial.polyval(u, polynomial.polyder(c)) / h for c in motion]
+        a = [polynomial.polyval(u, polynomial.polyder(c, 2)) / h**2 for c in motion]
+        ends += [np.array([*x, *v]), np.array([*v, *a])]
+    s = SimpleNamespace(
+        shape=np.full(2 * n * degrees, np.nan), velocities=slice(n, 2 * n), n=n,
+        sampled=2 * n,
+    )  # fmt: skip
+    missed.shape_step(s, h, *ends)
+    shape = s.shape.reshape(2 * n, degrees)
+    assert shape[:n] == pytest.approx(motion, rel=1e-12, abs=1e-12)
+    # The cubics of the velocities have the values and the slopes of both ends.
+    for c, k in zip(shape[n:], (n, n + 1), strict=True):
+        old, old_rates, new, new_rates = (end[k] for end in ends)
+        assert polynomial.polyval([0.0, 1.0], c) == pytest.approx([old, new])
+        slopes = polynomial.polyval([0.0, 1.0], polynomial.polyder(c)) / h
+        assert slopes == pytest.approx([old_rates, new_rates])
+        assert c[4:] == pytest.approx([0.0, 0.0], abs=1e-12)
