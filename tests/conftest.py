@@ -60,7 +60,11 @@ QUICK_ONE_IN = 10
 # all of these are quick. A shipped model takes longer.
 ALL_CASES = (
     *(f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")),
-    "tests/test_derived.py",
+    *("tests/mechanics/contact/", "tests/methods/order/", "tests/test_derived.py"),
+    *(
+        f"tests/methods/test_{one}.py"
+        for one in ("from_rest", "implicit", "kernels", "symplectic", "tableau")
+    ),
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
 # What is not run without being asked for; `QUICK` is in pyproject.toml.

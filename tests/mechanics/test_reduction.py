@@ -233,6 +233,19 @@ def test_momenta_that_are_not_conserved(change, to):
     assert "phi" not in [equations.q[c] for c in conserved(equations)]
 
 
+@pytest.mark.parametrize(
+    ("inertia", "act"), [("1", "impulse: {phi: 0.1}"), ("J", "set: {J: 2}")]
+)
+def test_momenta_jump_at_acts(inertia, act):
+    """An event gives an impulse, or sets an inertia: no momentum is constant."""
+    text = TOP.replace("(1 + a^2)", f"({inertia} + a^2)").replace(
+        "initial: {",
+        f"{'modes: {J: 1}' if inertia == 'J' else ''}\n"
+        f"events: {{e: {{every: 0.5, {act}}}}}\ninitial: {{",
+    )
+    assert conserved(derive(read(text, "model.yaml"))) == []
+
+
 FLOOR = contact("y >= 0", 0.5)
 ROUGH = contact("y >= 0", 0.5, friction=0.3, slip="x_dot")
 

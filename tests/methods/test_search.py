@@ -9,8 +9,9 @@ import pytest
 from numpy.polynomial import polynomial
 
 from lagsim import simulate
-from lagsim.methods.parts import missed
+from lagsim.methods.parts import missed, search_table
 from tests.choosing import tonight, turn
+from tests.kernels import bind
 
 # x = t, exactly, by any method; a row of fixed-step methods is one step.
 TEXT = """
@@ -187,3 +188,20 @@ def test_the_shape_of_a_step_is_the_quintic_that_it_follows():
         slopes = polynomial.polyval([0.0, 1.0], polynomial.polyder(c)) / h
         assert slopes == pytest.approx([old_rates, new_rates])
         assert c[4:] == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("rounds", "off"), [(0, 0.5), (1, 0.31), (40, 3e-9)])
+def test_the_least_value_is_located_by_sections(rounds, off):
+    """Each round leaves 0.618 of the interval; half of it bounds the error."""
+    places = []
+
+    def value_at(_kind, _s, _p, _k, x):
+        places.append(x)
+        return abs(x - 2.3)
+
+    locate = bind(search_table.least_of, {}, {})
+    locate.__globals__["value_at"] = value_at
+    found = locate(0, rounds, None, None, 0, 2.0, 3.0)
+    assert abs(found - 2.3) <= off
+    assert len(places) == 2 + rounds  # one evaluation a round
+    assert all(2.0 < x < 3.0 for x in places)

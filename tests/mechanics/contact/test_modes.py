@@ -234,3 +234,13 @@ def test_the_mode_of_a_single_row_is_that_of_the_row_among_others(kind):
         EQUALITY: {(HELD, False)},
     }
     assert seen == expected[kind]
+
+
+@pytest.mark.parametrize("mu", [0.0, 2.0])
+@pytest.mark.parametrize("c", [-3.0, 3.0])
+def test_a_row_pushed_past_its_limit_slides_against_its_force(c, mu):
+    """A mass of 2 whose force is limited to mu, at rest, with the acceleration c."""
+    found = quiet(closed([2.0], [[1.0]], [LIMITED], mu=mu), np.array([c]))
+    assert found.mode == (SLIDING,)
+    assert found.direction[0] == -np.sign(c)
+    assert found.multipliers[0] == -np.sign(c) * mu
