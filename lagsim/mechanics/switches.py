@@ -433,7 +433,8 @@ class Switches:
         Where the motion slides along a surface, or rests at it, and at corners of
         equalities, steps have the value on the side of the mode variable. The kernel of
         output rows combines the rows of both sides of a surface that the motion follows
-        (`program.sliding.observe`).
+        (`program.sliding.observe`), and sets the floors of roots on other surfaces to
+        0: a root with a floor is the root of the forces on this side, see `freeze`.
         """
         g, nodes = self.graph, list(nodes)
         if not self.sides:
@@ -454,35 +455,18 @@ class Switches:
             free = g.call("and", g.call("not", holds), written)
             return g.call("or", g.call("and", holds, value), free)
 
-        for n in g.cone(nodes):
+        cone = g.cone(nodes)
+        floors = {n: x[0] for n in cone if (x := self._roots.floor(n)) is not None}
+        slid = dict(zip(floors, self.freeze(floors), strict=True))
+        for n in cone:
             args = tuple(done[a] for a in g.args[n])
-            if self._roots.floor(n) is not None:
-                done[n] = self._shown_root(n, args, by_mode)
-                continue
             done[n] = n if args == g.args[n] else g.call(g.ops[n], *args)
             if n in self._sides_of:
                 done[n] = by_mode(n, done[n])
+            if n in floors:
+                slides = g.call("gt", g.variable(floors[n]), g.zero)
+                done[n] = g.call("if", slides, slid[n], done[n])
         return [done[n] for n in nodes]
-
-    def _shown_root(
-        self, n: int, args: tuple[int, ...], by_mode: Callable[[int, int], int]
-    ) -> int:
-        """Return root n of arguments `args`, bounded below by its floor.
-
-        The floor is 0 unless the motion slides.
-
-        by_mode : function of a step, and of its node as written, that returns the step
-            for output rows.
-        """
-        g, op = self.graph, self.graph.ops[n]
-        if op != "cbrt":
-            return g.call(op, self._roots.floored(n, args[0]), *args[1:])
-        size = self._roots.floored(n, g.call("abs", args[0]))
-        sign = g.call("sign", args[0])
-        step = g.call("sign", g.args[n][0])
-        if step in self._sides_of:
-            sign = by_mode(step, sign)
-        return g.call("mul", sign, g.call("cbrt", size))
 
 
 def prevailing(
