@@ -167,8 +167,8 @@ class System:
         Parameters, modes, and working memory.
     first_unused : int
         Index in p at which the working memory of an arc begins.
-    unused : ndarray
-        Initial content of that working memory.
+    initial : ndarray
+        Content of p before a run.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
@@ -474,7 +474,7 @@ class System:
         for parameter in self.equations.model.parameters:
             whole.flat[self._layout_of[parameter.name]] = parameter.value
         self.first_unused = whole.place("motion")
-        self.unused = whole.flat[self.first_unused :].copy()
+        self.initial = whole.flat.copy()
         return whole
 
     def _layout(self, memory: Parameters) -> Layout:
@@ -546,11 +546,10 @@ class System:
     def begin(self, start: Instant) -> Floats:
         """Return the state vector y (size,) at a start.
 
-        The modes of the model file are first set in p to their values in the model.
+        The memory p is first reset, so that no run depends on the run before: modes of
+        the model file have their values in the model, and no surface has a side.
         """
-        for x in self.equations.model.parameters:
-            if x.mode:
-                self.p.flat[self._layout_of[x.name]] = x.value
+        self.p.flat[:] = self.initial
         return self.plan.reduction.state(start, self.p)
 
     def set_modes(
@@ -812,7 +811,8 @@ class Runner:
         p.reference = p.usual_reference = self.system.plan.smallest_singular_value
         p.factored = p.noted = 0.0
         p.sigma = p.least_sigma = 1.0
-        p.flat[self.system.first_unused :] = self.system.unused
+        first = self.system.first_unused
+        p.flat[first:] = self.system.initial[first:]
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have none
             p.lengths[:rows] = p.usual_lengths[:rows] = self.system.plan.lengths

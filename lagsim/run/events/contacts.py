@@ -176,9 +176,6 @@ class Contacts(Source):
         self.freewheels: list[int] = np.flatnonzero(engaging).tolist()
         self.sliders = arc.system.sliders
         self.modes_at_start = arc.modes
-        p = arc.system.p
-        p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
-        p.law_floor[:] = p.law_opens[:] = 0.0
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to settle the end of a law's mode.
