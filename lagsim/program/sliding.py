@@ -21,10 +21,10 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import floor, inf, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, PUSH, Parameters
+from lagsim.methods.parts.parameters import CARRIED, CHOSEN, FOLLOWED, PUSH, Parameters
 from lagsim.methods.parts.state import (
     columns,
     corner_levers,
@@ -56,15 +56,18 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the columns of an output row at (t, y) in out (columns,).
 
     The forces are those of the motion along the surfaces that it follows, see `show`,
-    without Baumgarte's stabilising terms.
+    without Baumgarte's stabilising terms. At an instant, functions that step with a
+    rate have the values on the sides onto which the motion goes on, where these are
+    finite: rounding may leave the rate on either side.
     """
     n = p.n
     slides = p.slides
     gain = p.gain
     p.gain = 0.0
     for k in range(p.surfaces):
-        # Outputs show exact roots, except on surfaces that the motion follows.
-        if not slides[k] > 0.0:
+        # Outputs show exact roots, except on surfaces that the motion follows, and at
+        # instants.
+        if not slides[k] > 0.0 and t != p.settled[k]:
             p.floor[k] = 0.0
     take_cells(t, y, p)
     combine(t, y, p)
@@ -74,13 +77,41 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     if LAWS and p.law_shares > 0.0:
         share_loads(t, y, p, p.multipliers)
+    marked = mark_sides(t, p)
     show(t, y, p, out)
+    if marked:
+        slides[: p.surfaces] = p.slides_before
+        if not is_finite(p.shown_width, out):
+            show(t, y, p, out)
     for k in range(p.surfaces):
         if slides[k] > 0.0:
             p.side[k] = p.low[k]
         p.floor[k] = p.least_root[k]
         if p.first_met[k] < p.last_met[k]:
             p.side[k] = p.side_before[k]
+
+
+def mark_sides(t: float, p: Parameters) -> bool:
+    """Mark the sides that an instant at time t has selected, for columns of a row.
+
+    Return whether a side is marked; `p.slides_before` has the modes without the marks.
+    """
+    marked = False
+    for k in range(p.surfaces):
+        p.slides_before[k] = p.slides[k]
+        decided = p.on_rates[k] > 0.0 and t == p.settled[k]
+        if p.slides[k] == 0.0 and decided:
+            p.slides[k] = CHOSEN
+            marked = True
+    return marked
+
+
+def is_finite(count: int, x: Floats) -> bool:
+    """Whether the first `count` elements of x are finite."""
+    for i in range(count):
+        if not abs(x[i]) < inf:
+            return False
+    return True
 
 
 def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:

@@ -388,6 +388,7 @@ class Run:
             self._pass_impact()
         if self.sections is not None:
             self.sections.take(arc)
+            self.sections.keep_waiting(arc)
         if not emitted:
             return None
         rows = arc.runner.shown(emitted)

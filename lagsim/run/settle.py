@@ -463,6 +463,7 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
 @phase
 def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Return the record with the row after the last jump, and the end by `until`."""
+    now.arc.system.p.settled[:] = now.arc.t
     if now.after is not None:
         now = now.but(after=now.arc.runner.tabulate(now.arc.row()))
     if by.transitions is not None and now.acts.is_over:

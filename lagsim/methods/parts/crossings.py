@@ -104,7 +104,8 @@ def begin_search(s: Crossings, p: Parameters) -> None:
     """Store the crossings caused by acts at the start of the last step.
 
     Acts are impacts and events; a crossing is caused if a relation is past 0 after
-    them.
+    them. A relation that is 0 waits: where the motion stays on the section, it has
+    reached it then.
     """
     s.banded = 0.0
     for j in range(s.sections):
@@ -112,10 +113,12 @@ def begin_search(s: Crossings, p: Parameters) -> None:
         s.postponed[j] = 0.0
         if not acted or s.sides[j] == 0.0:
             continue
-        below = value_at(CROSSING, s, p, relations(s) + j, 0.0) < 0.0
-        if below and is_past(s, p, j, 0.0, s.sides[j]):
+        value = value_at(CROSSING, s, p, relations(s) + j, 0.0)
+        if value < 0.0 and is_past(s, p, j, 0.0, s.sides[j]):
             cross(s, p, j, 0.0)
             s.end_step = 0.0  # the row has another sign now
+        elif s.waits[j] == 0.0 and not is_past(s, p, j, 0.0, -s.sides[j]):
+            wait(s, j, shown_time(s, s.step_t), s.point)
 
 
 def know_bands(s: Crossings, p: Parameters) -> None:
@@ -203,7 +206,7 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
     """Store an interval that contains the crossing of section j, if there is one.
 
     `roots` and `beyond` become its ends. A row that is below 0 at the start of the half
-    has its root there. A row that returns above 0 is a touch, and does not wait.
+    has its root there. A row that returns above its band is a touch, and does not wait.
 
     half : see `crossed_within`.
     """
@@ -214,7 +217,9 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
     if least < x and value_at(CROSSING, s, p, k, least) < min(b, 0.0):
         s.beyond[j] = least
     if b >= 0.0 and s.beyond[j] == x:
-        s.waits[j] = 0.0
+        if s.waits[j] > 0.0:
+            know_bands(s, p)
+            s.waits[j] = 1.0 if b <= s.bands[j] else 0.0
         return
     s.roots[j] = low
     if a >= 0.0:
@@ -254,11 +259,18 @@ def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
             cross(s, p, j, root)
             past = root
         elif s.beyond[j] == x and s.waits[j] == 0.0:
-            s.waits[j] = 1.0
-            kept, at_root = s.waiting[j * (1 + s.size) :], root_of(s, p, j, root)
-            state_at(s, p, at_root, kept[1:])
-            kept[0] = shown_time(s, s.step_t + at_root * s.step_h)
+            at_root = root_of(s, p, j, root)
+            state_at(s, p, at_root, s.point)
+            wait(s, j, shown_time(s, s.step_t + at_root * s.step_h), s.point)
     return past
+
+
+def wait(s: Crossings, j: int, t: float, y: Floats) -> None:
+    """Let section j wait, which the motion has reached at time t in state y (size,)."""
+    s.waits[j] = 1.0
+    kept = s.waiting[j * (1 + s.size) :]
+    kept[0] = t
+    kept[1 : 1 + s.size] = y[: s.size]
 
 
 def relation_jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:

@@ -208,7 +208,10 @@ class Surfaces(ModeWords):
     last_smooth: Floats = array("surfaces")
     first_met: Floats = array("surfaces")
     last_met: Floats = array("surfaces")
-    side_before: Floats = array("surfaces")  # the sides, while a row has its own
+    # The sides, and `slides`, while a row has its own.
+    side_before: Floats = array("surfaces")
+    slides_before: Floats = array("surfaces")
+    settled: Floats = array("surfaces", inf)  # time of the last instant, for all
     # Distance of the expression of a carried surface from its bounds above.
     margin_above: Floats = array("surfaces")
     # Where the rows of J begin among its elements, and the column of each.

@@ -42,9 +42,12 @@ class Sections:
         self.names = [x.name for x in asked]
         self._columns = columns
         self._blocks: list[list[Floats]] = [[] for _ in asked]
+        # By number: the row of a crossing that waits, in the modes of its own time.
+        self._waiting: dict[int, Floats] = {}
 
     def begin(self, arc: Arc) -> None:
         """Start the search for sections in the kernels of the first arc."""
+        self._waiting.clear()
         state, model = arc.state, arc.equations.model
         asked = model.output.sections
         state.sought = 1.0
@@ -64,11 +67,28 @@ class Sections:
         now = states[:, 1] <= until
         rows = arc.runner.tabulate(states[now, 1:])[:, : self._columns]
         numbers = states[now, 0]
+        for k, number in enumerate(numbers):
+            waited = self._waiting.get(int(number))
+            if waited is not None and waited[0] == rows[k, 0]:
+                rows[k] = waited
         for number in np.unique(numbers):
             self._blocks[int(number)].append(rows[numbers == number])
         later = states[~now].copy()
         state.crossed_states[: later.size] = later.ravel()
         state.states_found = float(len(later))
+
+    def keep_waiting(self, arc: Arc) -> None:
+        """Store the rows of crossings that wait since a time within the arc.
+
+        Later modes of the motion are not those at that time. arc : the arc at its end,
+        before the next one begins.
+        """
+        state = arc.state
+        for number in np.flatnonzero(state.waits).tolist():
+            row = state.waiting.reshape(-1, 1 + arc.system.size)[[number]]
+            if state.arc_start <= row[0, 0] < arc.t:
+                found = arc.runner.tabulate(row)[0, : self._columns]
+                self._waiting[number] = found
 
     def finish(self, arc: Arc, *, whole: bool) -> None:
         """Store the rows of sections that the end of the run crosses.
