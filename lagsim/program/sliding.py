@@ -21,7 +21,7 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
-from math import floor, inf, sqrt
+from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, CHOSEN, FOLLOWED, PUSH, Parameters
@@ -108,10 +108,10 @@ def mark_sides(t: float, p: Parameters) -> bool:
 
 def is_finite(count: int, x: Floats) -> bool:
     """Whether the first `count` elements of x are finite."""
+    left = 0.0
     for i in range(count):
-        if not abs(x[i]) < inf:
-            return False
-    return True
+        left += 0.0 * x[i]  # nan for a nan, and for inf
+    return left == 0.0
 
 
 def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
