@@ -189,7 +189,7 @@ ROWS = (
     MessageRow("E134", "too-many-values",
         "The file has too many values.",
         "A file has at most 1,000,000 values, lists and mappings.",
-        "set so many numbers from a program that calls lagsim: docs/python.md",
+        "set the values in a Python program that calls lagsim: see docs/python.md",
         commands=(
             "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
             "lagsim check many.yaml",
@@ -517,8 +517,8 @@ output: {reactions: [x]}
         "`begin: rest`, it is not at rest.",
         "The start satisfies all constraints and their time derivatives, and with "
         "`begin: rest` has no velocities and no accelerations.",
-        "use the nearest state that is shown, or write `{guess: ...}` for values to "
-        "be solved",
+        "use the nearest state that the message shows, or write `{guess: ...}` for "
+        "values that lagsim is to solve for",
         _ROD + "initial: {x: 1, y: 0.5}\n"),
     MessageRow("E302", "missing-initial",
         "A coordinate has no start value.",
@@ -612,7 +612,7 @@ output: {reactions: [x]}
         ("lagsim run pendulum.yaml",)),
     MessageRow("E405", "adaptive-method",
         "A stability limit is requested for a method that chooses its steps itself.",
-        "The method has a fixed step, such as rk4: only such a step has a stability "
+        "The method has a fixed step, such as rk4; only a fixed step has a stability "
         "limit.",
         "use --vary to see how the work of this method changes with a parameter",
         commands=("lagsim stability pendulum.yaml --methods dop853",)),

@@ -17,10 +17,10 @@ ROWS = (
     MessageRow("E501", "step-too-small",
         "The step size became too small.",
         "A step is large enough to change the time in double precision.",
-        "the motion reaches a singularity (a division by zero, a singular coordinate, "
-        "a force that drives it to infinity by then) or is very stiff: look at the "
-        "component that is named, stop before that time, choose other coordinates, or "
-        "use a larger rtol",
+        "the motion reaches a singularity (a division by zero, a singular coordinate,"
+        " a force that drives a coordinate to infinity in a finite time), or it is "
+        "very stiff: look at the component that the message names, end the run before"
+        " that time, choose other coordinates, or use a larger rtol",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
@@ -28,8 +28,8 @@ ROWS = (
     MessageRow("E502", "too-many-steps",
         "The run took too many steps.",
         "A run takes at most 10^8 steps.",
-        "parts of the motion are much faster than the run is long: shorten the "
-        "duration, or look for a stiffness or a frequency that is too large",
+        "some motion is so fast that the duration takes more steps than this: shorten"
+        " the duration, or look for a stiffness or a frequency that is too large",
         commands=()),
     MessageRow("E503", "values-not-finite",
         "An energy, a force or a constraint became infinite or not a number.",
@@ -63,16 +63,16 @@ ROWS = (
         "The position that a constraint prescribes, or a gap, jumped.",
         "The position that a constraint prescribes, and every gap, is a continuous "
         "function of time.",
-        "the velocity of a constraint or a gap may jump, its position may not: join "
-        "the pieces of the motion, or of the ground",
+        "the velocity that a constraint prescribes may jump, but not the position: "
+        "join the pieces of the prescribed motion, or of the ground, without a step",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
         "constraints: {belt: 'x = if(t < 0.5, 1, 2)'}\n",
         _RUN),
     MessageRow("E507", "switches-accumulate",
-        "Forces switched infinitely often within a finite time.",
+        "Forces switched infinitely often in a finite time.",
         "Forces and friction switch a finite number of times in a finite time.",
-        "no motion continues from there: change the forces near their switches, or "
-        "stop before that time",
+        "no motion continues after this time: change the forces near their switches, "
+        "or end the run before it",
         """\
 coordinates: {x: {}, z: {}}
 definitions: {}
@@ -97,8 +97,8 @@ initial: {x: 0, z: 0}
         "No contact forces exist that satisfy the laws of contact and friction.",
         "At every time there are contact forces that push, obey the law of friction, "
         "and keep the bodies apart.",
-        "friction and inertia admit no motion there (Painleve's paradox): reduce the "
-        "friction, or make a body compliant",
+        "friction and inertia admit no motion from this state on (Painleve's "
+        "paradox): reduce the friction, or make a body compliant",
         """\
 parameters: {g: 9.81, m: 1, a: 0.5}
 coordinates: {x: {}, y: {}, q: {}}
@@ -113,8 +113,8 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     MessageRow("E510", "state-jumps",
         "A position, or a velocity without an impact, jumped.",
         "Positions are continuous, and so are velocities except at impacts.",
-        "positions never jump, and velocities only at an impact. The rows up to there "
-        "are valid. This is a bug in lagsim: please report the model",
+        "the rows up to this time are valid. This is a bug in lagsim: please report "
+        "it with the model",
         commands=()),
     MessageRow("E511", "no-reference",
         "No reference solution was found for the errors.",
@@ -162,7 +162,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
 """,
         _RUN),
     MessageRow("E520", "law-out-of-range",
-        "A friction or a limit became negative, or a restitution left 0 to 1.",
+        "A friction or a limit became negative, or a restitution was not from 0 to 1.",
         "Throughout the run friction and limits are not negative, and restitution is "
         "from 0 to 1.",
         "bound the expression, as in max(0, ...) or min(1, ...)",
@@ -185,8 +185,9 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     MessageRow("E601", "differs",
         "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",
-        "look at the column and the time that are named first: `--plot FILE` draws "
-        "the columns; if the new result is right, store it by `lagsim golden --update`",
+        "begin with the column and the time that the message names first; `--plot "
+        "FILE` draws the columns; if the new result is right, store it by `lagsim "
+        "golden --update`",
         commands=(
             _RUN_INTO.format("one"),
             _RUN_INTO.format("other --set m=2 --set l=1.01"),
@@ -287,9 +288,9 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
         )),
     MessageRow("E615", "bad-data",
         "The data of a fit cannot be used.",
-        "The header has the column t and columns that the model explains; in each row "
-        "below, t does not fall and lies within the run, and each cell is a number, or "
-        "empty.",
+        "The header has a column `t` and columns that the model explains. In each row"
+        " below, t is not less than in the row before and lies within the run, and "
+        "each other cell is a number or empty.",
         "write a table with a header: t,theta in the first line, 0.1,0.98 below",
         commands=(
             "printf 't,theta\\n0,1\\n0.5,half\\n0.4,0\\n' > data.csv",

@@ -30,7 +30,7 @@ ROWS = (
     warning("W105", "multipliers-not-unique",
         "Constraints are redundant: their multipliers are not unique, and the "
         "multipliers of least norm are reported.",
-        "leave constraints out until the others determine their forces",
+        "leave out constraints until the remaining ones determine their multipliers",
         PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n"),
     warning("W106", "vanishing-gradient",
@@ -107,8 +107,8 @@ ROWS = (
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
         _RUN),
     warning("W207", "retired",
-        "The method or formulation of an earlier version is named: `auto` takes its "
-        "place.",
+        "The file or the command names a method or a formulation of an earlier "
+        "version that was retired: `auto` is used instead.",
         "leave the key or the option out",
         "simulation: {duration: 1, method: exponential}\n", _RUN),
     warning("W301", "horizon",
@@ -169,9 +169,9 @@ ROWS = (
         "choose coordinates whose pole lies elsewhere",
         commands=("lagsim run models/failing/polar-miss.yaml --no-plots",)),
     warning("W311", "impact-order",
-        "Contacts struck at one time, and the result depends on their order: they are "
-        "treated as simultaneous.",
-        "add the gaps that the real bodies have, or springs",
+        "Several contacts were struck at one time, and the result depends on the "
+        "order of the impacts: they are treated as simultaneous.",
+        "add the small gaps, or the springs, that the real bodies have",
         commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",)),
     warning("W312", "impact-energy",
         "An impact increased the energy, which restitution with friction can.",
@@ -250,8 +250,9 @@ simulation: {duration: 40, output_step: 0.5}
     warning("W321", "shared-friction",
         "Sliding friction depends on normal forces that are not unique, so the motion "
         "is not unique.",
-        "leave contacts, or constraints beside the contacts, out until the others "
-        "determine their forces, or give the contacts the same friction",
+        "leave out contacts, or constraints beside the contacts, until the remaining "
+        "ones determine their forces; or use one coefficient of friction for all "
+        "contacts",
         """\
 coordinates: {x: {}, y: {}}
 definitions: {}
