@@ -28,8 +28,8 @@ ROWS = (
     MessageRow("E502", "too-many-steps",
         "The run took too many steps.",
         "A run takes at most 10^8 steps.",
-        "some motion is so fast that the duration takes more steps than this: shorten"
-        " the duration, or look for a stiffness or a frequency that is too large",
+        "some part of the motion is too fast for this duration: shorten the duration, "
+        "or look for a stiffness or a frequency that is too large",
         commands=()),
     MessageRow("E503", "values-not-finite",
         "An energy, a force or a constraint became infinite or not a number.",

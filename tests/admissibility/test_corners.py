@@ -157,7 +157,7 @@ def test_a_guess_beside_a_corner_leads_into_it(text, want):
 
 
 def test_rest_in_a_corner_of_a_large_track_lasts():
-    """Rounding of the height, 1,000 m, was taken for a jump where nothing moves."""
+    """The rounding of a height of 1,000 m is no jump of a body at rest."""
     shape = "0.5*abs(x - 2000) + 2*abs(x) + 0.02*x + 0.001*x^2/2"
     text = model({"x": 2720.0, "h": 300.0}, "2*h", {"c": f"h = {shape}"})
     result = lagsim.simulate(text, error_bar="never")

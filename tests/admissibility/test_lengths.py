@@ -215,7 +215,10 @@ def test_a_root_however_far_is_one(relation, guess, root):
 @pytest.mark.parametrize("guess", ["1", "3e4", "1e5", "3e5"])
 @pytest.mark.parametrize("least", [Point.LARGE, 1])
 def test_a_guess_that_runs_away_from_afar(guess, least, monkeypatch):
-    """Where few steps lead to what rounding meets; in sparse matrices, too."""
+    """Few steps lead to values that satisfy the relation by rounding alone.
+
+    The relation has no root. Dense and sparse matrices are used.
+    """
     monkeypatch.setattr(Point, "LARGE", least)
     start = judged(scene("x = sqrt(1 + x^2)", {"x": f"{{guess: {guess}}}"}))
     check(start, unsolved="diverges")

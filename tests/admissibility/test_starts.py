@@ -382,7 +382,7 @@ def test_what_is_to_be_written_comes_to_rest_but_for_a_creep(v):
 
 
 def test_numbers_out_of_scale_are_those_that_count():
-    """A parameter without use is not to blame."""
+    """A parameter without use is not named."""
     text = (
         "parameters: {unused: 1e-305, large: 1e300}\n"
         "coordinates: {x: , y: }\n"

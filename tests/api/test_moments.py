@@ -114,7 +114,10 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_asking_changes_nothing_of_the_motion(name):
-    """At times of rows, between others, it is the rows to the bit."""
+    """At the times of rows the result equals the rows to the bit.
+
+    So it does if other times are requested as well.
+    """
     result = lagsim.simulate(
         lagsim.load(str(MODELS / f"{name}.yaml")), error_bar="never"
     )

@@ -113,7 +113,7 @@ def test_a_fault_within_a_long_line_is_shown_in_a_window(lagsim, write):
 
 
 def test_start_values_are_set_as_parameters_are(lagsim, write):
-    """The rows begin with them, and the energy is theirs; `check` takes them too."""
+    """The first row, the energy and the report of `check` follow from these values."""
     model, sets = write(PENDULUM), ("--set", "theta=pi/3", "--set", "theta_dot=0.5")
     assert lagsim("check", model, *sets).code == 0
     assert lagsim("run", model, *sets, "--no-plots", "-o", "out").code == 0

@@ -66,7 +66,7 @@ def test_too_long_to_repeat(lagsim, write, monkeypatch):
 
 
 def test_a_repeat_that_fails_is_a_warning(lagsim, write, monkeypatch):
-    """In run.json and on the terminal, with its code; other reasons are none."""
+    """The warning is in run.json and on the terminal; other reasons are no warning."""
     monkeypatch.setattr("lagsim.studies.attempts.Allowance.steps", lambda *_: 3)
     called = lagsim("run", write(SWING), "--no-plots", "-o", "out", code=0)
     assert called.reports("W318")

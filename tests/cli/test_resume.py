@@ -180,7 +180,7 @@ def sealed(key):
 @pytest.mark.usefixtures("lagsim")
 @pytest.mark.parametrize("kind", ["open", "a link", "another name"])
 def test_a_key_that_a_stranger_may_know_is_replaced(monkeypatch, kind):
-    """One that others read, or that lies elsewhere: a link, or a second name."""
+    """Such a key can be read by others, or is a symbolic or a hard link."""
     monkeypatch.setenv("LAGSIM_CACHE", str(Path("cache").absolute()))
     keys = cache.folder("keys")
     path, known = keys / "restart.key", b"k" * 32
@@ -237,7 +237,7 @@ BY_METHODS = [
 def test_runs_with_every_kind_of_event_by_every_method_can_be_kept(
     lagsim, monkeypatch, name, more
 ):
-    """Of a class that is not declared a run would begin anew; this one would fail."""
+    """With a class that is not declared the run would begin anew, and the test fail."""
     kept = []
 
     class Never(Exception):  # noqa: N818 (stands for one that is suppressed)
@@ -276,7 +276,7 @@ def test_rows_that_were_changed_are_made_anew(lagsim, begun):
 
 
 def test_what_cannot_be_kept_is_not(lagsim, monkeypatch):
-    """A run with a state that cannot be stored is completed all the same."""
+    """A run with a state that cannot be stored completes without a checkpoint."""
 
     def unable(*_):
         raise TypeError("cannot pickle 'generator' object")

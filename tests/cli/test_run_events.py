@@ -151,7 +151,7 @@ def test_events_are_in_the_file_while_the_run_goes_on(lagsim, write, monkeypatch
 
 
 def test_the_table_is_the_same_without_pictures(lagsim, write):
-    """Pictures show rows at events besides; the table and what follows do not."""
+    """Pictures need further rows beside events, which are not in the table."""
     model = write(CONTACT)
     found = []
     for options in ((), ("--no-plots",)):

@@ -65,7 +65,7 @@ def test_the_shipped_file_is_what_the_command_prints(lagsim):
 
 
 def test_the_shipped_file_names_what_is_declared_elsewhere():
-    """Letters that nobody sees, operators, and the options that methods have today."""
+    """Invisible letters, operators, and the present options of methods."""
     sections = SCHEMA["properties"]
     assert sections["name"]["pattern"] == rf"^[^/\\\n\t{INVISIBLE}]+$"
     refused = sections["definitions"]["propertyNames"]["not"]["anyOf"][0]["enum"]

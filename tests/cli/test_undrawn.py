@@ -80,7 +80,7 @@ class Killed(BaseException):
 def test_rows_are_in_their_place_before_anything_is_drawn(
     lagsim, write, monkeypatch, before
 ):
-    """With pictures of an earlier run there, they go: they show other rows."""
+    """Pictures of an earlier run are removed, since they show other rows."""
     write(PENDULUM)
     if before:
         assert lagsim("run", "model.yaml", "-o", "out", "--set", "l=2").code == 0

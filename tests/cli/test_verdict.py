@@ -25,7 +25,7 @@ simulation: {duration: 10, output_step: STEP}
 
 
 def test_what_was_made_anew_is_told(lagsim, write):
-    """And the table has the rows of the second attempt alone, pictures too."""
+    """The table and the pictures have the rows of the second attempt alone."""
     called = lagsim("run", write(HILL.replace("STEP", "5")), "-o", "out")
     document = manifest("out")
     t = column("out", "t")

@@ -365,7 +365,7 @@ def dead_zone(k, x):
 
 
 def belt(k, x):
-    """Dry friction on a belt, with a limit that may know much."""
+    """Dry friction on a belt, with a limit that may depend on many quantities."""
     size = repr(x.m * k.some(0.3, 3))
     factor = k.r.choice(["1", "(1 + abs({x}))", "(1.5 + sin(3*t))", "table", "mode"])
     if factor == "table":
@@ -380,7 +380,7 @@ def belt(k, x):
 
 
 def ratchet(k, x):
-    """It does not go back."""
+    """A freewheel: a coordinate that cannot move back."""
     if k.stop(x):
         told, plain = k.both(x, "{v}")
         k.law({"relation": f"{told} >= 0"}, Law("ratchet", plain))
@@ -434,7 +434,7 @@ def state(k, x):
 
 
 def wall(k, x):
-    """A contact beside the start, perhaps with a restitution that a mode has."""
+    """A contact beside the start, perhaps with a mode as its restitution."""
     e = k.r.choice(["0", str(k.some(0.3, 1)), "0.9 - 0.05*approach_speed", "mode"])
     if e == "mode":
         e = k.name("e")

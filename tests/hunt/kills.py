@@ -46,7 +46,7 @@ def called(line):
 
 
 def killed(line, moment):
-    """Call the command in a fork that dies at a moment; tell whether it has died."""
+    """Call the command in a fork that dies at a moment; return whether it has died."""
     pid = os.fork()
     if pid == 0:
         if isinstance(moment, int):

@@ -20,7 +20,7 @@ WITHIN = 1e-7
 
 @functools.cache
 def known(number):
-    """Return a scene whose truth the referee knows, and the truth."""
+    """Return a scene for which the referee has a reference motion, and this motion."""
     while True:
         scene = replace(scene_of(f"same-{number}"), until="", settings={})
         try:
@@ -30,12 +30,11 @@ def known(number):
 
 
 def drowned(spread, name):
-    """Return what doubles lose of all places where they lose all digits of some.
+    """Return the error of coordinates by rounding, if it hides one of them; else 0.
 
-    All coordinates are moved by the same, many times the largest range: where a body
-    has come 1e9 times as far as an angle has turned, no six digits are left of that.
-    Such an angle is held to what rounding leaves of its place; it acts in each of some
-    30 steps.
+    All coordinates are shifted alike, by many times the largest range. Where a body has
+    moved 1e9 times as far as an angle has turned, fewer than six digits of the angle
+    remain. The rounding error of such an angle acts in each of some 30 steps.
     """
     if name not in ("shifted", "boosted"):
         return 0.0

@@ -317,7 +317,7 @@ def test_elimination_is_as_short_as_by_hand(name, most):
 
 
 def test_operations_of_a_chain():
-    """17 a link, counted on paper.
+    """17 operations for each link, counted on paper.
 
     A difference of angles, its sine and cosine, a'^2; sin^2, its sum with what the
     pivot behind has beside 1, the pivot, and these two and the cosine over it; the

@@ -39,7 +39,7 @@ def drift(found):
 
 
 def simulated(text):
-    """Simulate, where the method can handle the forces: not all know drag."""
+    """Simulate, if the method can handle the forces: not all methods permit drag."""
     with suppress(InputError):
         return simulate(text)
     with refused("method-refused"):

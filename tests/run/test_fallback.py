@@ -29,7 +29,7 @@ METHODS = ["taylor", "auto"]
 
 
 def took_over(found):
-    """Return the times from which dop853 continues."""
+    """Return the times from which on the run continues by dop853."""
     choices = [c.choice for c in found.trajectory.choices]
     return [c for c in choices if c.startswith("method: dop853 from t = ")]
 

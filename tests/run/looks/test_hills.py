@@ -119,7 +119,7 @@ def test_a_patch_of_drag(method):
 
 @pytest.mark.parametrize("method", METHODS[1:])
 def test_what_wakes_at_a_speed(method):
-    """A fall that is damped about one speed only: the time that it takes to pass it."""
+    """A fall with damping in a narrow range of speeds: the time to pass this range."""
     width, strength = 1e-3, 0.5
     force = f"1 - {strength}*exp(-((x_dot - 5)/{width})^2/2)"
     found = run(line(force=force, duration=10, method=method))

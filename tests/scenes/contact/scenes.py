@@ -111,7 +111,7 @@ def dome(gap="hypot(x, y) >= R"):
 
 
 def string(factor, duration=1.5):
-    """A bob on a string, kicked at its lowest point with v^2 = factor*g*l."""
+    """A bob on a string, which starts at its lowest point with v^2 = factor*g*l."""
     return scene(
         "x y", "m*(x_dot^2 + y_dot^2)/2", "m*g*y",
         {"string": contact("hypot(x, y) <= l", 0)},

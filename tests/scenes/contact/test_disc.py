@@ -232,7 +232,7 @@ def test_a_slip_ends_along_the_way_that_is_left(rail):
 
 
 def test_a_disc_on_a_ring_slips_as_a_whole():
-    """At the bound of its friction both of its rows are, whatever the rounding.
+    """Both rows of the disc are at the bound of its friction at once, despite rounding.
 
     The ring bears the transverse force; the friction has its bound along the ring.
     """

@@ -202,7 +202,7 @@ def test_a_damper_beside_a_slider():
 
 @pytest.mark.parametrize("drive", ["c0*(t - a_dot)", "c0*(-t - a_dot)"])
 def test_sliders_that_dampers_join(drive):
-    """Each slips where the damper before it bears its limit.
+    """Each slider slips when the damper before it transmits the force of its limit.
 
     c0 (t - a') = F0 + c1 (a' - b'), and c1 (a' - b') = F1 once b slips.
     """
@@ -445,7 +445,7 @@ def test_a_slider_and_a_stop():
 
 
 def test_sections_events_and_other_times():
-    """`until` and `result.at` see a slider; a clock that starts late moves nothing."""
+    """`until` and `result.at` use positions of a slider; a late start changes none."""
     found = play(jenkins(until="s >= 0.1"))
     assert found.result.outcome == "until"
     close(found["x"][-1], 0.1 + FORCE / SPRING, 1e-10)

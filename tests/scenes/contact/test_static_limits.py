@@ -159,7 +159,7 @@ def test_a_definition_may_stand_for_the_slip():
 @pytest.mark.parametrize("gear", ["x = 2*q", "x_dot = 2*q_dot", "2*q = x + sin(t) - t"])
 @pytest.mark.parametrize("spelling", SPELLINGS[:3])
 def test_the_slip_may_be_written_by_what_an_equality_couples(gear, spelling):
-    """x slips where 3 t = F0; the wheel q goes with it."""
+    """x slips when 3 t = F0, and the wheel q turns with it."""
     slip = "q_dot" if "sin" not in gear else "2*q_dot - cos(t) + 1"
     text = scene(
         "x q", "x_dot^2/2 + q_dot^2/1e6", "0",
@@ -526,10 +526,10 @@ def test_an_impact_has_static_friction_where_the_slip_was_0(friction, law, c, v)
 
 
 def first_slip(rows, force):
-    """Return the time at which a growing force leaves the convex set that rows bear.
+    """Return the time at which a growing force exceeds the forces that rows balance.
 
-    A disc of radius L bears L in each direction n, a row a with limit L bears L |a .
-    n|; the sets add up.
+    A disc of radius L balances the force L in each direction n, a row a with the limit
+    L the force L |a . n|; the convex sets of several rows add up.
     """
 
     def bears(angle):

@@ -72,7 +72,7 @@ for mass in (1e-17, 1e17):
 
 
 def leaving(begins, way=1.0, power=0):
-    """x leaves its switch, and y feels its side from then on."""
+    """x leaves the level of its switch; the force on y then depends on its side."""
 
     def motion(t):
         late = np.maximum(t - begins, 0.0)

@@ -495,7 +495,7 @@ def told_of(model, **options):
 
 @pytest.fixture(scope="module")
 def near():
-    """The motion near the origin, which knows ten digits more."""
+    """The motion near the origin, which has ten digits more."""
     found, codes = told_of(stars(PLAIN), rtol="1e-13")
     assert codes == ["unused-parameter"]
     return found

@@ -68,7 +68,7 @@ def document(rows, **more):
 
 
 def crowd():
-    """Return rows of all methods and formulations, each curve dearer than the last."""
+    """Return rows of all methods and formulations, each curve costlier than before."""
     kinds = ("velocity projection", "elimination", "baumgarte", "drift")
     rows = curve("radau", "elimination", 1.0, chosen=True)
     times = (2.0 + k for k in itertools.count())
