@@ -392,9 +392,9 @@ def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, 
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
-    """Return the table beyond whose end a run may not go, and the x of that end.
+    """Return a table that ends the run beyond its points, and the x of that end.
 
-    None if the cell is within the table, or the table goes on beyond its ends.
+    None if the cell is within the table, or if the table has values beyond its ends.
 
     knot : node of the knot number of a table.
     cell : number of the cell in which its argument lies.

@@ -374,7 +374,7 @@ def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the columns of an output row at (t, y) in out (columns,).
 
-    They are those of the equations as they are, without Baumgarte's stabilising terms.
+    The columns are those of the equations without Baumgarte's stabilising terms.
     """
     gain = p.gain
     p.gain = 0.0

@@ -506,9 +506,9 @@ def hardly_varies(s: SearchTable, p: Parameters, k: int) -> bool:
 
 
 def is_zero(s: SearchTable, p: Parameters, k: int) -> bool:
-    """Whether signal k is 0 on the stretch except for roundoff.
+    """Whether signal k is 0 on the stretch, except for roundoff.
 
-    Terms of the argument of a switch may cancel: its sign is then roundoff everywhere.
+    Where the terms of a switch's argument cancel, its sign is roundoff alone.
     """
     largest = float(max(abs(s.starts[k]), abs(s.middles[k]), abs(s.ends[k])))
     return largest <= CLEAR_OF_ROUNDING * moved_by_rounding(s, p, k, 0.0)

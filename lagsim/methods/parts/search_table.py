@@ -299,10 +299,10 @@ def value_at(kind: Static, s: SearchTable, p: Parameters, k: int, x: float) -> f
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Return -log of a term relative to 1, where its signal is u.
+    """Return the distance of a signal u from the activity of its localized term.
 
-    The result is the distance of the signal from activity of the term. 0 for the kind
-    FALLING.
+    The distance is -log of the term, relative to 1, where the signal is u; 0 for the
+    kind FALLING.
 
     kind, power : see `program.localized.Indicator`.
     """

@@ -797,7 +797,8 @@ class Expansion:
     def spread(self, node: Node, reading: MemberReading) -> Node:
         """Return a vector-valued expression as a YAML list with an item per component.
 
-        Any other YAML node is returned for the member of `reading`.
+        Any other YAML node is returned with its scalars evaluated for the member of
+        `reading`, see `bound`.
 
         node : the expression.
         """

@@ -492,10 +492,10 @@ def _knots_located(
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
-    """Yield pairs (time, False): first doubles at which the cell of a table changes.
+    """Yield the first time in each cell that the argument of a table enters.
 
-    False : none is a pause of the search, see `Division.times`. Each double lies near a
-    knot of `TimedTable.knots`.
+    Each item is a pair (time, False): the time is no pause of the search, see
+    `Division.times`. Each time lies near a knot of `TimedTable.knots`.
 
     discrete : the node of the number of the cell.
     clock : the table.

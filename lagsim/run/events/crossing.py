@@ -696,10 +696,10 @@ class Crossing:
             self._rest(cone.resting, *before)
 
     def _rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
-        """Select rest at levels in place of the modes found, if output columns differ.
+        """Select rest at levels in place of the modes found, if output columns change.
 
         At rest a switch has its value at the level; sliding, a combination of both
-        sides. The motion is the same, but columns that contain the switch are not. If
+        sides. The motion is equal, but columns that contain the switch differ. If
         all columns agree, the modes found are restored.
 
         Parameters

@@ -262,7 +262,7 @@ class Reference:
         return whole, int(self.known / level), -self.floor
 
     def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
-        """Return the differences of a run from the reference, relative to ranges.
+        """Return the differences between a run and the reference, relative to ranges.
 
         The shape is (count, columns). Velocities jump at impacts, and multipliers at
         all events: in rows between the times of one event in both runs, the difference
