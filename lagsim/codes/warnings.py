@@ -107,8 +107,8 @@ ROWS = (
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
         _RUN),
     warning("W207", "retired",
-        "The file or the command names a method or a formulation of an earlier "
-        "version that was retired: `auto` is used instead.",
+        "The file or the command names a retired method or formulation of an earlier "
+        "version: `auto` takes its place.",
         "leave the key or the option out",
         "simulation: {duration: 1, method: exponential}\n", _RUN),
     warning("W301", "horizon",
