@@ -8,6 +8,7 @@ import yaml
 from scipy.optimize import linprog
 
 import lagsim
+from tests.support import refused
 
 G = 9.81
 
@@ -185,7 +186,7 @@ def test_the_track_bears_the_weight_in_its_corner(name):
     ids=["steeper", "ridge", "force", "hill", "pushes away"],
 )
 def test_a_ridge_or_a_steeper_force_leaves_no_rest(text):
-    with pytest.raises(lagsim.InadmissibleError, match="x_ddot"):
+    with refused("inadmissible", "x_ddot", kind=lagsim.InadmissibleError):
         lagsim.simulate(text, error_bar="never")
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.support import simulate
+from tests.support import refused, simulate
 
 LAWS = {
     "limit": {"relation": "v_dot = 0", "limit": "{0}"},
@@ -113,7 +113,7 @@ def test_a_bound_is_judged_after_a_break_at_the_time_at_which_its_argument_jumps
 )
 def test_a_bound_that_falls_below_0_ends_the_run(law, bound, ends):
     if ends is None:  # it is negative at the start
-        with pytest.raises(Exception, match=r"negative"):
+        with refused("out-of-range", "`rub`", "-0.5"):
             simulate(slowed(law, bound))
         return
     found = simulate(slowed(law, bound))

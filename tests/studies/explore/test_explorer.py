@@ -13,7 +13,7 @@ from lagsim.cli._faults import error_text
 from lagsim.errors import LagsimError
 from lagsim.outputs.animation import stage
 from lagsim.studies.explore.explorer import MOST_ROWS, Explorer, SupersededError
-from tests.support import MODELS
+from tests.support import MODELS, refused
 
 OSCILLATOR = """\
 parameters:
@@ -459,7 +459,7 @@ simulation: {duration: 1}
 def test_the_start_follows_a_parameter_that_makes_it_inadmissible(file):
     file.write_text(ROD)
     engine = explorer_of(file)
-    with pytest.raises(LagsimError, match="admissible"):
+    with refused("inadmissible"):
         engine.motion({"L": 1.5}, "page")
     header, _ = unpacked(engine.motion({"L": 1.5}, "page", follow=True))
     # The nearest point of the circle lies in the direction of the point before.
