@@ -167,7 +167,7 @@ def passes_level(s: State, p: Parameters) -> bool:
     run has to select the modes of surfaces and laws.
     """
     k = int(s.switched) - 1
-    if k >= p.surfaces or p.slides[k] != 0.0:
+    if k >= p.surfaces or p.slides[k] != 0.0 or p.decisive[k] > 0.0:
         return False
     surfaces(s.t, s.y, p, s.values)
     value = s.values[k]

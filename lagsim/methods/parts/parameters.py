@@ -208,6 +208,8 @@ class Surfaces(ModeWords):
     last_smooth: Floats = array("surfaces")
     first_met: Floats = array("surfaces")
     last_met: Floats = array("surfaces")
+    # 1 where the expression of a surface that rests at its level depends on the side.
+    decisive: Floats = array("surfaces")
     # The sides, and `slides`, while a row has its own.
     side_before: Floats = array("surfaces")
     slides_before: Floats = array("surfaces")

@@ -744,6 +744,17 @@ class SurfaceModes:
             and not np.any(there.J[k])
         )
 
+    def decisive(self) -> Floats:
+        """Return 1 for each surface whose side decides another one's rest, shape (K,).
+
+        The expression of a surface that rests at its level depends on the side: beside
+        a knot of a linear table, `abs(table(q))` may leave 0, at which it has been.
+        """
+        found = np.zeros(self.count)
+        for k in np.flatnonzero(self.kind == kept.LEVEL).tolist():
+            found[list(self.depends[k])] = 1.0
+        return found
+
     def held(self) -> dict[int, float]:
         """Return, by index, the surfaces at whose level constraints keep the motion.
 

@@ -271,7 +271,7 @@ class Switching(Source):
                 if modes.kind[k] == 0.0:  # rows show the choice
                     modes.kind[k] = kept.CHOSEN
         modes.write()
-        modes.store(roundoff=2.0 * roundoff)
+        modes.store(roundoff=2.0 * roundoff, decisive=modes.decisive())
         self._set_slack(crossing)
         y = self._projected(resting=rests or bool(at_rest))
         found = Decision(

@@ -310,3 +310,28 @@ def test_a_root_without_a_value_on_its_own_side_ends_the_run():
     found = run(model).trajectory
     assert found.outcome == Outcome.NOT_FINITE
     assert found.end == pytest.approx(1.0, abs=1e-6)
+
+
+FLAT = "flat: {points: [[0, 3], [1, 3], [1.5, 0], [4, 0], [5, 1]], outside: hold}"
+SAW = "saw: {points: [[0, 0], [1, 2], [2, -1], [3, 0]], outside: repeat}"
+
+
+@pytest.mark.parametrize(
+    ("force", "impulse"),
+    [
+        # 3 in the first second, then a ramp of 0.75; from q = 4 a ramp of 0.5, then 1.
+        ("abs(flat(q))", 3.75 + 0.5 + 1),
+        ("sign(flat(q))", 1.5 + 2),
+        # The same four pieces, times q + 1.
+        ("max(0, flat(q)*(q + 1))", 4.5 + 1.625 + 17 / 6 + 6.5),
+        # 1 + saw(q) is below 1.5 but for 1/4 < q < 3/2.
+        ("if(flat(1 + saw(q)) > 0, 1, 0)", 2 * (3 - 1.25)),
+    ],
+)
+def test_the_argument_of_a_switch_is_0_between_points_of_a_table(force, impulse):
+    """Past a point of the table the switch is decided again, at whatever rate."""
+    tables = f"tables: {{{FLAT}, {SAW if 'saw' in force else ''}}}"
+    model = tables + TURNING.replace("FORCE", force).replace("METHOD", "method: auto")
+    found = run(model.replace("duration: 20", "duration: 6"))
+    # Forces are linear in t between points: exact to rounding and to the times found.
+    assert found["w_dot"][-1] == pytest.approx(impulse, abs=1e-11)
