@@ -448,7 +448,7 @@ class _Examiner:
         return nearest_solution(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> NewtonResult:
-        """Solve relations for guesses; name a failure or a special root in words."""
+        """Solve relations for guesses; add texts on a failure or on a special root."""
         found = self._nearest(relations)
         if not relations.wanted:
             return found

@@ -336,7 +336,7 @@ class NewtonResult(NamedTuple):
     trouble : Trouble
         Reason of a failure, or a peculiarity of the root.
     reason, least : str
-        If not converged: the reason, and the least residual, in words.
+        If not converged: texts on the reason, and on the least residual.
     """
 
     x: Floats

@@ -334,9 +334,8 @@ def _combinations(
     The result maps the index of a dependent row to coefficients by index of an
     independent row.
 
-    Y : rows (m, n) scaled to length 1.
-    lengths : their lengths before (m,).
-    flags : marks of dependent rows (m,).
+    Y : rows (m, n) scaled to length 1. lengths : (m,), the lengths of the rows before
+    this scaling. flags : a mask (m,) of the dependent rows.
     """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
@@ -504,7 +503,7 @@ class Neighbourhood:
 
 
 class _Generic(NamedTuple):
-    """Rank, smallest singular value, and marks of dependent rows at a generic state."""
+    """Rank, smallest singular value, and mask of dependent rows at a generic state."""
 
     rank: int
     smallest: float

@@ -148,7 +148,7 @@ class RelationResiduals(NamedTuple):
     holds : bool or None
         Whether the law acts at the start; None if undecided.
     mode : str
-        Mode of the law in words.
+        Mode of the law, as text.
     limit : Residual or None
         Of a slider without mass: its limit minus its force.
     """
@@ -750,7 +750,7 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
 def _with_mode(
     verdict: RelationResiduals, found: LawsAtStart, point: Point
 ) -> RelationResiduals:
-    """Return the verdict on a law with its mode at the start, in words.
+    """Return the verdict on a law, with its mode at the start as text.
 
     found : the modes of the laws.
     """

@@ -259,7 +259,7 @@ def equilibrium(
         A model from `load`, the path of a model file, or the text of one: a string
         with a line break.
     starts : int
-        The number of other starts of the search, beside that of the file.
+        The number of starts of the search in addition to the start of the file.
     vary : mapping of str to (float, float), optional
         One parameter or start value with its range: the branches of rests over it are
         followed, and `branches` and `points` are entries of the result.

@@ -175,7 +175,8 @@ def fit(
     loss : str
         `linear`, or for outliers `soft_l1` or `huber`.
     starts : int
-        The number of other starts, within the bounds, beside that of the file.
+        The number of random starts within the bounds, in addition to the start of the
+        file.
     values : mapping of str to float or str, optional
         Parameters and start values of one file alone: `{"theta@2": 0.3}`; `t0@2` is the
         difference of its clock.

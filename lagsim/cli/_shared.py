@@ -349,7 +349,7 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
 
 
 class Measured(NamedTuple):
-    """The result of an experiment, as it is written and reported.
+    """Result of an experiment: the contents of its files, and its summary.
 
     Attributes
     ----------

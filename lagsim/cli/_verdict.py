@@ -126,7 +126,7 @@ def _sided(verdict: RelationResiduals) -> str:
 
 
 def _status(verdict: RelationResiduals, residual: float) -> str:
-    """Return the state of a constraint that holds only at times, in words.
+    """Return the state of a constraint that holds only at times, as text.
 
     verdict : the judgement on the constraint.
     residual : its gap or residual of positions, as shown in the report.

@@ -750,7 +750,7 @@ class Collected:
         return min(given, found, key=lambda x: g.cost(x, self.moving))
 
     def _collected(self, node: int) -> int:
-        """Return a sum with constant factors collected; a single product as it is."""
+        """Return a sum with constant factors collected; a single product unchanged."""
         g = self.g
         if g.ops[node] == "neg" and g.ops[g.args[node][0]] in ("mul", "div"):
             still, core = self.parts(g.args[node][0])

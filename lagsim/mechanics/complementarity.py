@@ -99,7 +99,7 @@ class ComplementarityProblem:
     low, high : ndarray, shape (2, r)
         Bounds of p: of row k, low[0, k] + low[1, k] p_n, with n the row of its contact.
     normals, pairs : ndarray of int, shape (r,)
-        The index of the row of the contact; the index of the other one of two slips,
+        The index of the row of the contact; the index of the other slip of a pair,
         whose bounds are symmetric to 0. -1 where there is none.
     """
 

@@ -298,8 +298,8 @@ class Law(NamedTuple):
         The friction coefficient while the slip slides and while it sticks, or the
         limit of the multiplier: nodes. Zero where the law has neither.
     normal, pair : int
-        The index, among the laws, of the contact of a slip, and of the other one of
-        two slips or of two limited equalities; -1 where there is none.
+        The index, among the laws, of the contact of a slip, and of the other law of a
+        pair of slips or of limited equalities; -1 where there is none.
     when : int or None
         The condition on t and parameters under which the row is in force: a node.
     slider : Slider or None

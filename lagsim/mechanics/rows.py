@@ -60,8 +60,8 @@ class RowTable:
     low, high : ndarray, shape (r,)
         The bounds of each multiplier, as multiples of the bound of its row.
     normals, pairs : ndarray of int, shape (r,)
-        The index of the row of the contact of a slip; the index of the other one of two
-        slips or limited rows; -1 where there is none.
+        The index of the row of the contact of a slip; the index of the other row of a
+        pair of slips or of limited rows; -1 where there is none.
     gapped, poisson : ndarray of bool, shape (r,)
         Rows with a gap, which bounce; those with restitution of impulses (Poisson), not
         of rates (Newton).

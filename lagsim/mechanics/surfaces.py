@@ -174,7 +174,7 @@ def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
 def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
     """Return the binding power and the text of a node.
 
-    `...` stands for nodes below `depth`.
+    `...` replaces nodes below `depth`.
     """
     op, args = g.ops[n], g.args[n]
     if op in (VARIABLE, TRUTH):

@@ -419,7 +419,7 @@ class Section(NamedTuple):
     """Section of the phase space, at which states are recorded for a picture.
 
     States are recorded where the graph node `at` crosses 0 in the `direction`, or at
-    times a constant interval apart, the graph node `every`; the other one of both is
+    times a constant interval apart, the graph node `every`; one of `at` and `every` is
     None. `plot` has the names of the two columns of the picture.
     """
 

@@ -286,7 +286,7 @@ class TableWriter(Writer):
 
 
 class EventsWriter:
-    """Writer of events.csv, which receives the events of a run as it goes on.
+    """Writer of events.csv, which receives the events during a run.
 
     Attributes
     ----------

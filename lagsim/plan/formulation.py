@@ -134,7 +134,7 @@ def formulations() -> list[str]:
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
     """Return a list with one fault if there is no formulation `asked`, else [].
 
-    place : where the name stands in the file, or None.
+    place : the place of the name in the file, or None.
 
     Examples
     --------

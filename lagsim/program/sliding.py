@@ -489,7 +489,7 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
-    """Exchange rows so that the largest element of column k stands in row `row`.
+    """Exchange rows so that the largest element of column k is in row `row`.
 
     Return 0 if the element is 0 within rounding, or if there is no such row; else 1.
 

@@ -26,7 +26,7 @@ TIMES = 20
 
 
 class Failed(str):
-    """Text of the reason why a repeat of a run provided no error estimate."""
+    """Reason, as text, why a repeat of a run provided no error estimate."""
 
     __slots__ = ()
 

@@ -128,7 +128,7 @@ FAILURES = {
 
 
 def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
-    """Return the reason of an ending in words, with the state at the end.
+    """Return the reason of an ending as text, with the state at the end.
 
     arc : last arc of the run.
     row : output columns of the state to report, by default of the current state.

@@ -108,7 +108,7 @@ class Trajectory(NamedTuple):
     outcome : Outcome
         How the run ended.
     reason : str
-        Why the run ended, in words.
+        The reason why the run ended, as text.
     start, end : float
         Time at the start, and the time reached.
     rows : int

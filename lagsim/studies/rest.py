@@ -142,7 +142,7 @@ def setting_of(model: Model) -> Setting:
 
 
 def _standing(model: Model, time: float) -> Model:
-    """Return the model with moving constraints frozen as they are at a time."""
+    """Return the model with moving constraints frozen at a time."""
     g = model.graph
     nodes = [c.relation.node for c in model.constraints]
     if "t" not in g.depends(nodes):
@@ -742,7 +742,7 @@ class Search:
 
 
 def stability_of(x: Steady) -> tuple[bool | None, str]:
-    """Return whether a rest is stable (None if undecided), and a text on the reason.
+    """Return whether a rest is stable (None if undecided), and the reason as text.
 
     Where eigenvalues lie on the imaginary axis, the second variation of the energy on
     the constraints decides, if no force does work against it.

@@ -181,7 +181,7 @@ class Expansion:
             self.node = root._replace(entries=tuple(entries))
 
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
-        """Add a hidden definition and return a reference, which stands for its value.
+        """Add a hidden definition, and return a reference to its value.
 
         name : the name of the definition.
         value : its tree, or a tuple of trees for a vector, see `trees`.

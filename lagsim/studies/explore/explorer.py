@@ -118,7 +118,7 @@ class Explorer:
     Attributes
     ----------
     fault : str
-        The fault of the file as it is now, or "". The last sound model stays in use.
+        The fault of the present file, or "". The last sound model stays in use.
     version : int
         Number of sound models read so far.
 

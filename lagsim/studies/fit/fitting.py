@@ -525,7 +525,7 @@ class Fit:
         Parameters
         ----------
         starts : int
-            Number of starts beside that of the file.
+            Number of starts in addition to the start of the file.
         progress : callable, optional
             Called with the fraction that is done.
 
