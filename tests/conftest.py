@@ -2,9 +2,9 @@
 
 Set in the environment:
 
-LAGSIM_TEST_PATIENCE : 1; factor of the timeouts of all tests. LAGSIM_TEST_COMMIT :
-unset; a commit, which changes the cases that are quick. LAGSIM_TEST_SLICE : unset;
-`slow=4,nightly=100` runs one in four of the slow tests
+LAGSIM_TEST_PATIENCE : 1; factor of the timeouts of all tests.
+LAGSIM_TEST_COMMIT : unset; a commit, which changes the cases that are quick.
+LAGSIM_TEST_SLICE : unset; `slow=4,nightly=100` runs one in four of the slow tests
     and one in a hundred of the nightly ones, others with each commit.
 LAGSIM_TEST_CASES : unset; with `all` all cases of quick tests are quick, and a night
     has all of a test that is marked `nightly(one_in=3)`.

@@ -334,8 +334,9 @@ def _combinations(
     The result maps the index of a dependent row to coefficients by index of an
     independent row.
 
-    Y : rows (m, n) scaled to length 1. lengths : (m,), the lengths of the rows before
-    this scaling. flags : a mask (m,) of the dependent rows.
+    Y : rows (m, n) scaled to length 1.
+    lengths : (m,), the lengths of the rows before this scaling.
+    flags : a mask (m,) of the dependent rows.
     """
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]

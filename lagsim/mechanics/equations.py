@@ -312,7 +312,7 @@ class Equations:
 
     @property
     def every_row(self) -> tuple[Row, ...]:
-        """The row of each of `relations` that the linear system of the motion has."""
+        """Row in the linear system of the motion, for each of `relations`."""
         return tuple(x.solved for x in self.relations)
 
     @property

@@ -250,7 +250,8 @@ class Elimination:
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
         """Return the node of unit z^T D^-1 other.
 
-        z, other : sparse vectors, unknown -> node. unit : the unit of mass.
+        z, other : sparse vectors, unknown -> node.
+        unit : the unit of mass.
         """
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):

@@ -308,9 +308,10 @@ def _add_products(
 def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
     """Return equations with M + A^T W A and f + A^T W b in place of M and f.
 
-    A : the rows `rows`. q'' and lambda are unchanged. The new M is regular if M is
-    positive definite on the null space of A: the length of a quaternion has no inertia.
-    W is diagonal, of the magnitude of M.
+    A is the matrix of the rows `rows`. W is diagonal, of the magnitude of M. q'' and
+    lambda are unchanged. The new M is regular if M is positive definite on the null
+    space of A; M itself may be singular, for example since the length of a quaternion
+    has no inertia.
     """
     g, M, f = e.graph, e.mass_entries, list(e.f)
     inertias = {i: node for (i, j), node in M.items() if i == j}

@@ -524,8 +524,8 @@ def _expressed(
 ) -> tuple[Floats, Floats]:
     """Express the multipliers p of all rows by those of held rows: p = E x + p0.
 
-    Return E (r, r) and p0 (r,). x : the multipliers of the held rows. The other
-    multipliers are at their bounds, in the given directions (r,).
+    x are the multipliers of the held rows. The multipliers of the other rows are at
+    their bounds, in the given directions (r,). Return E (r, r) and p0 (r,).
 
     modes : the mode of each row.
     """

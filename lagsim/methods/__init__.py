@@ -171,8 +171,8 @@ def method_problems(
 ) -> list[Problem]:
     """Return a list with one fault if there is no method `asked`, else [].
 
-    place : the place of the name in the file, or None. auto : whether "auto" counts as
-    a method.
+    place : the place of the name in the file, or None.
+    auto : whether "auto" counts as a method.
 
     Examples
     --------

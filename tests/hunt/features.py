@@ -34,10 +34,11 @@ class Mover(NamedTuple):
 
 @dataclass
 class Maker:
-    """Both files, as they grow.
+    """A scene for lagsim and for the referee, both in construction.
 
-    terms : of energies, and of the forces on movers, as pairs of texts
-    still : movers that start at rest; counted : modes that count
+    terms : terms of energies, and of the forces on movers, as pairs of texts
+    still : movers that start at rest
+    counted : modes that count
     """
 
     r: random.Random

@@ -39,12 +39,14 @@ MOST_CHOICES = 1000
 
 @dataclass(eq=False)
 class Law:
-    """A row of rates sum_i row[i] v_i - belt. kind : limit, contact, hold.
+    """A row of rates sum_i row[i] v_i - belt.
 
-    bound : of a limit, with its own static value or None; where, height : of a contact,
-    the gap is sum_i row[i] q_i - where - height, with a height of straight pieces or
-    none; a hold with a height is one of positions; e : restitution; when : a condition
-    of modes and t
+    kind : limit, contact, or hold
+    bound, static : the bound of a limit, and its own static value or None
+    where, height : the gap of a contact is sum_i row[i] q_i - where - height, with a
+        height of straight pieces or none; a hold with a height is one of positions
+    e : restitution
+    when : a condition of modes and t
     """
 
     kind: str
@@ -83,7 +85,12 @@ class Law:
 
 @dataclass(eq=False)
 class Event:
-    """An event. at : a condition; equal : of `expression = 0`; every : a period."""
+    """An event, with one of three triggers.
+
+    at : a condition
+    equal : the expression of a trigger `expression = 0`
+    every : a period
+    """
 
     name: str
     at: Tree | None = None
@@ -95,7 +102,11 @@ class Event:
 
 @dataclass(eq=False)
 class Section:
-    """A section. at : left less right; every : a period of a strobe instead."""
+    """A section.
+
+    at : left side less right side of the equation
+    every : the period of a strobe, in place of an equation
+    """
 
     name: str
     at: Tree | None = None
@@ -107,8 +118,9 @@ class Section:
 class Model:
     """A model. Trees name t, coordinates q1, velocities v1, states z1, and modes u1.
 
-    shown : definitions; nudge : all forces are times this, so that another motion shows
-    how well a motion is known
+    shown : definitions
+    nudge : factor of all forces; the motion with another factor shows how well this
+        motion is known
     """
 
     masses: list[float]
@@ -175,10 +187,12 @@ class Script:
 class Arc:
     """A motion in fixed cells and modes, as series from its start.
 
-    readings : one; in a slide those of both sides, and `share` is that of the second
-    held : whether a switch at rest may have another value law_modes : off, on, stick,
-    1, -1, closed, open; out : the reading of conditions watched : (key, series) of
-    functions that are positive after the start
+    readings : one reading; in a slide the readings of both sides
+    share : the share of the second side in a slide
+    held : whether a switch at rest may have another value
+    law_modes : off, on, stick, 1, -1, closed, or open
+    out : the reading of conditions
+    watched : (key, series) of functions that are positive after the start
     """
 
     t: float

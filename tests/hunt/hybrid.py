@@ -34,11 +34,13 @@ TINY = 1e-9
 
 @dataclass(frozen=True)
 class Law:
-    """A row of A. kind: hold, contact, ratchet or limit (of velocities), slip.
+    """A row of A.
 
-    when : a condition of t and modes.
-    normal : the number of a slip's contact e, mu, static : texts; mu of a limit is the
-        limit poisson : Poisson's restitution instead of Newton's
+    kind : hold, contact, ratchet or limit (of velocities), slip
+    when : a condition of t and modes
+    normal : the index of a slip's contact
+    e, mu, static : texts; mu of a limit is the limit
+    poisson : whether restitution is Poisson's instead of Newton's
     """
 
     kind: str
@@ -53,11 +55,12 @@ class Law:
 
 @dataclass(frozen=True)
 class Plain:
-    """A written-out scene. document : of a model file, without laws and events.
+    """A written-out scene.
 
-    tables : name -> (x, y, interpolation, outside) events : name -> {at or every, set,
-        once}.
-    times : at which a condition jumps
+    document : the content of a model file, without laws and events
+    tables : name -> (x, y, interpolation, outside)
+    events : name -> {at or every, set, once}
+    times : times at which a condition jumps
     """
 
     document: dict[str, Any]
@@ -260,9 +263,10 @@ class Discrete:
 class Hybrid:
     """One integration of a scene.
 
-    rows : (t, y, modes) at the requested times; events : (time, name, y); impacts :
-    times; crossings : name -> (t, y) of sections
-
+    rows : (t, y, modes) at the requested times
+    events : (time, name, y)
+    impacts : times
+    crossings : name -> (t, y) of sections
     small : speeds of approach that count as 0, relative to the largest
     """
 
@@ -633,8 +637,8 @@ class Hybrid:
     def _phase(self, s, v, held, closed, targets, given):
         """Return velocities and normal impulses of a phase, by trial of all kinds.
 
-        targets : rates of gaps that contacts with an impulse have afterwards given : or
-            the normal impulses themselves
+        targets : rates of gaps that contacts with an impulse have afterwards, or None
+        given : the normal impulses themselves, or None
         """
         laws = self.e.laws
         s.setdefault("drift", s["rate"] - s["A"] @ v)

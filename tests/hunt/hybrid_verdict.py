@@ -28,11 +28,12 @@ BESIDE = 1e-6
 class Told(NamedTuple):
     """A scene in both forms, for lagsim and for the referee.
 
-    names : the referee's name -> lagsim's column near : permitted difference of the
-        times of rows shift, scale : of lagsim's clock.
-    rounding : of its places and times floor : the least size of a velocity, as a part
-        of the largest excused : codes of warnings -> factor by which these enlarge the
-        tolerance
+    names : the referee's name -> lagsim's column
+    near : permitted difference of the times of rows
+    shift, scale : shift and scale of lagsim's clock
+    rounding : rounding errors of lagsim's places and times
+    floor : the least size of a velocity, as a part of the largest
+    excused : codes of warnings -> factor by which these enlarge the tolerance
     """
 
     text: str

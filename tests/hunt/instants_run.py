@@ -44,7 +44,8 @@ class Run:
     """One integration of a model: `made` fills rows, events, crossings, instants.
 
     rows : (t, q and v and z, modes, accelerations, shown, multipliers) by output time
-    events : (t, name); crossings : section -> (t, values, modes)
+    events : (t, name)
+    crossings : section -> (t, values, modes)
     instants : times, and whether only clocks made them
     chatters : when events undo each other without end, or None
     """
@@ -424,7 +425,12 @@ def _impulses(A, masses, jumps, kinds):
 
 
 class Instant:
-    """An instant. y : before it; before : the arc that it ends; keys : of roots."""
+    """An instant.
+
+    y : the state before it
+    before : the arc that it ends
+    keys : the keys of the roots
+    """
 
     def __init__(self, t, y, before, keys, *, start=False):
         self.t, self.y, self.before, self.keys, self.start = t, y, before, keys, start

@@ -32,8 +32,9 @@ class NoTruthError(Exception):
 class Extrapolation:
     """Adaptive steps of order 2*columns.
 
-    slope : of (t, y); y is an array (2n,) of long doubles cap : the longest step from
-        (t, y, dy) that sees every feature sizes : how far each component moves, roughly
+    slope : the rate of y at (t, y); y is an array (2n,) of long doubles
+    cap : from (t, y, dy), the longest step that sees every feature
+    sizes : roughly, how far each component moves
     """
 
     slope: Callable[[Any, Any], Any]

@@ -45,11 +45,14 @@ class Law:
 class Item:
     """Part of a scene, kept or omitted as a whole; texts are as in model files.
 
-    coordinates : name -> (position, velocity) at the start, floats parameters : name ->
-        float definitions, constraints : name -> text kinetic, potential, dissipation :
-        terms forces : (key, text) breaks : times at which an expression in the texts
-        jumps features : (text of an argument, its width) of terms that a large step
-        would miss loose : coordinates with an arbitrary start that the laws admit
+    coordinates : name -> (position, velocity) at the start, floats
+    parameters : name -> float
+    definitions, constraints : name -> text
+    kinetic, potential, dissipation : terms
+    forces : (key, text)
+    breaks : times at which an expression in the texts jumps
+    features : (text of an argument, its width) of terms that a large step would miss
+    loose : coordinates with an arbitrary start that the laws admit
     """
 
     tag: str

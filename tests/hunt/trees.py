@@ -118,9 +118,9 @@ class Table:
 class Kind(NamedTuple):
     """A kind of switch.
 
-    of : the argument, from the series of the node's arguments cell, bounds : of a
-        number, and of a cell.
-    value : from cell, argument, arguments
+    of : the argument, from the series of the node's arguments
+    cell, bounds : the cell of a number, and the bounds of a cell
+    value : the value, from the cell, the argument and the arguments
     """
 
     of: Callable[..., Any]

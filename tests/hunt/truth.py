@@ -29,7 +29,12 @@ class Effort:
 
 @dataclass(frozen=True)
 class Motion:
-    """Rows at some times. q, v, a : (k, n); lam : (k, m); end : where it stopped."""
+    """Rows at some times.
+
+    q, v, a : (k, n), positions, velocities, accelerations
+    lam : (k, m), multipliers
+    end : the time at which the motion stopped
+    """
 
     times: Any
     q: Any

@@ -34,7 +34,10 @@ IDLE = {
 
 @dataclass(frozen=True)
 class Truth:
-    """The motion, and how far it is known. known : (k, 2n), at each row."""
+    """The motion, and how far it is known.
+
+    known : (k, 2n), estimated errors of the states up to each row
+    """
 
     motion: Motion
     state: Any

@@ -28,9 +28,10 @@ class Document:
     """A model's texts, its start as numbers, and its times.
 
     laws : the entries of constraints besides their relations: texts, or numbers' texts
-        states : the rate of each first-order state events, sections : entries of the
-        file, in times of the first model scale : factor from columns of t to the times
-        of the first model shift : subtracted from t before
+    states : the rate of each first-order state
+    events, sections : entries of the file, in times of the first model
+    scale : factor from columns of t to the times of the first model
+    shift : subtracted from t before multiplication by `scale`
     """
 
     parameters: dict[str, str]

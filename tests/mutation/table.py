@@ -64,9 +64,9 @@ def rows(
 def summary(found: Sequence[Kills]) -> dict[str, object]:
     """Return the detection power, the single killers, and the tests without a kill.
 
-    `single` : mutants by the test that alone kills them; `shared` : the numbers of
-    mutants of tests that kill some, but none alone; `none` : tests that exercise
-    mutated lines and kill no mutant.
+    single : mutants by the test that alone kills them
+    shared : the numbers of mutants of tests that kill some, but none alone
+    none : tests that exercise mutated lines and kill no mutant
     """
     single = collections.defaultdict(list)
     shared: collections.Counter[str] = collections.Counter()

@@ -184,8 +184,8 @@ def keep_sides(s: Crossings, half: int) -> bool:
 def leave(s: Crossings, p: Parameters, j: int, half: int) -> float:
     """Return the fraction in half of the stretch at which the motion leaves section j.
 
-    inf : the motion does not leave the section there. Since it may return to the
-    section very soon, the start of an arc is sampled densely.
+    The result is inf if the motion does not leave the section there. Since it may
+    return to the section very soon, the start of an arc is sampled densely.
     """
     know_bands(s, p)
     near = x = float(s.places[half + 1])

@@ -388,8 +388,10 @@ def arm(s: SearchTable, k: int, last: bool) -> None:
 def ends(s: SearchTable, p: Parameters, k: int, value: float, x: float) -> bool:
     """Whether event function k has ended a mode at the fraction x of the step.
 
-    value : the value of the function there. A negative value that is an error of the
-    dense output, see `errs_until`, ends no mode.
+    A negative value that is an error of the dense output, see `errs_until`, ends no
+    mode.
+
+    value : the value of the function there.
     """
     if value >= least_allowed(EVENT, s, p, k):
         return False

@@ -367,7 +367,7 @@ def leave(s: SearchTable) -> None:
 def turn(s: SearchTable, _p: Parameters) -> None:
     """Store, for each condition whose value is 0, the side to which its rate leads.
 
-    `stays` is 1 for true conditions whose values stay at 0.
+    `s.stays` is set to 1 for true conditions whose values remain 0.
     """
     s.any_stays = 0.0
     for k in range(s.conditions):

@@ -344,6 +344,6 @@ class FunctionWriter(Lines):
         self.lines.append(f"store double {value}, ptr {self.address(place)}")
 
     def address(self, place: Place) -> str:
-        """Write an instruction for the address of `place`; return its name."""
+        """Write an instruction for the address of `place`; return the result's name."""
         array, k = place
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")

@@ -180,9 +180,9 @@ class Division:
     def times(self) -> Iterator[tuple[float, bool]]:
         """Yield pairs (time, pause) in order of time: possible changes, and pauses.
 
-        pause : False at a time at which the function may change; True at a time reached
-        after `PATIENCE` cells without a crossing, which is yielded so that a search
-        that finds no change returns to its caller.
+        `pause` is False at a time at which the function may change. It is True at a
+        time reached after `PATIENCE` cells without a crossing. Such a time is yielded
+        so that a search that finds no change returns to its caller.
         """
         last = self.start
         for cell in self._cells():
@@ -426,8 +426,8 @@ def _times_of(
 ) -> Iterator[tuple[float, bool]]:
     """Return pairs (time, pause): times at which node `discrete` may change.
 
-    values, start, end : see `break_times`. pause : whether the time is a pause of the
-        search, see `Division.times`.
+    values, start, end : see `break_times`.
+    pause : whether the time is a pause of the search, see `Division.times`.
     """
     clock = TimedTable.of(g, discrete)
     if clock is None:

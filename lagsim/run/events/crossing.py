@@ -352,7 +352,8 @@ def _kept_up(modes: SurfaceModes, k: int, floors: Floats) -> float:
 def _jump(modes: SurfaceModes, k: int) -> float:
     """Return half the jump of surface k's row times the rates, across the surface.
 
-    J_k : the row of the surface. q'', s' : the accelerations and rates on each side.
+    This is |J_k r_2 - J_k r_1| / 2, where J_k is the row of the surface, and r_1, r_2
+    are the accelerations and rates (q'', s') on its sides.
 
     modes : the modes of all K surfaces.
     """

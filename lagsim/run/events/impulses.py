@@ -128,13 +128,12 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
 def _followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
     """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
-    x, change(x) : ndarray, shape (k,).
+    x and change(x) have shape (k,). The first n components of x are velocities. Only
+    they decide the length of steps, since the others, impulses of rows, may consist of
+    rounding errors alone.
 
     Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations
     I, section II.9.
-
-    n : the first n numbers, the velocities, decide the length of steps; the others,
-        impulses of rows, may be rounding alone.
     """
     done, length = 0.0, 1.0
     while done < 1.0:

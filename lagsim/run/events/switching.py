@@ -572,9 +572,9 @@ class Switching(Source):
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
         """Return a pair (k, time): where to end an arc ahead of a surface that is near.
 
-        time : just before the motion reaches the surface. k : its number if the state
-        is on it already, else None. The result is None, instead of a pair, where no
-        surface is near, or the approach has been tried too often.
+        The time is just before the motion reaches the surface. k is the index of the
+        surface if the state is on it already, else None. The result is None, instead of
+        a pair, where no surface is near, or the approach has been tried too often.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:

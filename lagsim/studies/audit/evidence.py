@@ -92,8 +92,8 @@ class Evidence:
         """The energy balances of all decoupled groups, then of the whole system.
 
         They are computed after the last row. With an absolute tolerance in the model or
-        the options the groups are left out: such a tolerance says nothing about the
-        accuracy of a group with a small motion.
+        the options the groups are left out, since an absolute tolerance does not
+        bound the relative error of a group with a small motion.
         """
         e, monitor, residuals = self.equations, self.monitor, self.residuals
         worst = residuals.drift.row

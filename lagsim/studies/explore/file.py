@@ -319,8 +319,8 @@ def _defined(e: Equations, point: Point) -> Iterator[Document]:
 def _states(e: Equations) -> Iterator[Document]:
     """Yield name, rate and derivatives of the rate of each first-order state.
 
-    Rate : its node; 0 in a steady state. Derivatives : the nodes of the nonzero
-    derivatives by all first-order states.
+    The rate is a node, or 0 in a steady state. The derivatives are the nodes of the
+    nonzero derivatives of the rate by all first-order states.
     """
     every = [e.graph.variable(x.name) for x in e.states]
     for x in e.states:

@@ -40,7 +40,7 @@ COMPARED, BEGUN = 40, 3
 def has_pattern(raw: Floats, data: Floats) -> bool:
     """Whether successive residuals of a column are correlated, in the order of time.
 
-    raw, data : ndarray, shape (n,). Residuals and measurements of one column.
+    raw, data : (n,), residuals and measurements of one column.
     """
     size = float(raw @ raw)
     if size <= ROUNDING**2 * float(data @ data):

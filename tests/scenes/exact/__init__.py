@@ -34,17 +34,20 @@ def _unknown(_t):
 class Exact:
     """A model with its exact motion and events.
 
-    text : the model file motion : t (rows,) -> coordinate -> (rows,), nan where it is
-    not known also : the exact motion of other columns, which other forms change events
-    : kind -> times of all events after the start, and of impacts at the start fails :
-    the code and the time of a run that cannot go on still : coordinates that rest to
-    the last bit balanced : the forces of two sides of a switch by whose shares they do;
-    these are
-        rounded, in other words than its own, and a step adds half of its square of that
-    within : of the largest of all coordinates, or of 1 where none moves steps : it
-    takes fewer, and rejects fewer than a tenth of that error : the error bar, as a part
-    of the range, is less warned : codes of its warnings unlike : changes of form that
-    make another scene of it
+    text : the model file
+    motion : t (rows,) -> coordinate -> (rows,), nan where the motion is not known
+    also : the exact motion of other columns, which other forms change
+    events : kind -> times of all events after the start, and of impacts at the start
+    fails : the code and the time of a run that cannot go on
+    still : coordinates that rest to the last bit
+    balanced : the size of the forces of both sides of a switch whose balance decides
+        their shares. Other forms of the model round these forces differently, and a
+        step adds half of its square times the rounding error
+    within : tolerance as a part of the largest coordinate, or of 1 where none moves
+    steps : the run takes fewer steps, and rejects fewer than a tenth of this number
+    error : the error bar, as a part of the range, is less
+    warned : codes of the warnings of the run
+    unlike : changes of form that make another scene of the model
     """
 
     text: str

@@ -22,11 +22,12 @@ CHAIN = 20
 class Fragment(NamedTuple):
     """One feature: its sections of a model, and its motion.
 
-    `start` : (x, x_dot) expressions of the first coordinate `x$`, which alone is
-    transformed where two fragments are coupled. `more` : name -> (start, rate) of the
-    other coordinates. `motion` : t (rows,) -> name -> positions (rows,), by closed
-    form. `sections` : further sections of the file: name -> text. `crossed` : sections
-    of the motion: name -> text, and the times of their rows.
+    start : (x, x_dot) expressions of the first coordinate `x$`, which alone is
+        transformed where two fragments are coupled
+    more : name -> (start, rate) of the other coordinates
+    motion : t (rows,) -> name -> positions (rows,), by closed form
+    sections : further sections of the file: name -> text
+    crossed : sections of the motion: name -> text, and the times of their rows
     """
 
     name: str
