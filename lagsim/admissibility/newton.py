@@ -563,7 +563,7 @@ def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
 
     A row of zeros is unchanged, and its length is returned as 1.
 
-    J : (m, n).
+    J : (m, n), the Jacobian.
     L : Cholesky factor of the metric.
     """
     Y, lengths = whitened_rows(J, L)

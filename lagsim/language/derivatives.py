@@ -84,7 +84,8 @@ def pulled_within(
     """Return the derivatives of `node` times `weight` by the variables below the node.
 
     The node itself may be one of the variables. Nodes below variables are not visited,
-    so that the time is that of the expression of `node` in the variables.
+    so that the cost grows only with the number of nodes between `node` and the
+    variables.
     """
     below = g.cone(g.args[node], variables)
     return _Reverse(g, [*below, node], variables, node).gradient({node: weight})

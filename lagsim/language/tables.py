@@ -460,7 +460,7 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 
     The first and the last piece are those outside the points.
 
-    x : (m + 1,).
+    x : (m + 1,), the arguments of the points.
     y : (m + 1, ...).
     how, outside : see `axes_and_pieces`.
     """
@@ -484,7 +484,7 @@ def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
 def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
     """Return coefficients (4, m, ...) of cubic pieces by scipy, highest power first.
 
-    x : (m + 1,).
+    x : (m + 1,), the arguments of the points.
     y : (m + 1, ...).
     how, outside : see `axes_and_pieces`.
     """

@@ -122,7 +122,7 @@ def _at_rest(closed: Closed, rates: Floats) -> Flags:
 
     The coefficient counts where it differs from the dynamic one.
 
-    rates : (r,).
+    rates : (r,), the rates of the rows.
     closed : the r rows that are struck.
     """
     pairs = closed.table.pairs

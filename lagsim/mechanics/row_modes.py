@@ -233,7 +233,7 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     The direction of a row of a pair is a component of a unit vector; it is 0 for rows
     that do not slide.
 
-    rates : (r,).
+    rates : (r,), the rates of the rows.
     slip_noise : (r,), rates up to this size count as 0.
     closed : the r rows.
     """

@@ -383,7 +383,7 @@ def _path(flat: Floats, edges: list[tuple[int, int]]) -> Floats:
 def _area(corners: Floats) -> Floats:
     """Return the area vector (n, d) of n polygons; in the plane its only component.
 
-    corners : (n, corners, d).
+    corners : (n, corners, d), the corners in order.
     """
     beside = np.roll(corners, -1, axis=0)
     if corners.shape[1] == 2:

@@ -240,6 +240,7 @@ class TableWriter(Writer):
         Parameters
         ----------
         content : iterable of bytes
+            The rows, in blocks of the text of a file.
         rows : int
             Number of rows in `content`.
         last : float or None

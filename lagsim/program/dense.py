@@ -506,7 +506,7 @@ def join_row(p: Parameters, k: int, label: Floats) -> int:
 
     Return the number of changes.
 
-    label : (n,).
+    label : (n,), the labels of the coordinates.
     """
     row = p.A[k * p.n :]
     least = inf
@@ -618,7 +618,7 @@ def residual_left(
     each residual (`first` = 0) or of each rate (`first` = m), divided by its scale.
 
     y : positions, or the state.
-    step : (n,).
+    step : (n,), the Newton step.
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]

@@ -177,7 +177,7 @@ class RestCurve:
 
         The values stay scaled; distances of points are measured by these.
 
-        y : (k + 1,).
+        y : (k + 1,), the scaled unknowns.
         """
         count = len(y) - 1 - len(self._rest.rows)
         return np.append(y[:count], y[-1])
@@ -212,7 +212,10 @@ class RestCurve:
         return self._bound[value]
 
     def _at(self, y: Floats) -> tuple[Floats, Floats]:
-        """Return F (k,) at scaled unknowns y (k + 1,), and dF/dy (k, k + 1)."""
+        """Return the residuals F (k,) at scaled unknowns y (k + 1,), and dF/dy.
+
+        dF/dy has shape (k, k + 1).
+        """
         value = self.value(y)
         x = (y * self._sizes)[:-1]
         r, J = self._model_at(value)[1].looked_at(x)

@@ -333,7 +333,7 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     the range of such a motion is no scale of errors.
 
     base : the motion.
-    rows : (k, columns).
+    rows : (k, columns), the rows of a run.
     """
     e, n = case.equations, len(case.equations.q)
     sizes, rounding = np.zeros((2, rows.shape[1]))
@@ -378,7 +378,7 @@ def _roundings(case: Case, base: SampledMotion, rows: Floats) -> Floats:
 
     They are 0 for other columns.
 
-    rows : (k, columns).
+    rows : (k, columns), the rows of a run.
     """
     model = case.model
     shown = [d for d in model.definitions if d.name in base.columns]

@@ -156,7 +156,7 @@ def _label_peaks(
 
     The peak at an undamped mode is infinite; its label has the frequency of the mode.
 
-    f, amplitude : (k,).
+    f, amplitude : (k,), frequencies and amplitudes.
     undamped : frequencies of undamped modes.
     """
     logs = np.log(np.maximum(amplitude, 1e-300))

@@ -627,7 +627,7 @@ def add_bound(
 ) -> None:
     """Raise the roundoff bounds of components first ... end - 1 to those at (t, y).
 
-    y : (size,).
+    y : (size,), the state.
     """
     rounding(t, y, p, s.work)
     for i in range(first, end):

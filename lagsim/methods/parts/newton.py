@@ -256,11 +256,11 @@ def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
 def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> None:
     """Replace r_i and s_i by the solutions for a position and its velocity.
 
-    They are x_i, and w_i = g x_i - r_i. In memory r (n,), the right side for positions,
-    is followed by s (n,), that for velocities.
+    The solutions are x_i, and w_i = g x_i - r_i. In memory r (n,), the right side for
+    positions, is followed by s (n,), the right side for velocities.
 
-    x : x_i.
-    g, x : numbers of `width` doubles.
+    g : a number of `width` doubles.
+    x : the number x_i, of `width` doubles.
     """
     other = r[width * (n + i) :]
     for k in unrolled(width):

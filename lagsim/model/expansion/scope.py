@@ -738,6 +738,8 @@ class MemberReading:
     def parsed(self, text: str, parser: Parser) -> Any:
         """Return a text as postfix for this member: its names are single variables.
 
+        For the member i = 2, `q(i) + 1` is `q.2 + 1`.
+
         parser : the function that parses `text`: of an expression, or of a relation.
         """
         if self._last[:2] != (text, parser):

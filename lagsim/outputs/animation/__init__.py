@@ -343,7 +343,7 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
     There the interpolation from positions and rates of two frames would overshoot.
 
-    t : (frames,).
+    t : (frames,), the times of the frames.
     tracks : positions and rates of the points.
     """
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
@@ -743,7 +743,7 @@ def _usual(force: Floats) -> float:
 
     Unlike the maximum it is insensitive to spikes. It is 0 without a finite force.
 
-    force : (frames, components).
+    force : (frames, components), the force in each frame.
     """
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]

@@ -196,7 +196,7 @@ def state_sizes(own: Own, rows: Floats) -> Floats:
     A component that is always 0 has the largest value of all l components, or 1.
 
     own : the solver, which names the columns.
-    rows : (k, columns).
+    rows : (k, columns), the rows of a run.
     """
     columns = [own.names.index(name) for name in own.system.state]
     sizes = np.max(np.abs(rows[:, columns]), axis=0)

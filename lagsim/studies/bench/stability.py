@@ -281,7 +281,7 @@ def _rate(t: Floats, balance: Floats) -> float | None:
 
     It is a bound if the energy has decayed completely; None if it is unknown.
 
-    t : (k,).
+    t : (k,), the times of the rows.
     balance : energy less work (k,), relative to the energy of the motion.
     """
     last = max(1, int(len(t) * LAST))

@@ -142,7 +142,7 @@ def _drifts(columns: Sequence[str], rows: Floats) -> bool:
     The drift is relative to the largest kinetic energy of the rows, or to the largest
     energy if there is no column of the kinetic energy.
 
-    rows : (k, columns).
+    rows : (k, columns), the rows of a run.
     """
     residuals = ResidualMonitor(columns)
     residuals.add(rows)
@@ -419,7 +419,7 @@ def _scales(
     of its unit. If that is 0, the scale of a position follows from that of its
     velocity, and vice versa.
 
-    rows : (k, columns).
+    rows : (k, columns), the rows of a run.
     state, multipliers : indices of columns that are compared.
     """
     ranges = np.ptp(rows, axis=0)

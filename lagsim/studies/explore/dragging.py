@@ -290,7 +290,7 @@ class ConstrainedStart:
         one in which the forces pull is used.
 
         place : the place that is moved.
-        target : (d,).
+        target : (d,), the components of the target.
         met : gaps that stay closed.
         """
         far = self._far(place, x, target)

@@ -478,7 +478,7 @@ class Fit:
 
         They are orthonormal, in multiples of the scales of the names.
 
-        weights : (m,).
+        weights : (m,), weights of the columns.
         """
         J, _, error = self.jacobian(x, self.how)
         return undetermined(J * self._per_row(weights)[:, None], error)
@@ -488,8 +488,8 @@ class Fit:
     ) -> tuple[Floats, float, bool]:
         """Minimise the cost from x (p,), with some combinations of names held.
 
-        The changes of the combinations `held` (d, p) are added to the residuals. Other
-        parameters and results : see `_solve`.
+        The changes of the combinations `held` (d, p) are added to the residuals. The
+        other arguments and the result are as in `_solve`.
         """
         from scipy.optimize import least_squares  # slow to load
 

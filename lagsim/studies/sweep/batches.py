@@ -660,7 +660,7 @@ class Judge:
 
         None if the run is not plain, and must be made separately.
 
-        start : (2 n + l,).
+        start : (2 n + l,), the state at the start.
         sound : the rows of the run.
         """
         session, run = self._ensemble.session, self._ensemble.trajectory
