@@ -408,7 +408,7 @@ class _Beside:
 
         Such a change near slip 0 is recorded.
 
-        parts : the versions of the argument.
+        parts : nodes of the argument in the four versions, see `_versions`.
         """
         near = [self._changes(parts, x, SPEEDS[0]) for x in self.points]
         self.near = self.near or any(map(any, near))

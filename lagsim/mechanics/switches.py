@@ -342,8 +342,8 @@ class Switches:
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
         """Return the node `if` n with the frozen arguments `args`.
 
-        Where a branch has no value and the condition as written selects the other one,
-        roots of the branch have their arguments mirrored.
+        A branch without a value that the condition as written does not select is
+        replaced by its mirrored form, see `_mirrored`.
         """
         g, (condition, *branches) = self.graph, args
         written = g.args[n][0]

@@ -422,7 +422,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """Return the scale of row k's rate: the sum of its |terms| at both v and w (n,)."""
+    """Return the scale of row k's rate: the sum of |terms| at v (n,) and at w (n,)."""
     found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])

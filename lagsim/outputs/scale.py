@@ -347,9 +347,9 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Whether a curve is largest near its end, as in growth, and not at a spike.
+    """Whether at least one curve is largest near its end, as in growth, not at a spike.
 
-    drawn : curves (times, values), of which one suffices.
+    drawn : the curves (times, values).
     """
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)

@@ -156,7 +156,7 @@ class Interrupt:
     def raised(self) -> Iterator[None]:
         """Raise exceptions on signals within the context.
 
-        For code whose early end loses no results.
+        Use this for code whose early end loses no results.
 
         Raises
         ------

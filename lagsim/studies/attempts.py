@@ -328,9 +328,9 @@ class Allowance:
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
     def steps(self, other: Repeat, operations: float = math.inf) -> int:
-        """Return the number of steps of the repeat `other` that the allowance permits.
+        """Return the number of steps of the repeat `other` within the remaining budget.
 
-        operations : a second limit, on the cost of all these steps, in operations.
+        operations : a second limit of the cost of these steps, in operations.
         """
         return int(min(operations, self.left) / other.step)
 

@@ -329,7 +329,7 @@ def inspect(s: State, p: Parameters) -> None:
 
 
 def take_cut(s: State, p: Parameters) -> None:
-    """Set the state to that at the fraction `cut`, where the last step ends early."""
+    """End the last step early: set the state to its value at the fraction `cut`."""
     interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:

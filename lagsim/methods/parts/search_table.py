@@ -191,7 +191,10 @@ def relations(s: SearchTable) -> int:
 
 
 def rows(s: SearchTable) -> int:
-    """Return the number R of rows of the table, with the smallest singular value."""
+    """Return the number R of rows of the table.
+
+    These are the relations, the sections, and the smallest singular value.
+    """
     return relations(s) + s.sections + 1
 
 

@@ -126,7 +126,10 @@ class _Writer:
         self._store(value, "out")
 
     def reached(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `reached`; `terms` are the terms of orders from 2 on."""
+        """Write the function `reached` of the module docstring.
+
+        terms : the terms of orders from 2 on.
+        """
         h, value, square = self._powers_and_value(terms)
         lost = self.line(f"load {self.kind}, ptr %lost.at, align 8")
         first = self.add(self.mul(h, self.coefficient(1, 1.0)), lost)

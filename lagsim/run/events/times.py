@@ -179,7 +179,7 @@ class KnotTimes(_Ahead):
         self._are_events, self._told = [x[-1] for x in found], 0
 
     def passed(self, arc: Arc) -> Decision:
-        """Return a decision with the events at knots that the kernel has passed."""
+        """Return a decision with events at the knots passed since the last call."""
         p, first = arc.system.p, self._told
         if p.passed == first:
             return GO_ON

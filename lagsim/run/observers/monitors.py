@@ -393,10 +393,10 @@ class Growth:
         self._next = self._next_size = 0.0
 
     def grows(self, size: float, noted: float) -> bool:
-        """Whether a block of rows would change the greatest magnitude or the history.
+        """Whether `add` would change anything for a block of rows.
 
-        size, noted : the largest entries of the arguments `sizes` and `noted` of `add`
-            for this block, or nan.
+        size, noted : the largest entries, or nan, of the arguments `sizes` and `noted`
+            that `add` would have for this block.
         """
         return not (size <= self.size and noted <= self._next)
 
