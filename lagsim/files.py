@@ -156,7 +156,7 @@ def drop(path: Path) -> None:
 def passes(key: object, remove: Callable[[], object]) -> None:
     """Register the removal of a file, which is carried out when this process ends.
 
-    key : identifies the removal for `stays`.
+    key : identifies the removal, so that `stays` can cancel it.
     remove : function that removes the file.
     """
     _passing[key] = remove

@@ -267,10 +267,10 @@ class Elements:
     def slopes(self, some: Collection[int]) -> Elements:
         """Return elements for the gradient of the sum of all terms.
 
-        Only where the result is this one number (size 1), such as an energy. Component
-        k of the result, (count,), is the derivative by argument k.
+        The elements must have this sum as their only result (size 1), as an energy has.
+        Component k of the gradient, (count,), is the derivative by argument k.
 
-        some : indices of the arguments by which it is differentiated.
+        some : indices of the arguments by which the sum is differentiated.
         """
         assert self.size == 1
         return self._with(

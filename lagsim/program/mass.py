@@ -153,7 +153,10 @@ def backward_mass(p: Parameters, x: Floats, out: Floats) -> None:
 
 
 def backward(n: int, first: Floats, L: Floats, x: Floats, out: Floats) -> None:
-    """Store L^-T x (n,) in out; x is overwritten. first : see `first_column`."""
+    """Store L^-T x (n,) in out; x is overwritten.
+
+    first : see `first_column`.
+    """
     for k in range(n):
         i = n - 1 - k
         value = x[i] / L[i * n + i]

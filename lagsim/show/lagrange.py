@@ -504,10 +504,11 @@ def _in_full(x: Translation) -> _Found:
 def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
     """Derive the equations in the definitions of the file, see `separation`.
 
-    Entries of matrices are numbered steps, for programs.
+    Entries of matrices are numbered steps, for programs. The result has the same form
+    as that of `_in_full`.
 
     s : the separated equations.
-    matrices : whether M, f, A and b are included. Returns : see `_in_full`.
+    matrices : whether M, f, A and b are included.
     """
     e, model = x.equations, x.equations.model
     groups = {"momentum": 3, "reaction": 5, "force": 5}

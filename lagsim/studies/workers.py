@@ -321,7 +321,7 @@ def _by_others(
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
     """Yield items with their results, computed by workers in pieces of `size` items.
 
-    Other arguments : see `in_batches`.
+    The other arguments are those of `in_batches`.
     """
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []

@@ -205,8 +205,9 @@ def leave(s: Crossings, p: Parameters, j: int, half: int) -> float:
 def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
     """Store an interval that contains the crossing of section j, if there is one.
 
-    `roots` and `beyond` become its ends. A row that is below 0 at the start of the half
-    has its root there. A row that returns above its band is a touch, and does not wait.
+    The ends of the interval are stored in `roots` and `beyond`. If the row of the
+    section is below 0 at the start of the half, the root is there. A row that returns
+    above its band has touched the section: its crossing does not wait.
 
     half : see `crossed_within`.
     """

@@ -174,8 +174,9 @@ def _function(name: str, tape: Ints, before: str) -> list[str]:
 def by_columns(tape: bytes) -> bytes:
     """Return the instructions of a tape in an order that compresses well.
 
-    First the heads of all instructions and 0, then the fields of each instruction by
-    columns. Differences, with the sign in the last bit, are split into planes of bytes.
+    The heads of all instructions and 0 come first, then the columns of the fields of
+    each instruction. The differences of successive numbers are stored, with the sign in
+    the last bit: the first byte of each, then the second byte of each, and so on.
     """
     words = np.frombuffer(tape, "<i4").astype(np.int64)
     heads: list[int] = []

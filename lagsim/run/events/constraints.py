@@ -286,9 +286,9 @@ def singularity_caution(arc: Arc) -> list[Caution]:
 def _is_held(arc: Arc, k: int) -> bool:
     """Whether inertia k vanishes only in directions that the constraints exclude.
 
-    Then its smallest value is no singularity: a component of a quaternion has no
-    inertia along the quaternion itself, whose length is 1. The inertia compared is that
-    of the motions which the constraints admit.
+    If so, its smallest value is no singularity: for example, the components of a
+    quaternion have no inertia along the quaternion itself, whose length is 1. Only the
+    inertia of motions that the constraints admit is compared with the largest one.
     """
     e, name = arc.system.equations, arc.system.inertias[k]
     if not e.rows or name not in e.q:

@@ -245,7 +245,7 @@ class Kinematics:
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
-        """Compute accelerations (L,) of laws without forces of laws, and term sizes.
+        """Compute accelerations (L,) of laws if no law exerts a force, and term sizes.
 
         They are stored in `free`, `bounds`, `statics`, `accelerations`, `forces`,
         `pushes` and `moves`.

@@ -80,8 +80,10 @@ class Sections:
     def keep_waiting(self, arc: Arc) -> None:
         """Store the rows of crossings that wait since a time within the arc.
 
-        Later modes of the motion are not those at that time. arc : the arc at its end,
-        before the next one begins.
+        This is done before the modes of the motion change, since the rows are computed
+        in the modes of the arc.
+
+        arc : the arc at its end, before the next one begins.
         """
         state = arc.state
         for number in np.flatnonzero(state.waits).tolist():

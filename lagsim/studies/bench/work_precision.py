@@ -115,8 +115,9 @@ def _solved(
 
     A solver with error control yields one solution, at the first of the tolerances
     `values` with which it succeeds; a solver with fixed steps yields one for each step
-    in `values`. Where a tighter tolerance has failed, a step of a looser one may have
-    gone over the singularity: the solution must keep its energy.
+    in `values`. If a tighter tolerance has failed, for example at a singularity, a step
+    at a looser one may have passed over it. A solution at a looser tolerance is used
+    only if it keeps its energy.
     """
     fixed, left, failed = solver.setting == "step", iter(values), False
     for value in left:
