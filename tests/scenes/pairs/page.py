@@ -11,18 +11,27 @@ PAGE = ROOT / "docs" / "pairs.md"
 HEAD = """\
 # Features in pairs
 
-The features of a model that can be combined. Each feature is a small model with a
-motion in closed form. For each pair both are in one file: once side by side, and once
-with their first coordinates as sums and differences of two others, so that both are in
-the same expressions. Each must move as it does alone, in every row, to 1e-9; energy -
-work must be constant, the run must end where it should, and there are no warnings but
-those of the features. The pairs are also tested far from the origin, in a moving
-frame, in other units of length, time and mass, at a later start, in another order, and
-beside a planet, a grain and a comet. `tests/scenes/pairs` has the tests, and the tables
-from which this page is written.
+Which features of a model can be combined. Each feature is a small model with a motion
+in closed form. Each pair of features is tested in one file, in two ways:
 
-`+`: tested against the closed form. A number: refused, with the message of that number
-in the list at the end.
+- *side by side*: the two motions have their own coordinates;
+- *coupled*: the first coordinates of both are the sum and the difference of two others,
+  so that both features are in the same expressions.
+
+A test passes if
+
+- each feature moves as it does alone, in every row, to 1e-9;
+- energy - work is constant;
+- the run ends where it should;
+- there are no warnings other than those of the features.
+
+The pairs are also tested far from the origin, in a moving frame, in other units of
+length, time and mass, at a later start, in another order, and beside a planet, a grain
+and a comet. `tests/scenes/pairs` has the tests, and the tables from which this page is
+written.
+
+In the tables `+` means tested against the closed form. A number means refused, with the
+message of that number in the list at the end.
 
 ## Features
 
