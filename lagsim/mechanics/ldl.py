@@ -196,9 +196,10 @@ class Elimination:
         forces = [] if e.tree else e.f
         tidy = self.collected.tidy([*forces, *e.other_rates])
         self.other_rates = tidy[len(forces) :]
-        f = self.mass.forward(dict(enumerate(tidy[: len(forces)] or e.f)))
+        self.forces = tidy[: len(forces)] or list(e.f)
         rows = symmetric(self.m, self._schur())
         self.schur = Factorisation(g, rows, self.budget)
+        f = dict(enumerate(self.forces))
         self._motion = self._solve(f, [row.b for row in self.rows])
         # Corrections are solved for later, with a part of these operations.
         self.operations = self.budget.operations
@@ -269,8 +270,7 @@ class Elimination:
 
     def response(self, forces: Sequence[int]) -> list[int]:
         """Return the accelerations, shape (n,), by forces, shape (n,), with b = 0."""
-        moved = self.mass.forward(dict(enumerate(forces)))
-        return self._solve(moved, [self.g.zero] * self.m)[0]
+        return self._solve(dict(enumerate(forces)), [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
         """Return, for each row k, the squared norm of the acceleration by lambda_k.
@@ -292,11 +292,11 @@ class Elimination:
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
-        """Return the nodes of q'' and lambda for given L^-1 f and b.
+        """Return the nodes of q'' (n,) and lambda (m,) for given f and b.
 
-        f : from `Factorisation.forward`.
+        f : coordinate -> node. b : (m,), of the scaled rows.
         """
-        g = self.g
+        g, f = self.g, self.mass.forward(f)
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)
         q = self._accelerations(f, found)
@@ -359,12 +359,11 @@ class Elimination:
         (m,), to first order. All are nodes.
         """
         g = self.g
-        right = {
-            k: self.collected.sum([(g.constant(-row.weight), residuals[k])])
-            for k, row in enumerate(self.rows)
-        }
-        change = self._accelerations({}, self.schur.solve(right))
-        return [change.get(j, g.zero) for j in range(self.n)]
+        right = [
+            self.collected.sum([(g.constant(-row.weight), x)])
+            for row, x in zip(self.rows, residuals, strict=True)
+        ]
+        return self._solve({}, right)[0]
 
     def smallest_singular_value(self) -> int:
         """Return the root of the smallest ratio of a pivot of S to its diagonal entry.

@@ -24,6 +24,7 @@ from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import BUDGET, dense_operations, elimination_of
 from lagsim.mechanics.linearisation import newton_matrix
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
+from lagsim.mechanics.partition import Partition, partition_of
 from lagsim.mechanics.reduction import augmented, equations_of_motion, with_lengths
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import Structure, method, options_of
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.linearisation import NewtonMatrix
+    from lagsim.mechanics.partition import Blocks
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.model.model import Model, Settings
@@ -87,6 +89,9 @@ class Plan:
     smallest_singular_value : float
         Generic smallest singular value of the scaled constraint rows; with tapes, its
         estimate from the pivots of `elimination` at the start.
+    volume : float
+        Smallest volume of the blocks of independent coordinates at the start; 0 without
+        such blocks.
     set_aside : tuple of bool, length m
         Marks rows that are combinations of other rows in every state.
     lengths : tuple of float, length m
@@ -112,6 +117,7 @@ class Plan:
     tape: bool
     rank: int
     smallest_singular_value: float
+    volume: float
     set_aside: tuple[bool, ...]
     lengths: tuple[float, ...]
     constant: int
@@ -133,8 +139,14 @@ class Plan:
         return (
             self.method, self.formulation, self.projected, self.tape, self.augmented,
             solved is None or solved.along_links, solved is None, self.rtol,
-            reduction.eliminated,
+            reduction.eliminated, self.blocks,
         )  # fmt: skip
+
+    @property
+    def blocks(self) -> Blocks:
+        """The blocks of a solution by independent coordinates; else empty."""
+        solved = self.elimination
+        return solved.blocks if isinstance(solved, Partition) else ()
 
     @property
     def newton(self) -> NewtonMatrix | None:
@@ -574,6 +586,10 @@ def eliminate(
             slow = f"{reason}, at the price of {dense} multiplications"
             choices.append(Choice("solve: loops with QR", slow))
             return None
+    elif (found := _partition(equations, start, elimination)) is not None:
+        left = ", ".join(f"`{equations.q[c]}`" for c in found.independent)
+        choices.append(Choice("solve: independent coordinates", left))
+        return found
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
     if equations.chains is not None:
@@ -585,6 +601,30 @@ def eliminate(
         reason = f"{many}{where}; loops would need {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
+
+
+def _partition(
+    equations: Equations, start: Start, elimination: Elimination
+) -> Partition | None:
+    """Return the solution by independent coordinates, or None where it does not pay.
+
+    elimination : the solution by M^-1.
+    """
+    if elimination.operations > BUDGET:
+        return None
+    point = Point(equations, start)
+    return partition_of(elimination, point.values, list(point.sizes))
+
+
+def _volume(
+    equations: Equations,
+    start: Instant,
+    lengths: Sequence[float],
+    elimination: Elimination | None,
+) -> float:
+    if not isinstance(elimination, Partition):
+        return 0.0
+    return singular_value_of(equations, start, lengths, elimination)
 
 
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
@@ -784,6 +824,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         tape=tape,
         rank=start.ranks.generic_rank,
         smallest_singular_value=smallest,
+        volume=_volume(equations, start, lengths, elimination),
         set_aside=implied_rows(equations, start),
         lengths=lengths,
         constant=known,
@@ -831,6 +872,20 @@ def by_loops(plan: Plan) -> Plan:
     tape = from_tape(plan.reduction.equations, None)
     return replace(
         plan, method=name, elimination=None, tape=tape, choices=tuple(choices)
+    )
+
+
+def without_partition(plan: Plan) -> Plan:
+    """Return a plan in which M^-1 solves the equations, not independent coordinates.
+
+    Used during a run when independent coordinates stop to determine the others.
+    """
+    e = plan.reduction.equations
+    choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    reason = "the independent coordinates no longer determine the others"
+    choices.append(Choice("solve: straight-line code", reason))
+    return replace(
+        plan, elimination=elimination_of(e), volume=0.0, choices=tuple(choices)
     )
 
 

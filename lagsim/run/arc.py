@@ -111,6 +111,12 @@ def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
 # Rank is lost where the smallest singular value of the constraint Jacobian falls below
 # this part of its usual value.
 LOST = 1e-5
+# Fields of the state about a loss of rank ahead, reset when the equations are solved
+# otherwise.
+NO_LOSS = {"passes": 0.0, "planned": 0.0, "tried": 0.0}
+# Blocks of independent coordinates are given up below this part of their volume at the
+# start: rounding errors of the other accelerations are enlarged by its inverse.
+SMALL_BLOCK = 0.1
 # Steps at the stability bound after which the method may be replaced.
 AT_BOUND = 15
 # Rates of forces are differences over this part of the output interval.
@@ -432,12 +438,16 @@ def first_arc(
 def _set_watch(state: State, plan: Plan) -> None:
     """Set the thresholds of sigma below which a loss of rank is searched or reported.
 
-    Sigma is the smallest singular value of the constraint rows; the thresholds are
-    parts of its usual value, which the plan has found.
+    Sigma is the smallest singular value of the constraint rows, or the smallest volume
+    of the blocks of independent coordinates; the thresholds are parts of its usual
+    value, which the plan has found.
 
     state : the memory of the kernels, in which the thresholds are set.
     """
-    state.close_below = CLOSE * plan.smallest_singular_value
-    state.lost_below = LOST * plan.smallest_singular_value
+    usual = plan.volume if plan.blocks else plan.smallest_singular_value
+    state.close_below = CLOSE * usual
+    state.lost_below = LOST * usual
     straight = plan.elimination is not None
     state.degenerate_below = NEARLY_DEPENDENT_ROWS if straight else 0.0
+    if plan.blocks:
+        state.degenerate_below = SMALL_BLOCK * usual

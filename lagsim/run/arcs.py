@@ -24,6 +24,7 @@ from lagsim.run.arc import largest_shift
 from lagsim.run.event_store import EventStore
 from lagsim.run.events.conditions import is_postponed, located_within
 from lagsim.run.events.constraints import (
+    LostPartition,
     NearDependence,
     RankLosses,
     before_event,
@@ -698,6 +699,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
     """Return the sources that may pause or end arcs, in order of precedence."""
     if arc.system.m:
         yield Unmet()
+    if arc.plan.blocks:
+        yield LostPartition()
     yield Fallback()
     if clocks(arc):
         yield KnotTimes(arc)

@@ -35,7 +35,7 @@ from lagsim.notes import Caution, Choice
 from lagsim.plan.formulation import STAGES
 from lagsim.plan.plan import ANY, structure
 from lagsim.program.system import System
-from lagsim.run.arc import LONG, SERIES
+from lagsim.run.arc import LONG, NO_LOSS, SERIES
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.modes import TrialModes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
@@ -63,8 +63,6 @@ WHY = {
     Outcome.NEWTON_FAILED: "{} cannot solve its equations there",
 }
 LOSS = "the constraints become dependent there, which {} cannot integrate through"
-# Fields of the state about a loss of rank ahead, reset when the method changes.
-NO_LOSS = {"passes": 0.0, "planned": 0.0, "tried": 0.0}
 
 
 class Fallback(Source):

@@ -29,10 +29,10 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution, Event
-from lagsim.plan.plan import by_loops, usual_lengths
+from lagsim.notes import Caution, Choice, Event
+from lagsim.plan.plan import by_loops, usual_lengths, without_partition
 from lagsim.program.system import System
-from lagsim.run.arc import shift
+from lagsim.run.arc import NO_LOSS, shift
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.records import Before, SurfacesAt
 from lagsim.run.events.switching import corners_met
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Floats
+    from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.events.switching import Switching
 
@@ -337,6 +338,56 @@ class NearDependence(Source):
             cautions=(Caution(NEARLY_DEPENDENT, text),),
             arc=arc.by(plan, System(arc.equations, plan)),
         )
+
+
+# With a smaller part of the usual smallest singular value of the rows, where the volume
+# of a block vanishes, the rows lose their rank.
+VANISHED = 1e-2
+# Codes of kernels at which a partition is given up.
+LOST_CODES = (
+    at.DEGENERATE, at.LOSS_AHEAD, at.NOT_FINITE, at.STEP_TOO_SMALL,
+    at.PROJECTION_FAILED, at.NEWTON_FAILED,
+)  # fmt: skip
+
+
+class LostPartition(Source):
+    """Source that solves by M^-1 where independent coordinates lose the others.
+
+    The volume of a block of dependent coordinates then becomes small, or the method
+    fails.
+    """
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Return the decision to solve by M^-1; None for codes of other sources.
+
+        None if the rows themselves lose their rank, or without a partition. code : the
+        kernel's return code.
+        """
+        lost = code == at.RANK_LOST and not _lose_rank(arc)
+        if not arc.plan.blocks or not (lost or code in LOST_CODES):
+            return None
+        plan = without_partition(arc.plan)
+        return Decision(
+            choices=(_last_choice(plan, arc.t),),
+            arc=arc.by(plan, System(arc.equations, plan)),
+            numbers={"h": 0.0, **NO_LOSS},
+        )
+
+
+def _last_choice(plan: Plan, t: float) -> Choice:
+    last = plan.choices[-1]
+    return last._replace(choice=f"{last.choice} from t = {t:.9g} on")
+
+
+def _lose_rank(arc: Arc) -> bool:
+    """Whether the rows lose their rank at the time of a loss that the kernel found."""
+    time, n = arc.state.lost_at, arc.system.n
+    y = arc.state.work[: arc.system.size]
+    q, v, s = y[:n], y[n : 2 * n], y[arc.state.first_order]
+    e = arc.system.equations
+    point = Point(e, Instant(time, q, v, s))
+    _, smallest = weakest_rows(point, arc.plan.rank, arc.plan.lengths)
+    return bool(smallest <= VANISHED * arc.plan.smallest_singular_value)
 
 
 # Rows with a larger component in the left null vector than this are reported.
