@@ -70,8 +70,8 @@ class Difference(NamedTuple):
     sign: float
 
 
-class Rows(NamedTuple):
-    """Rows of A q'' = b after the replacement of some by differences.
+class ShorterRows(NamedTuple):
+    """ShorterRows of A q'' = b after the replacement of some by differences.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Rows(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Rows, and the coordinates that they determine.
+    """ShorterRows, and the coordinates that they determine.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ def partition_of(
     # With more independent coordinates than rows M^-1 takes fewer operations.
     if not e.rows or e.chains is not None or not 0 < whole.n - whole.m <= whole.m:
         return None
-    rows = memoize(g, (Rows, e.nodes), lambda: _in_differences(whole))
+    rows = memoize(g, (ShorterRows, e.nodes), lambda: _in_differences(whole))
     numbers = [np.array(evaluate(g, A.values(), values)) for A in rows.A]
     A = np.zeros((whole.m, whole.n))
     for k, entries in enumerate(rows.A):
@@ -140,7 +140,7 @@ def partition_of(
     return found if next(costs) < PAYS * next(costs) else None
 
 
-def _in_differences(whole: Elimination) -> Rows:
+def _in_differences(whole: Elimination) -> ShorterRows:
     """Return the rows of A, of which differences replace some with more entries."""
     x = whole.collected
     A, found = [{**row.A} for row in whole.rows], list[Difference]()
@@ -154,7 +154,7 @@ def _in_differences(whole: Elimination) -> Rows:
         ]
         gain, i, j, sign = max(pairs, default=(0, 0, 0, 0.0))
         if gain <= 0:
-            return Rows(tuple(A), tuple(found))
+            return ShorterRows(tuple(A), tuple(found))
         best = Difference(-i, -j, sign)
         A[best.row] = _difference(x, A[best.row], A[best.other], sign)
         found.append(best)
@@ -298,7 +298,7 @@ class Partition(Elimination):
     ----------
     whole : Elimination
         The solution by M^-1.
-    rows : Rows
+    rows : ShorterRows
         The rows, with differences in place of some.
     blocks : tuple of Block
         The blocks in which the rows are solved.
@@ -308,7 +308,7 @@ class Partition(Elimination):
     blocks : tuple of Block
     """
 
-    def __init__(self, whole: Elimination, rows: Rows, blocks: Blocks) -> None:
+    def __init__(self, whole: Elimination, rows: ShorterRows, blocks: Blocks) -> None:
         self._whole = whole
         self.g, self.equations, self.names = whole.g, whole.equations, whole.names
         self.n, self.m, self.along_links = whole.n, whole.m, False
