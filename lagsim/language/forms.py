@@ -361,8 +361,8 @@ class _Expansion(Turning[int]):
 
     def turned(self, op: str, a: int, b: int, sign: int) -> tuple[float, int]:
         g = self.g
-        angle = _linear(g, a)
-        for n, k in _linear(g, b).items():
+        angle = multiples_in(g, a)
+        for n, k in multiples_in(g, b).items():
             angle[n] = angle.get(n, 0) + sign * k
         angle = {n: k for n, k in sorted(angle.items()) if k}
         flipped = next(iter(angle.values()), 1) < 0
@@ -380,8 +380,17 @@ class _Expansion(Turning[int]):
         return factor, self.power(node)
 
 
-def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Return a node as a sum of integer multiples of others: other node -> integer."""
+def multiples_in(g: Graph, n: int) -> dict[int, int]:
+    """Return a node as a sum of integer multiples of others: other node -> integer.
+
+    Examples
+    --------
+    >>> from lagsim.language.graph import Graph
+    >>> g = Graph()
+    >>> a, b = g.variable("a"), g.variable("b")
+    >>> multiples_in(g, g.call("sub", g.call("add", a, b), b)) == {a: 1}
+    True
+    """
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -392,7 +401,7 @@ def _linear(g: Graph, n: int) -> dict[int, int]:
             waiting += zip(g.args[n], signs, strict=False)
         else:
             found[n] = found.get(n, 0) + k
-    return found
+    return {n: k for n, k in found.items() if k}
 
 
 class _Writer:

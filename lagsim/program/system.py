@@ -256,6 +256,10 @@ class System:
         self.together = not (plan.tape or self.model.tables) and lanes.suits(
             equations.graph, nodes_of.get("observe", ()), self.size
         )
+        if self.together:
+            code["observe"] = lanes.with_fewer_angles(
+                equations.graph, nodes_of["observe"]
+            )
         p = self._parameters()
         layout = self._layout(p)
         kernel_part(*of_method(self, plan.method)).begin()

@@ -12,8 +12,10 @@ instruction on vectors.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
+from lagsim.language.forms import multiples_in
 from lagsim.native.graph.lines import (
     BOTH,
     CIRCULAR,
@@ -100,6 +102,53 @@ def suits(g: Graph, nodes: Sequence[int], size: int) -> bool:
         for n in cone
         if g.args[n]
     )
+
+
+def with_fewer_angles(g: Graph, nodes: Sequence[int]) -> list[int]:
+    """Return equal nodes, with fewer angles whose sines and cosines are computed.
+
+    Sines and cosines of an angle a + b or a - b become products of the sines and
+    cosines of a and b, where `nodes` contain functions of both.
+    """
+    turning = [n for n in g.cone(nodes) if g.ops[n] in CIRCULAR]
+    angles = {g.args[n][0]: multiples_in(g, g.args[n][0]) for n in turning}
+    made: dict[int, dict[str, int]] = {}
+    known: dict[frozenset[tuple[int, int]], int] = {}
+    for angle in sorted(angles, key=lambda n: (len(angles[n]), n)):
+        found = _as_sum(angles, known, angles[angle])
+        known[frozenset(angles[angle].items())] = angle
+        if found is None:
+            made[angle] = {op: g.call(op, angle) for op in CIRCULAR}
+            continue
+        a, b, sign = found
+        (s, c), (t, d) = ((made[x]["sin"], made[x]["cos"]) for x in (a, b))
+        plus, minus = ("add", "sub") if sign > 0 else ("sub", "add")
+        made[angle] = {
+            "sin": g.call(plus, g.call("mul", s, d), g.call("mul", c, t)),
+            "cos": g.call(minus, g.call("mul", c, d), g.call("mul", s, t)),
+        }
+    new = {n: made[g.args[n][0]][g.ops[n]] for n in turning}
+    return g.substitute(nodes, {n: x for n, x in new.items() if n != x})
+
+
+def _as_sum(
+    angles: Mapping[int, Mapping[int, int]],
+    known: Mapping[frozenset[tuple[int, int]], int],
+    angle: Mapping[int, int],
+) -> tuple[int, int, int] | None:
+    """Return two known angles, and the sign of the second one, whose sum is `angle`.
+
+    None if there are none. angles : angle -> its multiples of variables. known : these
+    multiples -> angle.
+    """
+    for a in known.values():
+        for sign in (1, -1):
+            rest = Counter(angle)
+            rest.subtract(angles[a])
+            b = known.get(frozenset((n, sign * k) for n, k in rest.items() if k))
+            if b is not None:
+                return a, b, sign
+    return None
 
 
 class LaneWriter(FunctionWriter):
