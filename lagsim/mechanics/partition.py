@@ -71,7 +71,7 @@ class Difference(NamedTuple):
 
 
 class ShorterRows(NamedTuple):
-    """ShorterRows of A q'' = b after the replacement of some by differences.
+    """Rows of A q'' = b after the replacement of some by differences.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class ShorterRows(NamedTuple):
 
 
 class Block(NamedTuple):
-    """ShorterRows, and the coordinates that they determine.
+    """Rows, and the coordinates that they determine.
 
     Attributes
     ----------

@@ -256,10 +256,7 @@ class System:
         self.together = not (plan.tape or self.model.tables) and lanes.suits(
             equations.graph, nodes_of.get("observe", ()), self.size
         )
-        if self.together:
-            code["observe"] = lanes.with_fewer_angles(
-                equations.graph, nodes_of["observe"]
-            )
+        code |= self._observed_together(nodes_of)
         p = self._parameters()
         layout = self._layout(p)
         kernel_part(*of_method(self, plan.method)).begin()
@@ -276,6 +273,18 @@ class System:
             self.program.append(
                 values_part(self.size, taylor.order_for(plan.rtol or 0.0))
             )
+
+    def _observed_together(
+        self, nodes_of: dict[str, list[int]]
+    ) -> dict[str, list[int]]:
+        """Return the function `observe` of several rows at once; else an empty dict.
+
+        nodes_of : name of a function -> its nodes.
+        """
+        if not self.together:
+            return {}
+        g = self.equations.graph
+        return {"observe": lanes.with_fewer_angles(g, nodes_of["observe"])}
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Return the generated code of all functions.

@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 
+from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.native.graph import lanes, straight_line
@@ -79,3 +80,18 @@ def test_functions_of_other_operations_are_not_evaluated_together():
         assert lanes.suits(g, nodes, len(STATE)) is suits
     g, nodes = graph(["x", "y", "z"])  # fewer than lanes
     assert not lanes.suits(g, nodes, len(STATE))
+
+
+def test_functions_of_sums_of_angles_are_products():
+    texts = ["sin(x - y)*cos(x)", "cos(y)", "cos(x - y + z)", "sin(z)", "sin(a + x)"]
+    g, nodes = graph(texts)
+    found = lanes.with_fewer_angles(g, nodes)
+    angles = {g.args[n][0] for n in g.cone(found) if g.ops[n] in ("sin", "cos")}
+    # x, y, z; and a + x, as there is no function of a.
+    assert len(angles) == 4
+    random = np.random.default_rng(2)
+    for _ in range(20):
+        values = dict(zip((*STATE, "a"), random.uniform(-9, 9, 4), strict=True))
+        exact = evaluate(g, nodes, values)
+        # A few products of numbers below 1, each rounded to 1.1e-16.
+        assert evaluate(g, found, values) == pytest.approx(exact, rel=0, abs=2e-15)
