@@ -876,14 +876,16 @@ def by_loops(plan: Plan) -> Plan:
     )
 
 
-def without_partition(plan: Plan) -> Plan:
+def without_partition(plan: Plan, reason: str) -> Plan:
     """Return a plan in which M^-1 solves the equations, not independent coordinates.
 
-    Used during a run when independent coordinates stop to determine the others.
+    Used during a run when independent coordinates stop to determine the others, and
+    where no run can change its plan.
+
+    reason : of the choice, for the reader.
     """
     e = plan.reduction.equations
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
-    reason = "the independent coordinates no longer determine the others"
     choices.append(Choice("solve: straight-line code", reason))
     return replace(
         plan, elimination=elimination_of(e), volume=0.0, choices=tuple(choices)

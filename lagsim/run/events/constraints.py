@@ -343,6 +343,7 @@ class NearDependence(Source):
 # With a smaller part of the usual smallest singular value of the rows, where the volume
 # of a block vanishes, the rows lose their rank.
 VANISHED = 1e-2
+UNDETERMINED = "the independent coordinates no longer determine the others"
 # Codes of kernels at which a partition is given up.
 LOST_CODES = (
     at.DEGENERATE, at.LOSS_AHEAD, at.NOT_FINITE, at.STEP_TOO_SMALL,
@@ -366,7 +367,7 @@ class LostPartition(Source):
         lost = code == at.RANK_LOST and not _lose_rank(arc)
         if not arc.plan.blocks or not (lost or code in LOST_CODES):
             return None
-        plan = without_partition(arc.plan)
+        plan = without_partition(arc.plan, UNDETERMINED)
         return Decision(
             choices=(_last_choice(plan, arc.t),),
             arc=arc.by(plan, System(arc.equations, plan)),

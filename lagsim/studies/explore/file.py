@@ -55,7 +55,7 @@ from lagsim.outputs.animation.pages import holding
 from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
 from lagsim.outputs.units import units
-from lagsim.plan.plan import ANY
+from lagsim.plan.plan import ANY, without_partition
 from lagsim.program import webassembly
 from lagsim.run.arc import SERIES, largest_shift
 from lagsim.run.arcs import Run
@@ -105,6 +105,7 @@ OUTCOMES = {
     "NEWTON_FAILED": Outcome.NEWTON_FAILED, "STATE_JUMPS": Outcome.STATE_JUMPS,
     "TOO_MANY_STEPS": Outcome.TOO_MANY_STEPS,
 }  # fmt: skip
+ONE_PLAN = "a page in a file cannot solve otherwise within a run"
 LIVE = "`lagsim explore` without -o integrates it"
 
 
@@ -121,6 +122,8 @@ def page_in_a_file(explorer: Explorer) -> bytes:
         If the start is not admissible, or a page cannot compute what the model needs.
     """
     session = explorer.session
+    if session.plan.blocks:
+        session = session.case.ready(without_partition(session.plan, ONE_PLAN))
     _refuse(session)
     observed = pictures.frames_of(session.equations, session.columns.names)
     frames = Frames(
