@@ -182,6 +182,11 @@ def test_a_wave_faster_than_the_doubles_is_given_up():
     assert len(breaks(text, 1.0, 2.0)) <= 2
 
 
+def test_a_search_pauses_after_some_cells(monkeypatch):
+    monkeypatch.setattr("lagsim.run.events.breaks.PATIENCE", 1000)
+    assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 0.01
+
+
 @pytest.mark.slow
 def test_a_search_without_end_pauses():
     begin = time.process_time()
