@@ -63,7 +63,7 @@ ALL_CASES = (
     *("tests/mechanics/contact/", "tests/methods/order/", "tests/test_derived.py"),
     *(
         f"tests/methods/test_{one}.py"
-        for one in ("from_rest", "implicit", "kernels", "symplectic", "tableau")
+        for one in ("from_rest", "implicit", "symplectic", "tableau")
     ),
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
