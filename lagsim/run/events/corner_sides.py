@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     # ABOVE, BELOW or SLIDING (stopped) for each corner.
     Sides = tuple[int, ...]
 
-# Modes of surfaces at whose levels the motion rests; carried surfaces may be off them.
-AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL, kept.CARRIED)
+# Modes of surfaces at whose levels the motion rests.
+AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL)
 # Largest number of corners all of whose sides are combined, and of rounds by turns.
 MOST = 6
 
@@ -71,13 +71,12 @@ class CornerSides:
         modes.begin(arc, surfaces.selected)
         on = arc.system.switches.corners
         levels = dict(surfaces.levels)
-        resting = [k for k in on if modes.kind[k] in AT_LEVEL and k not in levels]
-        if resting:
-            values = modes.values(arc.t, arc.y)
-            for k in resting:
-                level = modes.level(k, float(values[k]))
-                if modes.kind[k] != kept.CARRIED or self._is_at(k, level):
-                    levels[k] = level
+        values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
+        for k in on:
+            level = modes.level(k, float(values[k]))
+            near = abs(values[k] - level) <= RESIDUAL_ROUNDOFF * sizes[k]
+            if k not in levels and (near or modes.kind[k] in AT_LEVEL):
+                levels[k] = level
         self.corners = {k: levels[k] for k in modes.order if k in on and k in levels}
         self._off: frozenset[int] = frozenset()
         self._speeds: dict[Sides, Floats] = {}

@@ -777,10 +777,16 @@ class SurfaceModes:
             return {}
         later = arc.t + ASIDE * span
         former = self.value.copy(), self.kind.copy()
+        # Surfaces at rest at their levels have values between those of their sides.
+        part = np.where(self.whole, self.value % 1.0, np.abs(self.value) - 1.0)
+        between = part != 0.0
         for side in (BELOW, ABOVE):
-            for k in np.flatnonzero(found).tolist():
+            for k in np.flatnonzero(found | between).tolist():
                 self.put(k, levels[k], side)
             self.write()
+            # The rate of a surface may depend on the sides of others.
+            moved = np.where(self.on_rates, 0.0, span * np.abs(self.rows().rates))
+            found &= moved <= most
             aside = self._aside(later)
             for t, y in ((arc.t, arc.y), (arc.t, aside), (later, aside)):
                 found &= self._roundoff_of_rates(y, t) >= 0.0
