@@ -408,7 +408,7 @@ def laws_struck(
         found = by.contacts.velocities(arc, laws, met, corners, decided=decided)
         if corners is not None:
             corners.restore()
-    if corners is not None and corners.stopped is not None:
+    if corners is not None and corners.is_decided:
         now = now.but(surfaces=now.surfaces._replace(stopped=corners.stopped))
     decision = found.decision(arc).after(projected)
     if decision.ending is None and met >= 0:

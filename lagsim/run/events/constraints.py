@@ -143,10 +143,11 @@ def inelastic_impact(
             return GO_ON, surfaces
         before.row[0, 0] = arc.t
         y = arc.y.copy()
-        y[arc.velocities] += step
         if switching is not None and bent:
-            rests, stopped = switching.stop(arc, y, surfaces)
+            rests, stopped = switching.stop(arc, y, surfaces, before.off)
             surfaces = surfaces._replace(stopped=stopped)
+        else:
+            y[arc.velocities] += step
     energy = float(arc.add_work(y, arc.energies(arc.y, now)).sum())
     given = transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]

@@ -60,28 +60,41 @@ class CornerSides:
     ----------
     corners : dict of int to float
         The level of each corner's surface, by its index, in the order of dependence.
-    stopped : frozenset of int, or None
-        The corners at which the last jump has stopped velocities; None before a jump.
+    stopped : frozenset of int
+        The corners at which the last jump has stopped velocities.
+    off : frozenset of int
+        The corners whose surfaces are off their levels with the sides in the memory.
+    is_decided : bool
+        Whether a jump has decided the sides.
     """
 
-    stopped: frozenset[int] | None = None
+    stopped: frozenset[int] = frozenset()
+    off: frozenset[int] = frozenset()
+    is_decided = False
 
     def __init__(self, arc: Arc, modes: SurfaceModes, surfaces: SurfacesAt) -> None:
         self.arc, self.modes = arc, modes
         modes.begin(arc, surfaces.selected)
         on = arc.system.switches.corners
         levels = dict(surfaces.levels)
-        values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
+        rows, values = modes.rows(), modes.values(arc.t, arc.y)
+        near = RESIDUAL_ROUNDOFF * modes.sizes(rows)
         for k in on:
             level = modes.level(k, float(values[k]))
-            near = abs(values[k] - level) <= RESIDUAL_ROUNDOFF * sizes[k]
-            if k not in levels and (near or modes.kind[k] in AT_LEVEL):
+            is_at = abs(values[k] - level) <= near[k] or modes.kind[k] in AT_LEVEL
+            if k not in levels and is_at:
                 levels[k] = level
         self.corners = {k: levels[k] for k in modes.order if k in on and k in levels}
-        self._off: frozenset[int] = frozenset()
+        lengths = np.linalg.norm(rows.J, axis=1)
+        off = [
+            abs(values[k] - x) / (lengths[k] or 1.0) for k, x in self.corners.items()
+        ]
+        # The corners meet at one place, up to the distance of the state from each.
+        self._near = near + 2.0 * max(off, default=0.0) * lengths
         self._speeds: dict[Sides, Floats] = {}
         self._former = modes.value.copy(), modes.kind.copy()
-        self._carried = modes.carried
+        kept_on = (modes.kind == kept.CARRIED).tolist()
+        self._carried = {k: each for k, each in modes.carried.items() if kept_on[k]}
 
     def restore(self) -> None:
         """Restore the modes that the surfaces had before the trial.
@@ -92,11 +105,9 @@ class CornerSides:
         self.modes.carried = self._carried
         self.modes.write()
 
-    def _is_at(self, k: int, level: float) -> bool:
-        """Whether the expression of surface k is at a level, to its rounding."""
-        modes, arc = self.modes, self.arc
-        off = abs(float(modes.values(arc.t, arc.y)[k]) - level)
-        return off <= RESIDUAL_ROUNDOFF * float(modes.sizes(modes.rows())[k])
+    def _is_at(self, k: int, value: float) -> bool:
+        """Whether a value of the expression of surface k is at a level of it."""
+        return bool(abs(value - self.modes.level(k, value)) <= self._near[k])
 
     def project(self, y: Floats, stopped: frozenset[int]) -> None:
         """Project the velocities in y (size,), in place, onto equalities alone.
@@ -110,7 +121,7 @@ class CornerSides:
             if stopped:
                 arc.runner.project_sliding(arc.t, y)
 
-    def after(self, jump: Jump) -> Floats:
+    def after(self, jump: Jump, *, selected: bool = False) -> Floats:
         """Return the state (size,) after a jump, on the sides onto which it leads.
 
         These sides are left in the memory of the arc, until `restore`. A corner may
@@ -119,23 +130,50 @@ class CornerSides:
         corners is returned, and of these the one with the highest speed away from the
         corners, relative to the rounding of the speed.
 
-        jump : the function that computes the jump.
+        jump : the function that computes the jump. selected : whether the sides before
+        the trial are the solution if they are one.
         """
         self._speeds = {}
-        count = len(self.corners)
-        some = self._touched(jump, list(range(count)), (SLIDING,) * count)
+        every = list(range(len(self.corners)))
+        found = self._selected()
+        if not (selected and self._is_solution(jump, found, every)):
+            found = self._found(jump, every)
+        self._put(found)
+        stops = zip(self.corners, found, strict=True)
+        stopped = {k for k, side in stops if side == SLIDING}
+        self.stopped, self.is_decided = frozenset(stopped.difference(self.off)), True
+        return jump(self.stopped)
+
+    def _selected(self) -> Sides:
+        """Return the sides of all corners before the trial."""
+        modes, found = self.modes, []
+        modes.restore(*self._former)
+        for k, level in self.corners.items():
+            side = ABOVE if modes.way(k, level) > 0.0 else BELOW
+            found.append(SLIDING if modes.kind[k] in AT_LEVEL else side)
+        return tuple(found)
+
+    def _is_solution(self, jump: Jump, sides: Sides, some: list[int]) -> bool:
+        """Whether a jump with given sides leads onto these sides.
+
+        sides : of all corners. some : the indices of the corners whose stops are
+        examined. jump : see `after`.
+        """
+        return self._least(jump, sides) > 1.0 and self._stops(jump, sides, some)
+
+    def _found(self, jump: Jump, every: list[int]) -> Sides:
+        """Return the sides of all corners onto which a jump leads.
+
+        every : the indices of all corners. jump : see `after`.
+        """
+        some = self._touched(jump, every, (SLIDING,) * len(every))
         while True:
             found = self._solution(jump, some)
-            left = [i for i in range(count) if i not in some]
+            left = [i for i in every if i not in some]
             more = self._touched(jump, left, found)
             if not more:
-                break
+                return found
             some = sorted([*some, *more])
-        self._put(found)
-        self.stopped = frozenset(
-            k for k, side in zip(self.corners, found, strict=True) if side == SLIDING
-        )
-        return jump(self.stopped)
 
     def _touched(self, jump: Jump, some: list[int], sides: Sides) -> list[int]:
         """Return the corners from which a jump may lead away.
@@ -244,7 +282,7 @@ class CornerSides:
             if not modes.depends[k].isdisjoint(changed):
                 modes.write()
                 value = float(modes.values(arc.t, arc.y)[k])
-                if not self._is_at(k, modes.level(k, value)):
+                if not self._is_at(k, value):
                     modes.put_clear(k, value)
                     changed.add(k)
                     off.add(k)
@@ -253,7 +291,7 @@ class CornerSides:
                 modes.put(k, self.corners[k], side)
                 changed.add(k)
         modes.write()
-        self._off = frozenset(off)
+        self.off = frozenset(off)
 
     def _least(self, jump: Jump, sides: Sides) -> float:
         """Return the least speed from a corner onto its side, in units of rounding.
@@ -265,7 +303,7 @@ class CornerSides:
         """
         speeds = self._speed(jump, sides)
         own = [x for x, side in zip(speeds, sides, strict=True) if side != SLIDING]
-        return float(min(own))
+        return float(min(own, default=math.inf))
 
     def _speed(self, jump: Jump, sides: Sides) -> Floats:
         """Return the speeds (c,) from c corners onto their sides, after a jump.
@@ -280,7 +318,7 @@ class CornerSides:
             return known
         arc, modes, some = self.arc, self.modes, list(self.corners)
         self._put(sides)
-        off = self._off
+        off = self.off
         stops = [k for k, side in zip(some, sides, strict=True) if side == SLIDING]
         y = jump(frozenset(stops).difference(off))
         rows, seen = modes.rows(y), np.abs(y[arc.velocities])

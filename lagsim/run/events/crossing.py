@@ -369,6 +369,8 @@ def _jump(modes: SurfaceModes, k: int) -> float:
 
 # Bound of the distance to rest, in products of the rate and the time to rest.
 REACH = 4.0
+# Least rate of a surface, in speeds of its terms, at which its time is known well.
+SLOWEST = 2.0**-10
 # Largest number of surfaces all of whose corners are evaluated for scales of rates.
 FEW_CORNERS = 3
 
@@ -430,6 +432,7 @@ class Crossing:
         All other surfaces are set to the sides of their expressions' values.
         """
         modes = self.modes
+        self.led = np.zeros(modes.count)
         self._evaluate()
         for k in modes.order:
             if not modes.depends[k].isdisjoint(self.stale):
@@ -468,10 +471,9 @@ class Crossing:
         self.rows = modes.rows()
         self.sizes = modes.sizes(self.rows)
         self.stale.clear()
-        self.led = np.zeros(modes.count)
         self.levels = self._levels()
         if 0 < len(self.levels) < modes.count:
-            self.led = self._rounding_beside()
+            self.led = np.fmax(self.led, self._rounding_beside())
             self.levels = self._levels()
 
     def _levels(self) -> dict[int, float]:
@@ -489,23 +491,27 @@ class Crossing:
         """Return the rounding (K,) of expressions that surfaces at their levels imply.
 
         A state at the level of a surface may be anywhere within the rounding of its
-        expression, and its distance there. The expressions of other surfaces have the
-        corresponding rounding: the knot of a long table at x = 0 has that of its
-        range, and abs(x) beside it has none of its own.
+        expression, and its distance there, across the surface and along the motion. The
+        expressions of other surfaces have the corresponding rounding: the knot of a
+        long table at x = 0 has that of its range, and abs(x) beside it has none of its
+        own; a surface that is reached slowly is located later or earlier than others.
         """
-        modes, J = self.modes, self.rows.J
+        modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
+        speeds = np.abs(J) @ np.abs(modes.arc.y[modes.arc.state.driven])
         for k, level in self.levels.items():
-            square = float(J[k] @ J[k])
-            if not square > 0.0:
-                continue
+            beside, square = moving == moving[k], float(J[k] @ J[k])
             off = 2.0 * abs(float(self.values[k]) - level)
             least = max(RESIDUAL_ROUNDOFF * float(self.sizes[k]), off)
+            if not moving[k] and rates[k] > SLOWEST * speeds[k] > 0.0:
+                along = np.where(beside, least / rates[k] * rates, 0.0)
+                found = np.fmax(found, along)
+            if not square > 0.0:
+                continue
             change = modes.along_rows(least / square * J[k])
             own = abs(float(J[k] @ change))
             if own > HALF_OF_DIGITS * least:  # not held by the rows
                 change *= least / own
-            beside = moving == moving[k]
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
 

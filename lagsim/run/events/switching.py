@@ -22,6 +22,7 @@ from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.accumulation import REGULAR, Accumulation
 from lagsim.run.events.contacts import rest_soon
+from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import SLIDING, SurfaceModes
 from lagsim.run.failures import FAILED, handed_over
@@ -288,12 +289,13 @@ class Switching(Source):
     # Corners of equalities
 
     def stop(
-        self, arc: Arc, y: Floats, surfaces: SurfacesAt
+        self, arc: Arc, y: Floats, surfaces: SurfacesAt, off: Floats
     ) -> tuple[list[Event], frozenset[int]]:
-        """Stop velocities that do not lead onto the sides selected at corners.
+        """Project velocities onto the equalities at corners, or stop them there.
 
-        The velocities in y are projected onto the rows of both sides of a corner.
-        Velocities are also projected that forces reverse before the position changes by
+        The sides selected count first; where the velocities after the projection do not
+        lead onto these, other sides do, or velocities are stopped (`CornerSides`).
+        Velocities are also stopped that forces reverse before the position changes by
         more than rounding. Return the events of rest by the latter, and the corners at
         which velocities are stopped.
 
@@ -302,16 +304,24 @@ class Switching(Source):
         arc
             The arc that begins.
         y : ndarray, shape (size,)
-            The state, which is changed in place.
+            The state, whose velocities are changed in place.
         surfaces : SurfacesAt
             The surfaces at the instant, with the sides selected.
+        off : ndarray, shape (n,)
+            The error of the velocities before, which is no part of the projection.
         """
-        corners = corners_met(arc, surfaces.levels)
         modes, found = self.modes, list[Event]()
-        modes.begin(arc, surfaces.selected)
-        stopped = set[int]()
-        if self._followed(arc):  # other corners
-            arc.runner.project_sliding(arc.t, y)
+        sides = CornerSides(arc, modes, surfaces)
+        before = y.copy()
+
+        def jump(stopped: frozenset[int]) -> Floats:
+            after = before.copy()
+            sides.project(after, stopped)
+            after[arc.velocities] -= off
+            return after
+
+        y[:] = sides.after(jump, selected=True)
+        stopped = {*sides.stopped}
         sizes, seen = modes.sizes(modes.rows(y)), arc.seen[arc.velocities]
         while True:
             rows = modes.rows(y)
@@ -320,16 +330,16 @@ class Switching(Source):
             least = np.abs(rows.J[:, : arc.system.n]) @ seen
             least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
             short = speeds**2 <= SHORT * RESIDUAL_ROUNDOFF * sizes * back
-            left = [k for k in corners if k not in stopped]
-            wrong = [k for k in left if short[k] or not speeds[k] > least[k]]
+            left = [k for k in sides.corners if k not in {*stopped, *sides.off}]
+            wrong = [k for k in left if short[k]]
             if not wrong:
                 break
             end = self.sequence.end()
             time = arc.t if end is None else max(arc.t, end)
-            rest = (k for k in wrong if short[k] and speeds[k] > least[k])
+            rest = (k for k in wrong if speeds[k] > least[k])
             found += [self._rested(arc, k, time) for k in rest]
             for k in wrong:
-                modes.put(k, surfaces.levels[k], SLIDING)
+                modes.put(k, sides.corners[k], SLIDING)
             stopped.update(wrong)
             modes.write()
             self._put_on(y)
