@@ -1,7 +1,8 @@
-"""Kicks of a body at rest where a sheet w = f(x, z) has nested kinks, by linear pieces.
+"""Bodies on a sheet w = f(x, z) with nested kinks, kicked at the kinks or passing them.
 
 On the piece with the gradient g an impulse P = (P_x, P_z, P_w) leads to the velocity v
-of (M + m_w g g^T) v = (P_x, P_z) + P_w g, if v points into this piece: f(v) = g.v.
+of (M + m_w g g^T) v = (P_x, P_z) + P_w g, if v points into this piece: f(v) = g.v. A
+body that passes has its momentum before as P.
 """
 
 import numpy as np
@@ -60,3 +61,42 @@ simulation: {{duration: 1.25, output_step: 0.25}}
     assert found.outcome == "done", found.reason
     got = [found["x_dot"][-1], found["z_dot"][-1], found["w_dot"][-1]]
     assert got == pytest.approx([*v, g @ v], abs=1e-9)
+
+
+# The sheet, the gradient of the piece onto which a velocity leads, and the velocity.
+PASSED = [
+    ("0.5*abs(abs(x) - 0.5*z)", (-0.5, -0.25), (-1, 0.25)),
+    ("max(x, abs(z))", (0, 1), (-0.7, 0.93)),
+    ("0.5*abs(x) + 0.25*abs(z)", (0.5, -0.25), (1, -0.5)),
+    ("0.25*abs(x + z) + 0.25*abs(x - z)", (0, 0.5), (0.25, 1)),
+    ("0.5*abs(x + 0.5*max(z, 0))", (0.5, 0.25), (1, 0.5)),
+]
+
+
+@pytest.mark.parametrize(("sheet", "gradient", "speed"), PASSED)
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_a_body_passes_a_place_of_nested_kinks(unit, order, sheet, gradient, speed):
+    x, z, w = MASSES
+    g, before = np.array(gradient, dtype=float), np.array(speed)
+    kinks = {"abs": abs, "max": max, "min": min}
+    start = eval(sheet, {**kinks, "x": -before[0], "z": -before[1]})  # noqa: S307
+    P = np.array([x, z]) * before - w * start * g
+    v = np.linalg.solve(np.diag([x, z]) + w * np.outer(g, g), P)
+    on = eval(sheet, {**kinks, "x": v[0], "z": v[1]})  # noqa: S307
+    assert on == pytest.approx(g @ v, abs=1e-12)  # v is on the piece
+    a, b = (unit * float(each) for each in before)
+    names = ["x: {}", "z: {}", "w: {}"]
+    text = f"""
+coordinates: {{{", ".join(names[::order])}}}
+energy: {{kinetic: ({x}*x_dot^2 + {z}*z_dot^2 + {w}*w_dot^2)/2, potential: 0}}
+constraints: {{sheet: "w = {sheet}"}}
+initial:
+  {{x: {-a}, x_dot: {a}, z: {-b}, z_dot: {b},
+  w: {{guess: {start * unit}}}, w_dot: {{guess: {-start * unit}}}}}
+simulation: {{duration: 1.25, output_step: 0.25}}
+"""
+    found = lagsim.simulate(text, error_bar="never")
+    assert found.outcome == "done", found.reason
+    got = [found["x_dot"][-1], found["z_dot"][-1], found["w_dot"][-1]]
+    assert got == pytest.approx(unit * np.array([*v, g @ v]), abs=1e-9 * unit)
