@@ -22,7 +22,7 @@ arc read. docs/events.md lists who writes each word.
 from __future__ import annotations
 
 from functools import wraps
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from lagsim.run.trajectory import JumpImpulses, Located
 
 P = ParamSpec("P")
+T = TypeVar("T")
 
 # Words in the messages of Python, numpy and scipy about numbers that are out of range,
 # in a ValueError or its subclass LinAlgError.
@@ -85,9 +86,7 @@ class Deciders(NamedTuple):
     switches: bool = False
 
 
-def unless_overflow(
-    work: Callable[P, Ending | None],
-) -> Callable[P, Ending | None]:
+def unless_overflow(work: Callable[P, T]) -> Callable[P, T | Ending]:
     """Decorate the stage `work` of a run: an overflow in Python ends the run.
 
     Kernels check each state themselves. Events are computed in Python, which raises
@@ -95,7 +94,7 @@ def unless_overflow(
     """
 
     @wraps(work)
-    def guarded(*args: P.args, **kwargs: P.kwargs) -> Ending | None:
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T | Ending:
         try:
             return work(*args, **kwargs)
         except (ArithmeticError, ValueError) as error:
@@ -120,17 +119,14 @@ def phase(
 
     An overflow in the phase ends the run.
     """
+    decided = unless_overflow(work)
 
     @wraps(work)
     def guarded(now: InstantRecord, by: Deciders) -> InstantRecord:
         if now.ending is not None:
             return now
-        try:
-            return work(now, by)
-        except (ArithmeticError, ValueError) as error:
-            if not is_overflow(error):
-                raise
-            return now.but(ending=Ending(Outcome.NOT_FINITE))
+        found = decided(now, by)
+        return now.but(ending=found) if isinstance(found, Ending) else found
 
     return guarded
 

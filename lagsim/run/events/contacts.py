@@ -596,7 +596,7 @@ def _blow(
         The corners of equalities at which the velocity across the surface is stopped,
         too.
     """
-    matrix = here.delassus_in(stopped) if stopped else here.shape.delassus
+    matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
     problem, response = here.problem(some, e, matrix)
     if held:
         problem = replace(problem, table=problem.table.held(held))

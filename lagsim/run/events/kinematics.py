@@ -425,31 +425,30 @@ class Kinematics:
             The friction coefficient or limit of each law while it slides and while it
             sticks.
         """
-        arc, p = self.arc, self.arc.system.p
-        m, L = arc.system.m, self.count
-        mode = p.law_mode.copy()
-        p.law_mode[:] = kept.OFF
-        field = self._field(t, y)
-        p.law_mode[:] = mode
+        p, m, L = self.arc.system.p, self.arc.system.m, self.count
+        field = self._field(t, y, ())
         # Results that `field` stores in the parameters.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
 
     def moved_by(self, some: Sequence[int]) -> Floats:
         """Return y' (size,) with the laws `some` in their present modes, others off."""
-        p = self.arc.system.p
-        mode = p.law_mode.copy()
-        p.law_mode[:] = kept.OFF
-        p.law_mode[some] = mode[some]
-        field = self._field(self.t, self.y)
-        p.law_mode[:] = mode
-        return field
+        return self._field(self.t, self.y, some)
 
-    def _field(self, t: float, y: Floats) -> Floats:
-        """Return y' (size,) at t and y, with the shares of the surfaces followed."""
-        arc = self.arc
-        along = arc.rates(t, y) if arc.system.p.sliding else None
+    def _field(self, t: float, y: Floats, some: Sequence[int] | None = None) -> Floats:
+        """Return y' (size,) at t and y, with the shares of the surfaces followed.
+
+        some : the indices of laws in their present modes; all others are off. None for
+            all laws in their present modes.
+        """
+        arc, p = self.arc, self.arc.system.p
+        mode = p.law_mode.copy()
+        if some is not None:
+            p.law_mode[:] = kept.OFF
+            p.law_mode[[*some]] = mode[[*some]]
+        along = arc.rates(t, y) if p.sliding else None
         field = arc.field(t, y)  # last, as it leaves b and the bounds of laws
+        p.law_mode[:] = mode
         return field if along is None else along
 
     @cached_property
@@ -459,27 +458,20 @@ class Kinematics:
         Forces act along with the forces that keep the motion on these surfaces.
         Impulses do not: for impulses see `MassAndRows.delassus`.
         """
-        shape = self.shape
-        if not self.arc.system.p.sliding:
-            return shape.delassus
-        rows = np.vstack([shape.equalities, self._along()])
-        return delassus(shape.M, rows, shape.rows)
+        p = self.arc.system.p
+        if not p.sliding:
+            return self.shape.delassus
+        return self.delassus_along(np.flatnonzero(p.slides == kept.FOLLOWED).tolist())
 
-    def delassus_in(self, corners: Collection[int]) -> Delassus:
-        """Return the accelerations of the laws per multiplier in corners of equalities.
+    def delassus_along(self, along: Collection[int]) -> Delassus:
+        """Return the accelerations of the laws per multiplier, along some surfaces.
 
-        corners : the indices of the surfaces at which the equalities hold the motion.
+        along : the indices of the surfaces on which the motion is held, as in corners
+            of equalities.
         """
-        _, J = self.arc.surface_rows(self.t, self.y)
-        rows = np.vstack(
-            [self.shape.equalities, J[sorted(corners), : len(self.rows.T)]]
-        )
-        return delassus(self.shape.M, rows, self.shape.rows)
-
-    def _along(self) -> Floats:
-        """Return the rows of the f surfaces that the motion follows, shape (f, n)."""
-        _, J = self.arc.surface_rows(self.t, self.y)
-        return J[self.arc.system.p.slides == kept.FOLLOWED, : self.arc.system.n]
+        shape, (_, J) = self.shape, self.arc.surface_rows(self.t, self.y)
+        held = J[sorted(along), : self.arc.system.n]
+        return delassus(shape.M, np.vstack([shape.equalities, held]), shape.rows)
 
     def _closed(self) -> list[bool]:
         """Return for each of L laws whether it is closed.
