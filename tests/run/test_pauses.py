@@ -1,13 +1,17 @@
 """Runs do not depend on where their kernels pause: all columns, events and counts."""
 
+import math
+
 import numpy as np
 import pytest
 
 from lagsim.errors import InputError
 from lagsim.methods import names
 from lagsim.program import system
+from lagsim.run import arcs
 from lagsim.run.interrupt import Horizon
-from tests.support import SHIPPED, run
+from lagsim.run.observers import Keep
+from tests.support import SHIPPED, ready, run
 
 # Loops over rows that depend, impacts, events; the others wait for the slow suite.
 FEW = [
@@ -58,6 +62,35 @@ def equal_runs(monkeypatch, model, method):
 @pytest.mark.parametrize(("model", "method"), FEW)
 def test_a_run_is_the_same_however_often_its_kernels_pause(monkeypatch, model, method):
     equal_runs(monkeypatch, model, method)
+
+
+class Blocks(Keep):
+    """Rows, with the number of rows of each block."""
+
+    def begin_anew(self):
+        super().begin_anew()
+        self.counts = []
+
+    def add(self, rows):
+        super().add(rows)
+        self.counts.append(len(rows))
+
+
+def test_rows_of_short_arcs_are_passed_on_together(monkeypatch):
+    """Observers receive all rows in order, in blocks that the pool bounds."""
+    found, session = [], ready("bouncing-ball", duration=1.0)
+    for pooled in (1, 40, 10**9):
+        monkeypatch.setattr(arcs, "POOLED_ROWS", pooled)
+        monkeypatch.setattr(arcs, "POOLED_SECONDS", math.inf)
+        blocks = Blocks()
+        made = session.run([blocks])
+        assert blocks.rows == made.rows == sum(blocks.counts)
+        found.append(blocks)
+    alone, some, whole = found
+    assert len(whole.counts) == 1 < len(some.counts) < len(alone.counts)
+    assert min(some.counts[:-1]) >= 40
+    for other in (some, whole):
+        assert other.table.tobytes() == alone.table.tobytes()
 
 
 @pytest.mark.slow
