@@ -409,10 +409,10 @@ def experiment(
             complain("\n".join(found))
             return 128 + (interrupt.signal or 0)
         files = dict(found.tables)
-        warnings = list[Any]()
-        for caution in results.cautions:
-            print_warning(caution)
-            warnings.append(caution.record)
+        warnings = list[Any](found.document.get("warnings", ()))
+        warnings += (caution.record for caution in results.cautions)
+        for warning in warnings:
+            complain(f"warning: {warning['text']} [{warning['number']}]")
 
         def draw() -> None:
             content = found.draw and drawn_or_reported(

@@ -84,18 +84,30 @@ class Run:
         return self
 
     def _begin_ties(self, arc):
-        """Decide the conditions that are false at the start and true after it.
+        """Decide the conditions that have one value at the start and another after it.
 
-        They are true there but for rounding, or become true at once.
+        They are true there but for rounding, or become true at once; or they are true
+        at the start alone.
         """
         r = self.flights.reading(arc.series, {}, _at_point)
-        conditions = {e.name: e.at for e in self.m.events if e.at is not None}
-        if self.m.until is not None:
-            conditions["until"] = self.m.until
-        for name, at in conditions.items():
-            if arc.truths[name] and not r.value(at):
+        for name, at in self._conditions().items():
+            if arc.truths[name] != r.value(at):
                 why = "a condition changes at the start"
                 self._was[name] = bool(self.flights.fork(("start", name), 2, why))
+
+    def _conditions(self):
+        """Return the conditions of located events and of `until`, by name."""
+        found = {e.name: e.at for e in self.m.events if e.at is not None}
+        return found if self.m.until is None else found | {"until": self.m.until}
+
+    def _notice_falsehood(self, arc):
+        """Decide the conditions that acts at the start make false there alone."""
+        r = self.flights.reading(arc.series, {}, _at_point)
+        for name, at in self._conditions().items():
+            if self._was[name] and arc.truths[name] and not r.value(at):
+                why = "a condition is false at the start alone"
+                kept = self.flights.fork(("false", name), 2, why) == 0
+                self._was[name] = kept
 
     # Between instants
 
@@ -213,6 +225,8 @@ class Run:
                 raise UndecidedError("the start is not admissible")
             arc = self.flights.choose(t, y, modes)
             now.jumped = now.struck or modes != now.before.modes
+            if now.start and now.acted:
+                self._notice_falsehood(arc)
             over = arc.truths.get("until", False) and not self._was.get("until", True)
             self.done |= over
             if now.start and due:
@@ -222,7 +236,9 @@ class Run:
             if not fired:
                 self._was |= arc.truths
                 return arc
-            fired = self._in_order(fired, arc)
+                fired = self._in_order(fired, arc)
+            # True at this instant alone: it does not become true again by these acts.
+            self._was |= dict.fromkeys(now.alone, True)
             modes, due = self._act(now, fired, arc, modes), set()
         raise UndecidedError("events without end")
 
@@ -243,6 +259,7 @@ class Run:
                 why = "a condition is true at one instant alone"
                 if at.value(e.at) and self.flights.fork((e.name, now.t), 2, why):
                     found.add(e.name)
+                    now.alone.add(e.name)
         return found - self._spent
 
     def _in_order(self, fired, arc):
@@ -437,6 +454,7 @@ class Instant:
         self.struck = self.jumped = False
         self.acted: list[str] = []
         self.round: set[str] = set()  # the events that acted together last
+        self.alone: set[str] = set()  # whose conditions are true at this time alone
         self.seen: list[dict[str, float]] = []  # modes before acts of located events
 
 

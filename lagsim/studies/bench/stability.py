@@ -36,6 +36,7 @@ from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import evaluation_cost
 from lagsim.studies.bench import asking
 from lagsim.studies.modes import SmallMotions
+from lagsim.studies.nonlinear import Linearised, not_linear
 from lagsim.studies.rest import NoRestError
 from lagsim.studies.step_bounds import predicted
 from lagsim.studies.trials import Compiled, Trial, refused_trial, tried
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.notes import Caution
     from lagsim.run.session import Case
     from lagsim.studies.rest import Steady
 
@@ -138,6 +140,8 @@ class Subject:
         event.
     unknown : str
         The reason why there are no eigenvalues, or "".
+    cautions : list of Caution
+        Warnings where the motion about the start is not linear.
     costs : dict of str to float
         The cost of an evaluation in operations, by method, known after a run.
     """
@@ -171,6 +175,7 @@ class Subject:
         self.unknown, self.size, self.states = "", 0.0, 0
         self.at_start = self.along = np.zeros(0, complex)
         self.linearisation: Linearisation | None = None
+        self.cautions: list[Caution] = []
         if len(e.q) > MOST_COORDINATES:
             self.unknown = f"the model has more than {MOST_COORDINATES} coordinates"
         else:
@@ -207,6 +212,9 @@ class Subject:
         self.at_start, self.along = found[0], np.concatenate(found)
         self.states = len(found)
         linear = linearisation.at(start.t, start.q, start.v, start.s)
+        values = linearisation.values(start.t, start.q, start.v, start.s).values
+        known = self.equations, start, linearisation, values
+        self.cautions = not_linear(Linearised(*known, (), (start.q, start.v)))
         sizes = np.linalg.norm(linear.lengths @ motion[:, 1 : 1 + n].T, axis=0)
         self.size = float(np.max(sizes))
         kick = KICK * self.energy
@@ -753,19 +761,24 @@ def _equilibrium(subject: Subject) -> Document:
     kind, reason = structure(subject.equations), subject.unknown
     rest: Steady | None = None
     about: tuple[EigenMode, ...] = ()
+    cautions = [(f"at the start, {c.text}", c) for c in subject.cautions]
     if not reason and not kind.autonomous:
         reason = "the equations depend on time"
     elif not reason:
         try:
             small = SmallMotions(subject.case.model)
             rest, about = small.steady, small.modes
+            found = rest.cautions(small.setting)
+            cautions += [(f"about the nearest rest, {c.text}", c) for c in found]
         except NoRestError as error:
             reason = str(error)
     if rest is None and subject.linearisation is not None and kind.linear:
         at = subject.endless.start
         linear = subject.linearisation.at(at.t, at.q, at.v, at.s)
         about = modes(linear, eigenvalues_of(linear.R))
+    warnings = [c._replace(text=text).record for text, c in cautions]
     return {
+        **({"warnings": warnings} if warnings else {}),
         "equilibrium": None if rest is None else _positions(rest),
         "equilibrium_is_start": rest is not None and _is_start(rest, subject),
         "equilibrium_reason": reason or None,
