@@ -24,7 +24,6 @@ simulation: {{duration: 0.5, output_step: 0.1{more}}}
         ("u >= x", -1, 0, 1),
         ("-u <= -x", -1, 0, 1),
         ("u*abs(1 + x) >= x", -1, 0, 1),
-        ("u >= x and k <= 9", -1, 0, 1),
         # True before the act, too; or still false after it.
         ("u >= x", 0, 0, 0),
         ("u >= x", -1, -0.5, 0),

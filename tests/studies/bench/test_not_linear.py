@@ -1,4 +1,4 @@
-"""Warnings of `stability` where the motion about the start, or a rest, is not linear."""
+"""Warnings of `stability` where the motion about the start or a rest is not linear."""
 
 import pytest
 
