@@ -513,13 +513,24 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             over = not value >= least_allowed(EVENT, s, p, law)
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0
-        # A pole, or the cut of an angle: the surface is not at its level.
-        is_surface = first < p.surfaces and p.slides[first] == 0.0
-        jumped = is_surface and high > 0.0 and jumps(EVENT, s, p, first, high, 0.0)
-        s.discontinuous = 1.0 if jumped else 0.0
+    s.discontinuous = 1.0 if is_discontinuous(s, p, first, high) else 0.0
     shorten(s, high)
     # Rows at the same instant are the next arc's.
     s.row_limit = min(s.row_limit, s.t - same_time(s, s.t))
+
+
+def is_discontinuous(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
+    """Whether event function k, of a surface or condition, jumps past 0 at fraction x.
+
+    It does at a pole, and at the cut of an angle. False for the mode of a law, and for
+    a surface that the motion follows.
+    """
+    rounding = 0.0
+    if UNTIL and k >= s.surfaces:
+        rounding = MANY * float(s.zero[k - s.surfaces])
+    elif SWITCHES and (k >= p.surfaces or p.slides[k] != 0.0):
+        return False
+    return x > 0.0 and jumps(EVENT, s, p, k, x, rounding)
 
 
 def shorten(s: SearchTable, x: float) -> None:

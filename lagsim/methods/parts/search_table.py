@@ -137,7 +137,7 @@ class SearchTable(Rank):
     kept: Floats = array(lambda s: s.surfaces + s.conditions)
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
-    discontinuous: float  # 1 if the expression of this surface is discontinuous there
+    discontinuous: float  # 1 if the surface or the condition is discontinuous there
 
     # The truth of conditions, see `conditions.Truth`. A condition holds where its
     # orientation times its function is <= 0; 0: not armed, it has not been false since,

@@ -24,7 +24,7 @@ from math import inf
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.search_table import SearchTable, error_of_state, same_time
 from lagsim.methods.parts.state import derivative, located, located_slopes
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
+from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
 
 # Whether y' is known at an instant; methods with impulses at each step have
 # accelerations after a step only.
@@ -123,7 +123,9 @@ def terms_of(s: SearchTable, k: int) -> float:
     terms = 0.0
     for i in range(s.dynamic.stop):
         terms += abs(row[i]) * seen(s, i)
-    return max(terms, float(s.condition_slopes[k]))
+    size = float(s.condition_slopes[k])
+    # A root at 0 and the point of a cone have no finite slope.
+    return max(terms if terms < OVERFLOW else 0.0, size if size < OVERFLOW else 0.0)
 
 
 def error_of_time(s: SearchTable, k: int) -> float:
@@ -258,7 +260,10 @@ def hold(s: SearchTable, _p: Parameters) -> None:
         if s.marked[k] > 0.0:
             miss = max(0.0, s.worth[k] * s.orientation[k])
             s.orientation[k] = 0.0
-            s.leeway[k] = 2.0 * (miss + s.zero[k])
+            jumped = k == int(s.met_first) and s.discontinuous > 0.0
+            if jumped:  # its slope, and so its rounding, may be unbounded
+                s.zero[k] = LEAST
+            s.leeway[k] = 0.0 if jumped else 2.0 * (miss + s.zero[k])
 
 
 def change(s: SearchTable, p: Parameters) -> int:

@@ -54,7 +54,9 @@ def rounding_of_start(arc: Arc) -> Floats:
     errors = {x.name: x.error for x in arc.equations.model.initial}
     moved = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
     slopes = arc.state.condition_slopes[len(arc.state.worth) :]
-    return np.asarray(2.0 * np.abs(slopes.reshape(-1, len(moved))) @ moved)
+    slopes = np.abs(slopes.reshape(-1, len(moved)))
+    known = np.isfinite(slopes) & (moved > 0.0)
+    return np.asarray(2.0 * np.where(known, slopes, 0.0) @ moved)
 
 
 class Truth:

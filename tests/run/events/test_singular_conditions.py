@@ -1,0 +1,40 @@
+"""Conditions whose slope is not finite: roots at 0, the point of a cone, poles."""
+
+import math
+
+import pytest
+
+from tests.support import run
+
+MOVING = """
+modes: {n: 0}
+coordinates: {q: {}, r: {}}
+energy: {kinetic: (q_dot^2 + r_dot^2)/2, potential: 0}
+events: {e: {at: "CONDITION", set: {n: n + 1}}}
+initial: {q: Q0, r: 0, q_dot: 1, r_dot: 1}
+simulation: {duration: 7, output_step: 0.5}
+"""
+POLES = [math.pi / 2, 3 * math.pi / 2]
+
+
+@pytest.mark.parametrize(
+    ("condition", "times"),
+    [
+        ("sqrt(q) >= 0.5", [0.25]),
+        ("sqrt(q) = 0.5", [0.25]),
+        ("cbrt(q) >= 0.5", [0.125]),
+        ("abs(q)^0.25 >= 0.5", [0.0625]),
+        ("acosh(1 + q) >= 1", [math.cosh(1) - 1]),
+        ("hypot(q, r) >= 1", [math.sqrt(0.5)]),
+        ("norm(vec(q, 2*r)) = 1", [math.sqrt(0.2)]),
+        ("sqrt(mod(q, 2)) >= 0.5", [0.25, 2.25, 4.25, 6.25]),
+        ("sqrt(mod(q, 2)) <= 0.5", [2, 4, 6]),
+        ("tan(q) <= -1", POLES),
+        ("tan(q) >= 1", [math.pi / 4, 5 * math.pi / 4]),
+        ("1/(q - 3) >= 0", [3]),
+    ],
+)
+def test_a_condition_without_a_finite_slope_acts(condition, times):
+    found = run(MOVING.replace("CONDITION", condition).replace("Q0", "0"))
+    events = [e.time for e in found.trajectory.events if e.kind == "event"]
+    assert events == pytest.approx(times, abs=1e-12)
