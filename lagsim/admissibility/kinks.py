@@ -332,8 +332,8 @@ class Kinks:
     ) -> dict[int, Step]:
         """Return where the forces of both sides of each pinned surface drive a state.
 
-        An equality that jumps at a surface admits no rest on the surface, which counts
-        as AWAY.
+        If an equality jumps at a surface, there is no rest on the surface, and the
+        result for it is AWAY.
 
         Parameters
         ----------

@@ -425,7 +425,7 @@ class Graph:
         return found
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
-        """Return `nodes` with some nodes, in the expressions too, replaced by others.
+        """Return `nodes` with some nodes replaced by others, below `nodes` as well.
 
         new : node -> node that replaces it.
         """

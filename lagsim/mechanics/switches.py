@@ -60,8 +60,9 @@ def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int]
 
     The condition is that the arguments of roots and logarithms below the node `branch`
     are in their domains. The result's branch has them mirrored at the ends of their
-    domains. Counted are functions of variables in `decides`, on which the condition of
-    the `if` depends, and outside nested branches; None if there are no such functions.
+    domains. Only functions outside nested branches count, and only functions of the
+    variables in `decides`, on which the condition of the `if` depends. The result is
+    None if there are no such functions.
     """
     found = None
     seen: set[int] = set()

@@ -311,8 +311,10 @@ def conclude(s: Gauss, h: float) -> None:
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     """Solve dL/dq'(q', q, t) = p for the velocities q' of the new state at time t.
 
-    By Newton's method, with the momenta p (n,) of the new state. h is the length of the
-    step. Return 0 on failure, else 1.
+    The momenta p (n,) are those of the new state. Newton's method is used. Return 0 on
+    failure, else 1.
+
+    h : the length of the step.
     """
     n, new, M, change = s.n, s.new, s.M, s.change
     v = new[s.velocities]

@@ -290,8 +290,8 @@ NEAR = 1e-3
 def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
     """Write the columns of a row at time t to out.
 
-    q'' is that of the forces and the mean multipliers. y (size,) ends with the
-    multipliers.
+    The accelerations q'' follow from the forces and the mean multipliers. The state
+    y (size,) ends with the multipliers.
     """
     motion = p.motion
     lam = y[p.size - p.row_count :]

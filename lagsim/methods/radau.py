@@ -214,7 +214,8 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 def estimate(s: Radau, p: SparseNewton, h: float) -> float:
     """Return the error of the step h in tolerances: IV.8 (8.19), or (8.20).
 
-    The latter in the first step and after a rejection, if the former is too large.
+    The estimate (8.20) is used in the first step and after a rejection, if (8.19) is
+    too large.
     """
     size, errors, F = s.size, s.errors, s.F
     for i in range(size):

@@ -388,8 +388,8 @@ def safety(s: Taylor) -> float:
 def bound(term: float, shrink: float, k: int) -> float:
     """Return log2 h of the longest step h with `term` h^k at most 2^shrink.
 
-    The error is 1e-4/k, small enough for the length of a step. UNBOUNDED if the term is
-    0.
+    The error is 1e-4/k, small enough for the length of a step. The result is UNBOUNDED
+    if the term is 0.
 
     term : |y_k|, the size of the coefficient of order k in tolerances.
     """

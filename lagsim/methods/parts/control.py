@@ -190,8 +190,8 @@ def set_tolerances(
 ) -> bool:
     """Set the tolerance of each component for a step of length h to `new` at time t.
 
-    A tolerance of 0: the component has no scale and is not controlled. Return False if
-    the tolerances of the last call hold and are kept, else True.
+    A component with a tolerance of 0 has no scale and is not controlled. Return False
+    if the tolerances of the last call hold and are kept, else True.
 
     new, rates : (size,), the state after the step and y' before it.
     """

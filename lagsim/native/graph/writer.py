@@ -258,7 +258,7 @@ class FunctionWriter(Lines):
     ) -> None:
         """Write sines and cosines of up to LANES angles side by side.
 
-        They are those with which `nodes` begins.
+        The nodes of these sines and cosines are the first ones of `nodes`.
 
         here : node -> name of its value; extended by the sines and cosines.
         operand : function that returns the name of the value of a node.

@@ -161,9 +161,7 @@ class Truth:
         return arc.located(time, arc.y + moved)
 
     def see(self, found: int = -1) -> None:
-        """Decide all conditions at the state just before an instant; store the result.
-
-        The truth is stored.
+        """Decide all conditions at the state just before an instant; store their truth.
 
         found : index of the condition located at the instant, or -1.
         """
