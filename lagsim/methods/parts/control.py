@@ -58,6 +58,10 @@ WIDE = 100.0
 # the square, if they exceed roundoff by the second.
 LONGER = 4.0
 CLEARLY = 4.0
+# Ratio of the roundoff bound at the start of a step to that at its end from which the
+# former is that of an instant; the latter is then used, times the second number.
+SINGULAR = 2.0**16
+OF_INSTANT = 64.0
 # Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
 # At tight tolerances the floor is below the last place: truncation errors of the size
@@ -83,6 +87,7 @@ class Control(ArcRows):
     lost_below: float  # the rows have lost rank where sigma is below this
     rounding_known: float  # directions by which it was bounded in this step
     bounded_step: float  # the step for which it was bounded; 0 for a start
+    limited: float  # 1 if the bound was limited by that at the end of the step, else 0
     balanced: float  # 1 where a component has no scale but that of forces that cancel
     balanced_alone: float  # 1: the roundoff of these alone counts
     wide: float  # 1 where the range of each component exceeds that scale by far
@@ -169,6 +174,7 @@ def forget_roundoff(s: Control) -> None:
         s.roundoff[i] = 0.0
     s.rounding_known = 0.0
     s.bounded_step = 0.0
+    s.limited = 0.0
 
 
 def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
@@ -242,7 +248,8 @@ def compute_tolerances(
     s: Control, p: Parameters, new: Floats, rates: Floats, h: float
 ) -> None:
     """Compute the tolerances of all components; arguments: see `set_tolerances`."""
-    if SWITCHES and p.surfaces > 0 and h < SHORTER * s.bounded_step:
+    shorter = h < SHORTER * s.bounded_step
+    if shorter and (s.limited > 0.0 or (SWITCHES and p.surfaces > 0)):
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
     s.wide = 1.0
@@ -381,6 +388,8 @@ def allow_roundoff(
     # Where terms cancel in many components, a single direction misses some by chance.
     ways = MOST_WAYS if s.balanced > 0.0 else s.rounding_known
     bound_roundoff(s, p, t, s.y, k, sigma, h, int(ways))
+    if sigma >= 1.0:
+        limit_by_end(s, p, t + h, new)
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
@@ -502,6 +511,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
         if guess > 0.1 * h:
             break
         h = guess
+    forget_roundoff(s)  # the bound is that of an instant
     return float(min(guess, span))
 
 
@@ -591,6 +601,32 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
         if moved < FEW_PLACES * s.sizes[i] and (moved > 0.0 or p.surfaces > 0.0):
             return True
     return False
+
+
+def limit_by_end(s: Control, p: Parameters, t: float, y: Floats) -> None:
+    """Limit the roundoff bounds of the rates to a multiple of those at a step's end.
+
+    At a root with an infinite slope (|u|^0.3 at u = 0) the bound is that of an instant,
+    not of the step that leaves it.
+
+    y : (size,), the state at the end t of the step.
+    """
+    rounding(t, y, p, s.point)
+    singular = False
+    for i in range(s.n, s.size):
+        there = VALUE_ROUNDOFF * abs(s.point[i - s.n])
+        singular = singular or s.roundoff[i] > SINGULAR * there > 0.0
+    if not singular:
+        return
+    derivative(t, y, p, s.point_rates)
+    perturb(s, p, t, y, s.point_rates, PROBE, 2, s.far_before)
+    s.evaluations += 3.0
+    for i in range(s.n, s.size):
+        there = abs(s.point[i - s.n]) + PROBED * s.far_before[i] / PROBE
+        there = VALUE_ROUNDOFF * (PROBED * abs(s.point_rates[i]) + there)
+        if s.roundoff[i] > SINGULAR * there > 0.0:
+            s.roundoff[i] = OF_INSTANT * there
+            s.limited = 1.0
 
 
 def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> None:

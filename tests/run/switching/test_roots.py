@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import beta
 
 from tests.run.switching.scenes import events, kinds, one_quick, scene
 from tests.support import run
@@ -113,3 +114,16 @@ def test_a_velocity_by_its_size_is_its_sign(direction):
     assert np.max(np.abs(found["x_dot"] - np.where(t < free, 0, exact))) < 1e-12
     assert kinds(found) == ["stick", "slip"]
     assert events(found)[1][0] == pytest.approx(free, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", one_quick("dopri5", "dop853", "radau", "taylor"))
+@pytest.mark.parametrize(("force", "right"), [
+    ("abs(sin(2*pi*t))^0.3", 0.75 / np.pi * beta(0.65, 0.5)),
+    ("abs(t - 0.5)^0.3", (0.5**1.3 + 0.25**1.3) / 1.3),
+    ("max(t - 0.5, 0)^0.3", 0.25**1.3 / 1.3),
+])  # fmt: skip
+def test_a_root_of_time_is_left_by_steps_that_suit_its_slope(method, force, right):
+    # Half a lobe of |sin|^p has the integral B((p + 1)/2, 1/2) / (4 pi). At t = 0.5
+    # the rounding of a force with an infinite slope is 1e-5, for an instant.
+    found = run(scene(force=force, duration=0.75, more=f", method: {method}"))
+    assert found["x_dot"][-1] == pytest.approx(right, abs=1e-10)
