@@ -91,9 +91,9 @@ def linked_system(case):
     session = ready(text, formulation="full")
     plan, system, settings = session.plan, session.system, session.case.settings
     runner = system.link(plan.method)
-    runner.prepare()
     s = runner.empty.copy()
     s.y[:] = system.begin(session.case.start)
+    runner.prepare()
     s.sigma = s.fresh = 1.0
     s.rtol, s.fixed_step = plan.rtol or 0.0, plan.step or 0.0
     s.atol = -1.0 if plan.atol is None else plan.atol
