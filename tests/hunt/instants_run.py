@@ -236,7 +236,7 @@ class Run:
             if not fired:
                 self._was |= arc.truths
                 return arc
-                fired = self._in_order(fired, arc)
+            fired = self._in_order(fired, arc)
             # True at this instant alone: it does not become true again by these acts.
             self._was |= dict.fromkeys(now.alone, True)
             modes, due = self._act(now, fired, arc, modes), set()
