@@ -138,12 +138,12 @@ def test_a_run_that_ends_by_itself_is_compared_as_far_as_both_go():
 def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
     judged = []
 
-    def fault(run):
+    def finding_text(run):
         judged.append(run.plan.rtol)
         assert run.monitor.end == run.trajectory.end == 60.0
         return texts[len(judged) - 1]
 
-    monkeypatch.setattr("lagsim.studies.attempts.fault", fault)
+    monkeypatch.setattr("lagsim.studies.attempts.finding_text", finding_text)
     texts = ["it lost energy", ""]
     bar = barred(PENDULUM)[1]
     assert judged == pytest.approx([1e-13, 1e-11 / LOOSER])
