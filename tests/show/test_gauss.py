@@ -40,8 +40,8 @@ def observed(name, *, loops):
     session = ready(asking(name, gauss=True), loops=loops)
     start, system = session.case.start, session.system
     runner = system.link("dop853")
-    runner.prepare()
     y = system.begin(start)
+    runner.prepare()
     row = runner.function("observe")(start.t, y)
     columns = dict(zip(system.columns.names, row, strict=False))
     return session.case.equations, columns, system
