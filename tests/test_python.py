@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 
+import matplotlib as mpl  # noqa: F401 -- run.json lists it once it has been imported
 import numpy as np
 import pytest
 
