@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import LawsAt, SurfacesAt
@@ -90,6 +91,22 @@ class SidesFound(NamedTuple):
     laws: LawsAt | None
 
 
+def has_poles(e: Equations, node: int) -> bool:
+    """Whether an expression may have a pole, or the cut of an angle.
+
+    Between the rounded values of other expressions there are jumps of rounding alone.
+    """
+    g, fixed = e.graph, {p.name for p in e.model.parameters}
+    for n in g.cone([node]):
+        op, args = g.ops[n], g.args[n]
+        if op in ("tan", "atan2"):
+            return True
+        varies = op in ("div", "pow") and not g.depends([args[1]]) <= fixed
+        if varies or (op == "pow" and not (g.value(args[1]) or 0.0) >= 0.0):
+            return True
+    return False
+
+
 class Switching(Source):
     """The source of the switches of a run that depend on its state.
 
@@ -120,6 +137,7 @@ class Switching(Source):
         self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
+        self._has_poles = [has_poles(arc.equations, s.node) for s in self.sides]
         self.resting: dict[int, float] = {}
         self.approaches = 0
         self.reach = AHEAD
@@ -166,7 +184,7 @@ class Switching(Source):
         `tan` does at a pole: the side is then that of the value.
         """
         modes, off = self.modes, 0.0
-        if arc.state.discontinuous:
+        if arc.state.discontinuous and self._has_poles[k]:
             off = -1.0
         elif arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
             value = float(modes.values(arc.t, arc.y)[k])
