@@ -297,7 +297,9 @@ def test_dead_points_whatever_method_is_asked_for(method, heavy, N):
         assert np.max(np.abs(result[f"x{k}"] - k - np.cos(angle))) < 1e-8
     check_told(result, N, 1.0)
     # An implicit step finds no solution there, and says who made it instead.
-    handed = [c.choice.split(" from ")[0] for c in result.trajectory.choices]
+    # A partition of the coordinates may become singular before that.
+    choices = [c.choice.split(" from ")[0] for c in result.trajectory.choices]
+    handed = [choice for choice in choices if choice.startswith("method")]
     assert handed == (["method: dop853"] if method == "radau" else [])
 
 
