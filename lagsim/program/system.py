@@ -253,10 +253,7 @@ class System:
             made = motion_series(equations, rates, plan.rtol or 0.0, loop=not plan.tape)
             code["series"] = made
         self.operations = self._operations(code)
-        self.together = not (plan.tape or self.model.tables) and lanes.suits(
-            equations.graph, nodes_of.get("observe", ()), self.size
-        )
-        code |= self._observed_together(nodes_of)
+        code |= self._observed(nodes_of.get("observe", []), plan)
         p = self._parameters()
         layout = self._layout(p)
         kernel_part(*of_method(self, plan.method)).begin()
@@ -274,17 +271,17 @@ class System:
                 values_part(self.size, taylor.order_for(plan.rtol or 0.0))
             )
 
-    def _observed_together(
-        self, nodes_of: dict[str, list[int]]
-    ) -> dict[str, list[int]]:
-        """Return the function `observe` of several rows at once; else an empty dict.
+    def _observed(self, nodes: list[int], plan: Plan) -> dict[str, list[int]]:
+        """Return the function `observe` with fewer angles, if rows suit lanes; else {}.
 
-        nodes_of : name of a function -> its nodes.
+        Tapes compute rows one by one, in the same bits.
+
+        nodes : of the columns.
         """
-        if not self.together:
-            return {}
         g = self.equations.graph
-        return {"observe": lanes.with_fewer_angles(g, nodes_of["observe"])}
+        suits = not self.model.tables and lanes.suits(g, nodes, self.size)
+        self.together = suits and not plan.tape
+        return {"observe": lanes.with_fewer_angles(g, nodes)} if suits else {}
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Return the generated code of all functions.
