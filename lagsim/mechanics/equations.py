@@ -464,6 +464,22 @@ def may_strike(e: Equations, row: Row) -> bool:
     return may_jump(e, [row.rate])
 
 
+def has_poles(e: Equations, node: int) -> bool:
+    """Whether an expression may have a pole, or the cut of an angle.
+
+    Between the rounded values of other expressions there are jumps of rounding alone.
+    """
+    g, fixed = e.graph, {p.name for p in e.model.parameters}
+    for n in g.cone([node]):
+        op, args = g.ops[n], g.args[n]
+        if op in ("tan", "atan2"):
+            return True
+        varies = op in ("div", "pow") and not g.depends([args[1]]) <= fixed
+        if varies or (op == "pow" and not (g.value(args[1]) or 0.0) >= 0.0):
+            return True
+    return False
+
+
 def may_jump(e: Equations, nodes: Sequence[int]) -> bool:
     """Whether one of the nodes may jump: by a switch, or by a mode of the file."""
     g, cone = e.graph, deciding_cone(e.graph, nodes)

@@ -226,3 +226,29 @@ def test_rounding_costs_one_evaluation_a_step_where_that_is_enough():
     assert statistics.steps > 300
     most = 2 * statistics.steps + 8 * statistics.rejections + 20
     assert statistics.evaluations < most
+
+
+PIECES = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: 0.73*x_dot^2/2 + y_dot^2/2, potential: 0.6*x^2 + 0.97*y^2}
+modes: {u: -0.6}
+events:
+  e: {at: "if(2*y - 1.4 < 0, 0, 1) + y_dot <= 2*x - 0.34", set: {u: u - 0.4}}
+definitions:
+  d: -0.17*mod(1.77*t - 2, 2.5)
+  s: 0.73*if(not (0.78*y >= 0.73), -0.9, -0.97) - u
+forces:
+  y: d + -1.125*(s - mod(s, 1))
+  x: -0.67*(-max(-(y_dot - 1.3*(-max(-(2*t + 1.36), 0.23))), -0.5*x))
+initial: {x: -0.14, y: 0, x_dot: 1, y_dot: 0}
+"""
+
+
+def test_a_series_reads_values_of_branches_that_memory_holds():
+    # The rates of a branch of `mod` stand in memory, and occur in no order alone.
+    series, stages = (
+        run(f"{PIECES}simulation: {{duration: 3, method: {name}}}")
+        for name in ("taylor", "dop853")
+    )
+    for name in ("x", "y", "x_dot", "y_dot"):
+        assert series[name] == pytest.approx(stages[name], abs=1e-9)

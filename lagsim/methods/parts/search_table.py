@@ -146,6 +146,7 @@ class SearchTable(Rank):
     orientation: Floats = part("truth", "conditions")
     leeway: Floats = after("orientation", "conditions")
     equation: Floats = array("conditions")  # 1 of an equation
+    poles: Floats = array("conditions")  # 1 where the expression may have a pole
     zero: Floats = array("conditions")  # sizes up to which a value is 0
     # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
     # sizes of their terms, then their slopes by the motion and t.

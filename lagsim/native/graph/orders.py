@@ -115,7 +115,8 @@ class _Orders:
             self._ahead = [*self._inner(k + 1)]
         size = len(r.state)
         for n in g.cone(made, self._places):
-            if n not in values and g.args[n] and n not in self._once:
+            known = n in values or n in self._once or n in self._places
+            if g.args[n] and not known:
                 operands = [self._operand(a, values) for a in g.args[n]]
                 values[n] = w.operation(g.ops[n], exponent_of(g, n), operands)
         self._state = [self._operand(n, values) for n in made[:size]]

@@ -16,6 +16,7 @@ import numpy as np
 from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
 from lagsim.mechanics.algebra import multiple_of
+from lagsim.mechanics.equations import has_poles
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import LawsAt, SurfacesAt
@@ -89,22 +89,6 @@ class SidesFound(NamedTuple):
     decision: Decision
     surfaces: SurfacesAt
     laws: LawsAt | None
-
-
-def has_poles(e: Equations, node: int) -> bool:
-    """Whether an expression may have a pole, or the cut of an angle.
-
-    Between the rounded values of other expressions there are jumps of rounding alone.
-    """
-    g, fixed = e.graph, {p.name for p in e.model.parameters}
-    for n in g.cone([node]):
-        op, args = g.ops[n], g.args[n]
-        if op in ("tan", "atan2"):
-            return True
-        varies = op in ("div", "pow") and not g.depends([args[1]]) <= fixed
-        if varies or (op == "pow" and not (g.value(args[1]) or 0.0) >= 0.0):
-            return True
-    return False
 
 
 class Switching(Source):
