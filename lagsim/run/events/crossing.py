@@ -369,7 +369,8 @@ def _jump(modes: SurfaceModes, k: int) -> float:
 
 # Bound of the distance to rest, in products of the rate and the time to rest.
 REACH = 4.0
-# Least rate of a surface, in speeds of its terms, at which its time is known well.
+# Least rate of a surface, in the largest speeds of its terms so far, at which its time
+# is known well.
 SLOWEST = 2.0**-10
 # Largest number of surfaces all of whose corners are evaluated for scales of rates.
 FEW_CORNERS = 3
@@ -498,12 +499,13 @@ class Crossing:
         """
         modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
-        speeds = np.abs(J) @ np.abs(modes.arc.y[modes.arc.state.driven])
+        speeds = np.abs(J) @ modes.arc.seen[modes.arc.state.driven]
+        nested = any(modes.depends)  # the side of one is in the expression of another
         for k, level in self.levels.items():
             beside, square = moving == moving[k], float(J[k] @ J[k])
             off = 2.0 * abs(float(self.values[k]) - level)
             least = max(RESIDUAL_ROUNDOFF * float(self.sizes[k]), off)
-            if not moving[k] and rates[k] > SLOWEST * speeds[k] > 0.0:
+            if nested and not moving[k] and rates[k] > SLOWEST * speeds[k] > 0.0:
                 along = np.where(beside, least / rates[k] * rates, 0.0)
                 found = np.fmax(found, along)
             if not square > 0.0:
