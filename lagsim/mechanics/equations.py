@@ -474,8 +474,10 @@ def has_poles(e: Equations, node: int) -> bool:
         op, args = g.ops[n], g.args[n]
         if op in ("tan", "atan2"):
             return True
-        varies = op in ("div", "pow") and not g.depends([args[1]]) <= fixed
-        if varies or (op == "pow" and not (g.value(args[1]) or 0.0) >= 0.0):
+        if op == "div" and not g.depends([args[1]]) <= fixed:
+            return True
+        exponent = g.value(args[1]) if op == "pow" else 0.0
+        if exponent is None or exponent < 0.0:
             return True
     return False
 

@@ -17,6 +17,7 @@ import numpy as np
 from lagsim.language import tables
 from lagsim.language.columns import IMPULSE
 from lagsim.language.sparse import joined
+from lagsim.mechanics.equations import has_poles
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
@@ -595,6 +596,20 @@ class System:
     def law_table(self) -> RowTable:
         """The constant columns of the laws."""
         return RowTable.of(self.laws)
+
+    @cached_property
+    def poles(self) -> Flags:
+        """Mask of the event functions whose expressions may have poles; not of laws.
+
+        The functions are those of surfaces, laws and conditions, in this order.
+        """
+        sides, located = self.switches.sides, self.model.located
+        return np.array(
+            [has_poles(self.equations, x.node) for x in sides]
+            + [False] * len(self.laws)
+            + [has_poles(self.equations, x.node) for x in located],
+            dtype=bool,
+        )
 
     @cached_property
     def has_static_bounds(self) -> Flags:

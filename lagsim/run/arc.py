@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.equations import has_poles
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
 from lagsim.methods.parts.state import MOST_LISTED
@@ -432,7 +431,7 @@ def first_arc(
     state.sigma = 1.0
     _set_watch(state, plan)
     state.equation[:] = [x.equality for x in equations.model.located]
-    state.poles[:] = [has_poles(equations, x.node) for x in equations.model.located]
+    state.poles[:] = system.poles
     state.y[:] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 

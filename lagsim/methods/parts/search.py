@@ -525,10 +525,12 @@ def is_discontinuous(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     It does at a pole, and at the cut of an angle. False for the mode of a law, and for
     a surface that the motion follows.
     """
+    if s.poles[k] == 0.0:
+        return False
     rounding = 0.0
     if UNTIL and k >= s.surfaces:
         rounding = MANY * float(s.zero[k - s.surfaces])
-    elif SWITCHES and (k >= p.surfaces or p.slides[k] != 0.0):
+    elif SWITCHES and p.slides[k] != 0.0:
         return False
     return x > 0.0 and jumps(EVENT, s, p, k, x, rounding)
 

@@ -137,6 +137,8 @@ class SearchTable(Rank):
     kept: Floats = array(lambda s: s.surfaces + s.conditions)
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
+    # 1 where the expression of a surface or condition may have a pole; 0 for laws.
+    poles: Floats = array(lambda s: s.surfaces + s.conditions)
     discontinuous: float  # 1 if the surface or the condition is discontinuous there
 
     # The truth of conditions, see `conditions.Truth`. A condition holds where its
@@ -146,7 +148,6 @@ class SearchTable(Rank):
     orientation: Floats = part("truth", "conditions")
     leeway: Floats = after("orientation", "conditions")
     equation: Floats = array("conditions")  # 1 of an equation
-    poles: Floats = array("conditions")  # 1 where the expression may have a pole
     zero: Floats = array("conditions")  # sizes up to which a value is 0
     # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
     # sizes of their terms, then their slopes by the motion and t.

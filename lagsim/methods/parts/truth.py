@@ -260,7 +260,7 @@ def hold(s: SearchTable, _p: Parameters) -> None:
         if s.marked[k] > 0.0:
             miss = max(0.0, s.worth[k] * s.orientation[k])
             s.orientation[k] = 0.0
-            jumped = k == int(s.met_first) and s.discontinuous * s.poles[k] > 0.0
+            jumped = k == int(s.met_first) and s.discontinuous > 0.0
             if jumped:  # its slope, and so its rounding, may be unbounded
                 s.zero[k] = LEAST
             s.leeway[k] = 0.0 if jumped else 2.0 * (miss + s.zero[k])

@@ -130,8 +130,9 @@ class CornerSides:
         corners is returned, and of these the one with the highest speed away from the
         corners, relative to the rounding of the speed.
 
-        jump : the function that computes the jump. selected : whether the sides before
-        the trial are the solution if they are one.
+        jump : the function that computes the jump.
+        selected : whether the sides before the trial are returned if they are a
+            solution.
         """
         self._speeds = {}
         every = list(range(len(self.corners)))
@@ -156,15 +157,17 @@ class CornerSides:
     def _is_solution(self, jump: Jump, sides: Sides, some: list[int]) -> bool:
         """Whether a jump with given sides leads onto these sides.
 
-        sides : of all corners. some : the indices of the corners whose stops are
-        examined. jump : see `after`.
+        sides : the sides of all corners.
+        some : the indices of the corners whose stops are examined.
+        jump : see `after`.
         """
         return self._least(jump, sides) > 1.0 and self._stops(jump, sides, some)
 
     def _found(self, jump: Jump, every: list[int]) -> Sides:
         """Return the sides of all corners onto which a jump leads.
 
-        every : the indices of all corners. jump : see `after`.
+        every : the indices of all corners.
+        jump : see `after`.
         """
         some = self._touched(jump, every, (SLIDING,) * len(every))
         while True:
@@ -266,7 +269,7 @@ class CornerSides:
 
         A surface whose expression depends on these sides, and is off its level with
         them, gets the side of its value. The corners that are off their levels are
-        stored in `_off`.
+        stored in `off`.
         """
         modes, arc = self.modes, self.arc
         modes.restore(*self._former)

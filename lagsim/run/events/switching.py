@@ -16,7 +16,6 @@ import numpy as np
 from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
 from lagsim.mechanics.algebra import multiple_of
-from lagsim.mechanics.equations import has_poles
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -121,7 +120,6 @@ class Switching(Source):
         self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
-        self._has_poles = [has_poles(arc.equations, s.node) for s in self.sides]
         self.resting: dict[int, float] = {}
         self.approaches = 0
         self.reach = AHEAD
@@ -168,7 +166,7 @@ class Switching(Source):
         `tan` does at a pole: the side is then that of the value.
         """
         modes, off = self.modes, 0.0
-        if arc.state.discontinuous and self._has_poles[k]:
+        if arc.state.discontinuous:
             off = -1.0
         elif arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
             value = float(modes.values(arc.t, arc.y)[k])

@@ -11,7 +11,7 @@ import pytest
 
 from lagsim.run.trajectory import Outcome
 from tests.run.switching.scenes import events, scene
-from tests.support import run
+from tests.support import ready, run
 
 
 def crossing(x, v, a, level):
@@ -335,3 +335,18 @@ def test_the_argument_of_a_switch_is_0_between_points_of_a_table(force, impulse)
     found = run(model.replace("duration: 20", "duration: 6"))
     # Forces are linear in t between points: exact to rounding and to the times found.
     assert found["w_dot"][-1] == pytest.approx(impulse, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("argument", "expected"),
+    [
+        ("tan(x)", True), ("atan2(sin(x), cos(x))", True), ("1/(x - 3)", True),
+        ("atan(1/x)", True), ("x^-3", True), ("x^-k", True), ("x^(1 - t)", True),
+        ("x/k", False), ("x^3", False), ("sqrt(x + 9)", False), ("abs(x) - 1", False),
+        ("max(x, tanh(x)) - 1", False), ("ceil(x) - x", False), ("mod(x, 2)", False),
+    ],
+)  # fmt: skip
+def test_poles_are_known_from_the_expression(argument, expected):
+    # A jump of rounding, of an expression without a pole, is none.
+    text = scene(force=f"if({argument} > 0, 1, 0)") + "parameters: {k: 2}\n"
+    assert np.any(ready(text).system.poles) == expected
