@@ -71,7 +71,7 @@ _BLOCK = 1 << 20
 _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs",
-    "run.events.constraints", "run.events.contacts", "run.events.filippov",
+    "run.events.constraints", "run.events.contacts", "run.events.surface_modes",
     "run.events.accumulation", "run.events.records", "run.events.sections",
     "run.events.switching", "run.events.times", "run.events.transitions",
     "run.failures", "run.instant", "run.interrupt", "run.settle", "run.trajectory",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
-from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING
+from lagsim.run.events.surface_modes import ABOVE, BELOW, SLIDING
 from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, TINY
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
-    from lagsim.run.events.filippov import SurfaceModes
     from lagsim.run.events.records import SurfacesAt
+    from lagsim.run.events.surface_modes import SurfaceModes
 
     # A function of the corners at which velocities stop, which computes the state
     # (size,) after a jump on the sides in the memory of the arc.

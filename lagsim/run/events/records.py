@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.row_modes import RowModes
-    from lagsim.run.events.filippov import Selected
     from lagsim.run.events.kinematics import Kinematics
+    from lagsim.run.events.surface_modes import Selected
 
     # The names of the located events that acted in one round, the modes of the file
     # and the velocities before these acts.

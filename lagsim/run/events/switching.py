@@ -23,8 +23,10 @@ from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.accumulation import REGULAR, Accumulation
 from lagsim.run.events.contacts import rest_soon
 from lagsim.run.events.corner_sides import CornerSides
-from lagsim.run.events.crossing import REACH, Crossing, come_to_rest, set_floors
-from lagsim.run.events.filippov import SLIDING, SurfaceModes
+from lagsim.run.events.crossing import Crossing
+from lagsim.run.events.curve_ends import REACH, come_to_rest
+from lagsim.run.events.root_floors import set_floors
+from lagsim.run.events.surface_modes import SLIDING, SurfaceModes
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
@@ -101,7 +103,7 @@ class Switching(Source):
         The last switches, by which accumulations are found.
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
-        `filippov.SurfaceModes.held`.
+        `surface_modes.SurfaceModes.held`.
     approaches : int
         Number of attempts, since the last surface was reached, to step close to a
         surface beyond which y' may not be finite.

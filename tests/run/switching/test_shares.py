@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING, FilippovCone
+from lagsim.run.events.filippov import FilippovCone
+from lagsim.run.events.surface_modes import ABOVE, BELOW, SLIDING
 
 
 def cone(B, r):

@@ -1,0 +1,511 @@
+"""Modes of the switching surfaces, on trial at an instant and in an arc."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.methods.parts import parameters as kept
+from lagsim.program.functions import on_rates
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, VALUE_ROUNDOFF
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.surfaces import Side
+    from lagsim.run.arc import Arc
+
+
+BELOW, ABOVE, SLIDING = 0, 1, 2
+LEVEL = 3  # on its level, which is no boundary here: the expression is constant
+REDUNDANT = 4  # on its level because other surfaces are: its share is constant
+KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
+# Number of directions in which a state is changed to compute the effect of rounding.
+DIRECTIONS = 3
+# Change of a state, relative to its ranges, from which constancy is tested.
+ASIDE = 1e-3
+
+
+class Rows(NamedTuple):
+    """The linear relations of K surfaces at a state, J (q'', s') = b for sliding.
+
+    Attributes
+    ----------
+    residuals, rates : ndarray, shape (K,)
+        The residuals of the surfaces, and their rates.
+    b : ndarray, shape (K,)
+        The right-hand sides of J (q'', s') = b.
+    scales : ndarray, shape (K,)
+        The magnitude of the terms of each expression.
+    J : ndarray, shape (K, n + l)
+        The Jacobian rows of q'' (n,) and of the rates s' (l,) of first order.
+    """
+
+    residuals: Floats
+    rates: Floats
+    b: Floats
+    scales: Floats
+    J: Floats
+
+
+class Carried(NamedTuple):
+    """A carried surface: its side depends on that of a followed surface, its leader.
+
+    Attributes
+    ----------
+    leader
+        The index of the leader.
+    high
+        The side of the carried surface on the upper side of the leader.
+    ends_below, ends_above
+        Whether the expression of the carried surface can leave its side, below and
+        above the leader. It cannot where it is at its level because the leader is.
+    """
+
+    leader: int
+    high: float
+    ends_below: bool = False
+    ends_above: bool = False
+
+
+class Selected(NamedTuple):
+    """Data on the selected modes of K surfaces that are not in the kernels' memory.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (K,)
+        The level at which each surface was put.
+    carried : mapping of int to Carried
+        The carried surfaces.
+    watched : tuple of int
+        The surfaces whose mode ends off their level.
+    """
+
+    levels: Floats
+    carried: Mapping[int, Carried]
+    watched: tuple[int, ...]
+
+
+class SurfaceModes:
+    """The modes of the switching surfaces of a run, on trial at an instant.
+
+    `begin` reads the modes from the memory of the arc, and `write` writes them there,
+    within a trial (`run.modes`).
+
+    Attributes
+    ----------
+    arc : Arc
+        The arc that `begin` was called with.
+    value : ndarray, shape (K,)
+        The side of each surface: -1 or 1, or the integer below the expression of a
+        floor; while sliding, that of the lower side. A value between the sides where
+        the expression stays at its level.
+    slides : ndarray of bool, shape (K,)
+        Whether the motion follows each surface.
+    depends : list of set of int
+        For each surface, the surfaces on whose sides its expression depends.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        system = arc.system
+        self.sides: tuple[Side, ...] = system.switches.sides
+        self.count = len(self.sides)
+        self.whole = np.array([s.whole for s in self.sides])
+        self.has_whole = bool(self.whole.any())
+        self.on_rates = on_rates(arc.equations, system.switches)
+        numbers = {s.variable: k for k, s in enumerate(self.sides)}
+        nodes = system.switches.freeze([s.node for s in self.sides])
+        depends = arc.equations.graph.depends
+        self.depends = [
+            {numbers[name] for name in depends([node]) & numbers.keys()}
+            for node in nodes
+        ]
+        self.order = self._ordered()
+        self.nested = any(self.depends)
+        self.begin(arc)
+
+    def begin(self, arc: Arc, selected: Selected | None = None) -> None:
+        """Read the modes from the memory of the arc.
+
+        selected : the parts of the modes that the memory lacks, if modes have been
+            selected at this instant; else no surface is carried or watched.
+        """
+        self.arc, p = arc, arc.system.p
+        self.kind = p.slides.copy()
+        # Before the first selection all surfaces count as on their upper sides.
+        none = (p.least == p.most) & (self.kind == 0.0)
+        self.value = np.where(none, 1.0, p.side)
+        self.levels = np.zeros(self.count)
+        self.carried: dict[int, Carried] = {}
+        self.watched: list[int] = []  # whose mode ends off their level
+        if selected is not None:
+            self.levels[:] = selected.levels
+            self.carried, self.watched = {**selected.carried}, [*selected.watched]
+
+    def selected(self) -> Selected:
+        """Return the parts of the modes that are not in the memory of the arc."""
+        return Selected(self.levels.copy(), {**self.carried}, (*self.watched,))
+
+    def _ordered(self) -> list[int]:
+        """Return the indices of the surfaces, each after those on which it depends."""
+        found: list[int] = []
+        left = list(range(self.count))
+        while left:
+            ready = [k for k in left if self.depends[k] <= {*found, k}] or left[:1]
+            found += ready
+            left = [k for k in left if k not in ready]
+        return found
+
+    @property
+    def slides(self) -> Flags:
+        """Mask (K,) of the surfaces that the motion follows."""
+        return np.asarray(self.kind == kept.FOLLOWED)
+
+    @property
+    def holds(self) -> Flags:
+        """Mask (K,) of the surfaces whose modes keep the motion on them.
+
+        They are followed or redundant. Surfaces at whose level constraints keep the
+        motion: see `held`.
+        """
+        return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
+
+    @property
+    def bound(self) -> Floats:
+        """Mask (K,) of the surfaces whose side is not that of their expression's value.
+
+        They are followed, at rest at their level, or carried.
+        """
+        return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
+
+    @property
+    def p(self) -> kept.Parameters:
+        """The parameters (memory) from which compiled functions read the modes."""
+        return self.arc.system.p
+
+    def store(self, **numbers: Floats) -> None:
+        """Store arrays (K,) in the parameters p, by the names of their fields.
+
+        Further elements of these fields, which belong to laws and `until`, stay
+        unchanged.
+        """
+        for name, each in numbers.items():
+            getattr(self.p, name)[: self.count] = each
+
+    def restore(self, value: Floats, kind: Floats) -> None:
+        """Restore `value` (K,) and `kind` (K,), the codes of the modes, from copies."""
+        self.value[:], self.kind[:] = value, kind
+
+    def forget(self) -> None:
+        """Set all surfaces to be neither followed, nor carried, nor watched."""
+        self.kind[:] = 0.0
+        self.carried = {}
+        self.watched = []
+
+    def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
+        """Set the mode of surface k: a side, sliding along its level, or rest at it.
+
+        level : the level of the surface.
+        mode : BELOW, ABOVE, SLIDING, LEVEL or REDUNDANT.
+        share : the share w of the upper side in the value at LEVEL and for REDUNDANT.
+        """
+        below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
+        self.levels[k] = level
+        self.kind[k] = KINDS.get(mode, 0.0)
+        between = below + share * (above - below)
+        values = {ABOVE: above, LEVEL: between, REDUNDANT: between}
+        self.value[k] = values.get(mode, below)
+
+    def way(self, k: int, level: float) -> float:
+        """Return 1 where surface k is on the upper side of `level`, else -1."""
+        above = self.value[k] >= level if self.whole[k] else self.value[k] > 0.0
+        return 1.0 if above else -1.0
+
+    def put_clear(self, k: int, value: float) -> None:
+        """Set the side of surface k by the value of its expression, off its levels."""
+        self.kind[k] = 0.0
+        sign = 1.0 if value > 0.0 else -1.0
+        self.value[k] = math.floor(value) if self.whole[k] else sign
+
+    def carry(self, k: int, carried: Carried) -> None:
+        """Set surface k to be carried along by its leader, a followed surface."""
+        self.kind[k] = kept.CARRIED
+        self.carried[k] = carried
+
+    def level(self, k: int, value: float) -> float:
+        """Return the level of surface k that is closest to `value`."""
+        return float(np.round(value)) if self.whole[k] else 0.0
+
+    def write(self) -> None:
+        """Write the modes to the parameters of the compiled functions."""
+        p, slides, value, free = self.p, self.slides, self.value, self.bound
+        p.sliding = float(np.count_nonzero(slides))
+        p.side[:] = value
+        p.slides[:] = self.kind
+        p.low[:] = np.where(self.whole | free, value, -1.0)
+        p.high[:] = np.where(self.whole, value + 1.0, 1.0)
+        p.leader[:] = p.ends_above = 0.0
+        least, most = self._ends(value)
+        for k, carried in self.carried.items():
+            p.leader[k] = carried.leader + 1
+            p.high[k] = carried.high
+            free[k] = not carried.ends_below
+            p.ends_above += carried.ends_above
+        if p.ends_above:
+            p.least_above[:], p.most_above[:] = self._ends(p.high)
+            fixed = [k for k, x in self.carried.items() if not x.ends_above]
+            p.least_above[fixed], p.most_above[fixed] = -math.inf, math.inf
+        least[free], most[free] = -math.inf, math.inf
+        if self.watched:
+            least[self.watched] = most[self.watched] = self.levels[self.watched]
+        if p.sliding:
+            least[slides] = np.where(self.on_rates, 0.0, self.levels)[slides]
+            most[slides] = np.where(self.on_rates, self.levels, 0.0)[slides]
+        p.least[:] = least
+        p.most[:] = most
+
+    def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
+        """Return the least and the largest value (K,) of each expression on its side.
+
+        sides : ndarray, shape (K,), as in `value`.
+        """
+        up, whole = sides > 0.0, self.whole
+        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
+        if self.has_whole:
+            least = np.where(whole, sides, least)
+            most = np.where(whole, sides + 1.0, most)
+        return least, most
+
+    def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
+        """Return the rows of the surfaces at y (size,) and t; by default now."""
+        arc = self.arc
+        y, t = arc.y if y is None else y, arc.t if t is None else t
+        (residuals, rates, b, scales), J = arc.surface_rows(t, y)
+        return Rows(residuals, rates, b, scales, J)
+
+    def keeps(self, k: int) -> bool:
+        """Whether surface k's expression is constant around the state reached."""
+        seen, reach = self.arc.seen, self.arc.ranges
+        reach = np.where(
+            reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
+        )
+        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
+        aside = parts * np.where(reach > 0.0, reach, 1.0)
+        here, there = self.rows(), self.rows(self.arc.y + aside)
+        if self.on_rates[k]:
+            still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
+                here.rates[k]
+            )
+        else:
+            still = here.rates[k] == there.rates[k] == 0.0
+        return bool(
+            still
+            and here.b[k] == there.b[k] == 0.0
+            and not np.any(here.J[k])
+            and not np.any(there.J[k])
+        )
+
+    def decisive(self) -> Floats:
+        """Return 1 for each surface whose side decides another one's rest, shape (K,).
+
+        The expression of a surface that rests at its level depends on the side: beside
+        a knot of a linear table, `abs(table(q))` may leave 0, at which it has been.
+        """
+        found = np.zeros(self.count)
+        for k in np.flatnonzero(self.kind == kept.LEVEL).tolist():
+            found[list(self.depends[k])] = 1.0
+        return found
+
+    def held(self) -> dict[int, float]:
+        """Return, by index, the surfaces at whose level constraints keep the motion.
+
+        The value of each is a bound: the largest distance from its level that rounding
+        causes in the duration of the run. The rates of these surfaces are rounding on
+        both sides, at other states and at later times. Unlike the surfaces of `holds`
+        they need no mode.
+        """
+        arc, span = self.arc, self.arc.settings.duration
+        if not arc.system.m:
+            return {}
+        values = self.values(arc.t, arc.y)
+        levels = [self.level(k, value) for k, value in enumerate(values)]
+        off = np.abs(values - levels)
+        off = np.where(self.on_rates, off, span * np.abs(self.rows().rates) + off)
+        most = np.where(self.on_rates, span, span * span)
+        most *= self._roundoff_of_rates(arc.y)
+        found = off <= most
+        if not found.any():
+            return {}
+        later = arc.t + ASIDE * span
+        former = self.value.copy(), self.kind.copy()
+        # Surfaces at rest at their levels have values between those of their sides.
+        part = np.where(self.whole, self.value % 1.0, np.abs(self.value) - 1.0)
+        between = part != 0.0
+        for side in (BELOW, ABOVE):
+            for k in np.flatnonzero(found | between).tolist():
+                self.put(k, levels[k], side)
+            self.write()
+            # The rate of a surface may depend on the sides of others.
+            moved = np.where(self.on_rates, 0.0, span * np.abs(self.rows().rates))
+            found &= moved <= most
+            aside = self._aside(later)
+            for t, y in ((arc.t, arc.y), (arc.t, aside), (later, aside)):
+                found &= self._roundoff_of_rates(y, t) >= 0.0
+        self.restore(*former)
+        self.write()
+        return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
+
+    def drifts(self) -> Floats:
+        """Return the largest changes (K,) of the expressions by rounding of forces.
+
+        The changes are those in the duration of the run: where laws hold the motion at
+        rest, the sizes of positions and velocities so far may all be 0.
+        """
+        arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
+        bounds = arc.runner.function("rounding")(arc.t, arc.y)[:n]
+        reach = np.zeros(len(arc.y))
+        reach[arc.velocities] = span * VALUE_ROUNDOFF * np.abs(bounds)
+        reach[arc.state.positions] = span * reach[arc.velocities]
+        here, found = self.values(arc.t, arc.y), np.zeros(self.count)
+        for aside in self.asides(reach):
+            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
+        return np.asarray(found)
+
+    def changes(self, time: float) -> Floats:
+        """Return the largest changes (K,) of the surfaces' expressions in a short time.
+
+        The changes are computed from the present rates and from the terms of the
+        forces. `time` is the length of that time.
+        """
+        arc, n = self.arc, self.arc.system.n
+        reach = time * np.nan_to_num(np.abs(self.rates(arc.t, arc.y)))
+        reach[arc.velocities] += time * arc.state.parts[:n]
+        reach[arc.state.positions] += time * reach[arc.velocities]
+        here = self.values(arc.t, arc.y)
+        found = np.abs(self.values(arc.t + time, arc.y) - here)
+        for aside in self.asides(reach):
+            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
+        return np.asarray(found)
+
+    def _aside(self, t: float) -> Floats:
+        """Return a state (size,) slightly off the state reached, in every component.
+
+        Each component is changed by a part of its range so far. A component with the
+        range 0, as at the start of a run, is changed by its expected motion up to time
+        t; the computation is iterated, since components at rest are set in motion by
+        others, or by forces that begin at 0.
+        """
+        arc, state = self.arc, self.arc.state
+        parts = ASIDE + ASIDE**2 * np.arange(len(arc.y))
+        reach, time = arc.ranges, t - arc.t
+        for _ in range(len(arc.y)):
+            rates = np.abs(self.rates(t, arc.y + parts * reach))
+            moved = time * np.where(np.isfinite(rates), rates, 0.0)
+            moved[state.positions] += time * moved[state.velocities]
+            if not np.any(moved[reach == 0.0]):
+                break
+            reach = np.where(reach == 0.0, moved, reach)
+        return np.asarray(arc.y + parts * reach)
+
+    def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
+        """Return bounds (K,) of rounding in d/dt of the surfaces' rates at y and t.
+
+        -1 where such a derivative exceeds its bound, so that it is not rounding alone.
+        """
+        arc, rates = self.arc, self.forced(y, t)
+        now = arc.t if t is None else t
+        bounds = arc.runner.function("rounding")(now, y)[: arc.system.n]
+        slopes = np.abs(self.rows(y, t).J[:, : arc.system.n])
+        roundoff = VALUE_ROUNDOFF * (slopes @ np.abs(bounds))
+        return np.where(np.abs(rates) <= roundoff, roundoff, -1.0)
+
+    def values(self, t: float, y: Floats) -> Floats:
+        """Return the expressions of the surfaces (K,) at t and y (size,)."""
+        return self.arc.runner.function("surfaces", self.count)(t, y)
+
+    def rates(self, t: float, y: Floats) -> Floats:
+        """Return y' (size,) at t and y (size,), on the sides that were last written."""
+        return self.arc.field(t, y)
+
+    def accelerations(self, y: Floats, t: float | None = None) -> Floats:
+        """Return q'' and s' (n + l,) at y and t, on the sides that were last written.
+
+        t : the time, by default the present time.
+        """
+        rates = self.rates(self.arc.t if t is None else t, y)
+        return rates[self.arc.state.driven]
+
+    def forced(self, y: Floats, t: float | None = None) -> Floats:
+        """Return J (q'', s') - b (K,) of the surfaces at y and t (default: now)."""
+        rows = self.rows(y, t)
+        return np.asarray(rows.J @ self.accelerations(y, t) - rows.b)
+
+    def sizes(self, rows: Rows) -> Floats:
+        """Return the magnitude of each surface's terms (K,), at the sizes so far.
+
+        The magnitude is at least the change by rounding of the state, divided by the
+        unit of rounding, since slopes may vanish. Equalities transmit the rounding of
+        one coordinate to others: on a rod u - x = 1e5 the coordinate x has the rounding
+        of 1e5, however small it is.
+
+        rows : the rows of the surfaces at the state.
+        """
+        arc, seen = self.arc, self.arc.seen
+        slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()
+        moved[: arc.system.n] = seen[arc.state.positions]
+        levels = (slopes @ x for x in (seen[arc.state.driven], moved))
+        terms = np.where(self.on_rates, *levels)
+        found = np.maximum(rows.scales, terms)
+        here = self.values(arc.t, arc.y)
+        for aside in [*self.asides(), *self._asides_along()]:
+            off = np.abs(self.values(arc.t, aside) - here)
+            found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
+        return np.asarray(found)
+
+    def _asides_along(self) -> list[Floats]:
+        """Return states (size,) that differ by rounding along the rows in force.
+
+        Each is the state reached, changed by the difference of two Newton steps onto
+        the rows: from a state of `asides`, and from the state reached.
+        """
+        arc = self.arc
+        if not arc.system.m:
+            return []
+        here, found = self._step(arc.y), []
+        for aside in self.asides():
+            aside[arc.state.positions] += self._step(aside) - here
+            found.append(aside)
+        return found
+
+    def _step(self, y: Floats) -> Floats:
+        """Return the Newton step (n,) of the positions in y (size,) onto the rows."""
+        arc = self.arc
+        step = arc.runner.function("position_step")
+        return step(arc.t, y)[: arc.system.n].copy()
+
+    def along_rows(self, change: Floats) -> Floats:
+        """Return a small change (n + l,) of q and s, projected along the rows in force.
+
+        change : shape (n + l,).
+        """
+        arc, n = self.arc, self.arc.system.n
+        if not arc.system.m:
+            return change
+        aside, change = arc.y.copy(), change.copy()
+        aside[arc.state.positions] += change[:n]
+        change[:n] += self._step(aside) - self._step(arc.y)
+        return change
+
+    def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
+        """Yield states (size,) near the state reached, for tests of its neighbourhood.
+
+        Each component differs from that of the state by rounding plus `reach`, a number
+        or an array (size,).
+        """
+        step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
+        i = np.arange(len(step))
+        for k in range(DIRECTIONS):
+            yield self.arc.y + np.where(i >> k & 1, -step, step)
