@@ -83,15 +83,15 @@ _SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
 }
 _CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    truth.look: (None, (_POINTER, _POINTER, ctypes.c_int64)),
+    truth.evaluate_with_bounds: (None, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
     truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.see: (None, (_POINTER, _POINTER, ctypes.c_int64)),
+    truth.decide_before: (None, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.meet: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.hold: (None, (_POINTER, _POINTER)),
+    truth.mark_true: (None, (_POINTER, _POINTER)),
     truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
-    truth.turn: (None, (_POINTER, _POINTER)),
+    truth.choose_sides: (None, (_POINTER, _POINTER)),
 }
 _TABULATE = (
     None,

@@ -4,10 +4,10 @@
 and `leeway` store on which side of 0 the value of each condition is. At an instant the
 state, its rates and the modes of the file may jump, and rounding leaves values of
 either sign where the exact value is 0. Therefore the truth of each condition is decided
-and stored here, first from the state just before the instant (`see`, `meet`) and then
-from the state just after all acts, impacts and changes of modes (`change`, `settle`).
-A value within its rounding of 0 counts as on the side that its rate leads to, until the
-value has left the rounding.
+and stored here, first from the state just before the instant (`decide_before`, `meet`)
+and then from the state just after all acts, impacts and changes of modes (`change`,
+`settle`). A value within its rounding of 0 counts as on the side that its rate leads
+to, until the value has left the rounding.
 
 Just before an instant a condition is false where its value is below 0, or is 0 and
 falls. It is satisfied by the motion where its value has reached 0, or would reach 0
@@ -46,7 +46,7 @@ NEAR = 4.0
 LEAP = 2.0**-20
 
 
-def look(s: SearchTable, p: Parameters, found: int) -> None:
+def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate all conditions at the state reached; store values, bounds and rates.
 
     `worth` has the values, `zero` the sizes up to which a value counts as 0, and
@@ -97,7 +97,7 @@ def evaluate(s: SearchTable, p: Parameters) -> None:
         s.worth[k] += s.ahead[k]
 
 
-def seen(s: SearchTable, i: int) -> float:
+def largest(s: SearchTable, i: int) -> float:
     """Return the largest magnitude of component i so far, with the current state."""
     return max(abs(float(s.y[i])), float(s.sizes[i]))
 
@@ -108,7 +108,7 @@ def speed_of(s: SearchTable, i: int) -> float:
     For a coordinate it is the largest velocity; for a velocity the largest force.
     """
     if i < s.n:
-        return seen(s, s.n + i)
+        return largest(s, s.n + i)
     if i < 2 * s.n:
         return max(abs(float(s.exact_rates[i])), float(s.parts[i - s.n]))
     return abs(float(s.exact_rates[i]))
@@ -122,7 +122,7 @@ def terms_of(s: SearchTable, k: int) -> float:
     row = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
     terms = 0.0
     for i in range(s.dynamic.stop):
-        terms += abs(row[i]) * seen(s, i)
+        terms += abs(row[i]) * largest(s, i)
     size = float(s.condition_slopes[k])
     # A root at 0 and the point of a cone have no finite slope.
     return max(terms if terms < OVERFLOW else 0.0, size if size < OVERFLOW else 0.0)
@@ -142,17 +142,17 @@ def located_within(s: SearchTable, p: Parameters) -> float:
     found = int(s.event) - 1
     if found < 0:
         return 0.0
-    look(s, p, found)
+    evaluate_with_bounds(s, p, found)
     return error_of_time(s, found)
 
 
-def see(s: SearchTable, p: Parameters, found: int) -> None:
+def decide_before(s: SearchTable, p: Parameters, found: int) -> None:
     """Evaluate the conditions at the state just before an instant.
 
     Rates are evaluated only where a condition may change; `calm` becomes 1 if no
     condition can change unless the state jumps.
 
-    found : see `look`.
+    found : see `evaluate_with_bounds`.
     """
     s.met_first = float(found)
     s.calm = 0.0
@@ -170,7 +170,7 @@ def see(s: SearchTable, p: Parameters, found: int) -> None:
             s.calm = 0.0
     if not far:
         s.calm = 0.0
-        look(s, p, found)
+        evaluate_with_bounds(s, p, found)
 
 
 def is_calm(s: SearchTable, k: int, least: float) -> bool:
@@ -200,7 +200,7 @@ def meet(s: SearchTable, p: Parameters) -> int:
         return 0
     count = mark(s)
     leave(s)
-    turn(s, p)
+    choose_sides(s, p)
     return count
 
 
@@ -229,7 +229,7 @@ def wait(s: SearchTable, p: Parameters) -> int:
     """
     found = int(s.event) - 1
     s.met_first = float(found)
-    look(s, p, found)
+    evaluate_with_bounds(s, p, found)
     mark(s)
     late = 0.0
     for k in range(s.conditions):
@@ -254,7 +254,7 @@ def wait(s: SearchTable, p: Parameters) -> int:
     return 1
 
 
-def hold(s: SearchTable, _p: Parameters) -> None:
+def mark_true(s: SearchTable, _p: Parameters) -> None:
     """Store that the conditions whose `marked` is 1 are true from now on."""
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
@@ -294,9 +294,9 @@ def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
         evaluate(s, p)
     if not may_change(s):
         return 0
-    look(s, p, -1)
+    evaluate_with_bounds(s, p, -1)
     count = become(s, 1)
-    turn(s, p)
+    choose_sides(s, p)
     return count
 
 
@@ -369,7 +369,7 @@ def leave(s: SearchTable) -> None:
             s.leeway[k] = 0.0
 
 
-def turn(s: SearchTable, _p: Parameters) -> None:
+def choose_sides(s: SearchTable, _p: Parameters) -> None:
     """Store, for each condition whose value is 0, the side to which its rate leads.
 
     `s.stays` is set to 1 for true conditions whose values remain 0.

@@ -89,14 +89,14 @@ class Truth:
         is false from then on.
         """
         state, equation = self.state, self.state.equation > 0.0
-        self.run("look", -1)
+        self.run("evaluate_with_bounds", -1)
         np.maximum(state.zero, rounding_of_start(self.arc), out=state.zero)
         values, zero, fixed = state.worth, state.zero, np.isinf(state.leeway)
         off = (np.abs(values) > zero) & ((values < 0.0) | equation) & ~fixed
         state.orientation[:] = np.where(off, np.sign(values), 0.0)
         true = ~off & ~fixed
         state.leeway[true] = 2.0 * zero[true]
-        self.run("turn")
+        self.run("choose_sides")
         true &= state.orientation == 0.0
         if true.any() and self.arc.equations.model.constraints:
             give_leeway(self.arc, values, true)
@@ -160,12 +160,12 @@ class Truth:
         time = arc.t + max(late * part, places * float(np.spacing(abs(arc.t))))
         return arc.located(time, arc.y + moved)
 
-    def see(self, found: int = -1) -> None:
+    def decide_before(self, found: int = -1) -> None:
         """Decide all conditions at the state just before an instant; store their truth.
 
         found : index of the condition located at the instant, or -1.
         """
-        self.run("see", found)
+        self.run("decide_before", found)
 
     def met(self) -> set[int]:
         """Return indices of the conditions that the motion satisfies at the instant.
@@ -190,13 +190,13 @@ class Truth:
         """
         self.state.marked[list(waiting)] = 0.0
 
-    def hold(self, *, for_ever: Iterable[int] = ()) -> None:
+    def mark_true(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store as true from now on the conditions that were last found to become true.
 
         for_ever : indices of conditions that are true for the rest of the run, so that
             their events never act again.
         """
-        self.run("hold")
+        self.run("mark_true")
         for c in for_ever:
             self.state.leeway[c] = np.inf
 

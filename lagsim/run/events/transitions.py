@@ -137,7 +137,7 @@ class Transitions(Source):
         if not len(arc.state.orientation):
             return Due(periodic)
         truth = self._truth(arc)
-        truth.see(int(arc.state.event) - 1)
+        truth.decide_before(int(arc.state.event) - 1)
         met = frozenset(truth.met())
         waiting = truth.jumped(met) if met else NONE
         if waiting and not comes_to_rest(arc):
@@ -156,7 +156,7 @@ class Transitions(Source):
             return NOTHING
         truth = self._truth(arc)
         if not looked_at:
-            truth.see()
+            truth.decide_before()
         found = truth.settled(struck=struck)
         return Due(conditions=frozenset(found)) if found else NOTHING
 
@@ -195,7 +195,7 @@ class Transitions(Source):
             own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
             if due.conditions:
                 once = [c for k, c in own.items() if events[k].once]
-                truth.hold(for_ever=once)
+                truth.mark_true(for_ever=once)
             names = tuple(events[k].name for k in sorted(own))
             rounds.append((names, arc.modes, y[arc.velocities]))
             for k in sorted(due.periodic.union(own)):
