@@ -89,7 +89,7 @@ def own_ball(**options):
 
     texts = {"duration": str(DURATION), "output_step": str(DURATION / ROWS)}
     model = read_file(str(MODELS / "bouncing-ball.yaml"), options=texts)
-    case = open_case(model).asking(**options)
+    case = open_case(model).with_settings(**options)
     session = case.ready()
 
     def run():

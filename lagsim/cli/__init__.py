@@ -165,7 +165,7 @@ def _usage(error: Any) -> int:
 
     if type(error).__name__ == "NoArgsIsHelpError":
         # This is no error, so the help page is printed without an error number.
-        _shared.complain(error.format_message())
+        _shared.print_stderr(error.format_message())
         return 2
     if getattr(error, "possibilities", None) and hasattr(error, "option_name"):
         _suggest(error)
@@ -177,7 +177,7 @@ def _usage(error: Any) -> int:
         with contextlib.redirect_stderr(io.StringIO()) as shown:
             error.show()
         text = shown.getvalue().rstrip("\n")
-        _shared.complain(f"{text} [{problem.number}]")
+        _shared.print_stderr(f"{text} [{problem.number}]")
     return 2
 
 

@@ -12,7 +12,7 @@ import time
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
-from lagsim.cli._shared import annotate_problem, complain, show_json, width_of
+from lagsim.cli._shared import annotate_problem, print_stderr, show_json, width_of
 from lagsim.codes.known import (
     BUG,
     FAILED,
@@ -97,7 +97,7 @@ def reported(
 
         annotate_start(error.equations, error.examined)
         if documents is None:
-            complain(report(error.equations, error.examined))
+            print_stderr(report(error.equations, error.examined))
         else:
             documents.append(examination(error.equations, error.examined))
         return error.exit_code
@@ -109,9 +109,9 @@ def reported(
     if documents is None:
         width = width_of(sys.stderr)
         window = WINDOW if width is None else min(WINDOW, width - 2)
-        complain("\n\n".join(problem.shown(window) for problem in problems))
+        print_stderr("\n\n".join(problem.shown(window) for problem in problems))
         if len(problems) > 1:
-            complain(f"\n{len(problems)} problems")
+            print_stderr(f"\n{len(problems)} problems")
     else:
         documents.append(errors_document(problems, file))
     return error.exit_code
@@ -191,20 +191,22 @@ def unforeseen() -> int:
     if os.strerror(errno.EMFILE) in trace or os.strerror(errno.ENFILE) in trace:
         starved = _FILES
     if starved:
-        complain(f"lagsim: {starved} [{number(STARVED)}]")
+        print_stderr(f"lagsim: {starved} [{number(STARVED)}]")
         return STARVED_EXIT
     path, asked = _report_file(trace), TRACEBACK in sys.argv
     if asked or path is None:
-        complain(trace)
+        print_stderr(trace)
     raised = trace.rstrip("\n").rpartition("\n")[2]
-    complain(f"lagsim: {raised} [{number(BUG)}]")
+    print_stderr(f"lagsim: {raised} [{number(BUG)}]")
     what = "the lines above" if path is None else str(path)
-    complain(
+    print_stderr(
         "  This is a bug in lagsim, not in your model. Please report it with the model "
         f"file and {what}"
     )
     if not asked:
-        complain(f"  hint: the same command with {TRACEBACK} shows where it is raised")
+        print_stderr(
+            f"  hint: the same command with {TRACEBACK} shows where it is raised"
+        )
     return BUG_EXIT
 
 

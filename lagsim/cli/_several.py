@@ -14,9 +14,9 @@ from lagsim.cli._shared import (
     aligned,
     assignments,
     coloured,
-    complain,
+    print_stderr,
+    print_stdout,
     progress_bar,
-    say,
     show_json,
 )
 from lagsim.codes.known import FAILED, ONE_NAME
@@ -253,7 +253,7 @@ def run_all(
     if as_json:
         show_json([x for k in sorted(found) for x in found[k].documents[:1]])
     elif not quiet:
-        say(_summary(found, names, folder))
+        print_stdout(_summary(found, names, folder))
     if interrupt.signal is not None:
         return 128 + interrupt.signal
     return max(x.code for x in found.values())
@@ -263,8 +263,8 @@ def _report(found: Mapping[int, PendingRun | Done], paths: Sequence[str]) -> Non
     """Print the texts of runs for stderr, each below the path of its model."""
     for k, result in found.items():
         if isinstance(result, Done) and (printed := result.printed.rstrip("\n")):
-            complain(f"{paths[k]}:")
-            complain(textwrap.indent(printed, "  "), again=True)
+            print_stderr(f"{paths[k]}:")
+            print_stderr(textwrap.indent(printed, "  "), again=True)
 
 
 def _summary(found: Mapping[int, Done], names: Sequence[str], folder: Path) -> str:

@@ -95,7 +95,7 @@ def output_folder(text: str) -> Any:
 
 def _show_version(asked: bool) -> None:
     if asked:
-        say(f"lagsim {__version__}")
+        print_stdout(f"lagsim {__version__}")
         raise typer.Exit
 
 
@@ -406,13 +406,13 @@ def experiment(
         with progress_bar(command, quiet=quiet) as progress:
             found = measure(interrupt, progress)
         if isinstance(found, list):
-            complain("\n".join(found))
+            print_stderr("\n".join(found))
             return 128 + (interrupt.signal or 0)
         files = dict(found.tables)
         warnings = list[Any](found.document.get("warnings", ()))
         warnings += (caution.record for caution in results.cautions)
         for warning in warnings:
-            complain(f"warning: {warning['text']} [{warning['number']}]")
+            print_stderr(f"warning: {warning['text']} [{warning['number']}]")
 
         def draw() -> None:
             content = found.draw and drawn_or_reported(
@@ -426,13 +426,13 @@ def experiment(
         document |= {"warnings": warnings} if warnings else {}
         commit(results, document, files)
     for remark in found.remarks:
-        complain(remark)
+        print_stderr(remark)
     if documents is not None:
         documents.append(document)
     elif as_json:
         show_json(document)
     if not quiet and not as_json:
-        say(found.summary(f"{folder}: {', '.join(document['files'])}"))
+        print_stdout(found.summary(f"{folder}: {', '.join(document['files'])}"))
     return found.code if interrupt.signal is None else 128 + interrupt.signal
 
 
@@ -535,7 +535,7 @@ def prepare() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def say(text: str) -> None:
+def print_stdout(text: str) -> None:
     """Print text for a person on stdout, with lines wrapped at the terminal width."""
     write_stdout(lambda: print(without_controls(text, sys.stdout)))
 
@@ -633,11 +633,11 @@ def report_stdout_failure(error: OSError) -> int:
 
     _mute(sys.stdout)
     text = f"lagsim: standard output cannot be written: {error.strerror}"
-    complain(f"{text} [{number(UnwritableError.code)}]")
+    print_stderr(f"{text} [{number(UnwritableError.code)}]")
     return UnwritableError.exit_code
 
 
-def complain(text: str, *, again: bool = False) -> None:
+def print_stderr(text: str, *, again: bool = False) -> None:
     """Print text for a person on stderr.
 
     again : whether a worker process has already printed it, see `without_controls`.
@@ -647,7 +647,7 @@ def complain(text: str, *, again: bool = False) -> None:
 
 def print_warning(caution: Caution) -> None:
     """Print a warning with its number on stderr."""
-    complain(f"warning: {caution.text} [{caution.number}]")
+    print_stderr(f"warning: {caution.text} [{caution.number}]")
 
 
 def _report(text: str) -> None:

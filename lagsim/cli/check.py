@@ -13,10 +13,10 @@ from lagsim.cli._shared import (
     SETS,
     STRICT,
     assignments,
-    complain,
     flag,
+    print_stderr,
+    print_stdout,
     quiet,
-    say,
     show_json,
     strict_line,
 )
@@ -48,11 +48,11 @@ def command(
         if documents is not None:
             documents.append(examination(equations, examined, choices))
         elif not (quiet and admissible and not alarmed):
-            say(report(equations, examined, choices, repair=repair))
+            print_stdout(report(equations, examined, choices, repair=repair))
         if warnings or not admissible:
             annotate_start(equations, examined)
         if alarmed:
-            complain(strict_line(model.name, [w.code for w in warnings]))
+            print_stderr(strict_line(model.name, [w.code for w in warnings]))
         return 0 if admissible and not alarmed else 1
 
     codes = []

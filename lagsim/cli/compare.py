@@ -14,9 +14,9 @@ from lagsim.cli._shared import (
     aligned,
     coloured,
     option,
+    print_stdout,
     put_picture,
     quiet,
-    say,
     show_json,
 )
 from lagsim.codes import failure, number
@@ -70,7 +70,7 @@ def command(
     if as_json:
         show_json(_document(names, verdict, remarks))
     elif not quiet:
-        say(_report(names, verdict, remarks))
+        print_stdout(_report(names, verdict, remarks))
     return 0 if verdict.passed else 1
 
 

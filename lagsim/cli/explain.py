@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, aligned_pairs, say, show_json
+from lagsim.cli._shared import JSON, aligned_pairs, print_stdout, show_json
 from lagsim.codes import Retired, cautions, every, found
 from lagsim.codes.known import RETIRED, UNKNOWN_CODE
 from lagsim.errors import did_you_mean, unusable
@@ -39,9 +39,11 @@ def command(
     if as_json:
         show_json([_document(row) for row in rows])
     elif code is None:
-        say(aligned_pairs((row.number, f"{row.code}: {row.happened}") for row in rows))
+        print_stdout(
+            aligned_pairs((row.number, f"{row.code}: {row.happened}") for row in rows)
+        )
     else:
-        say("\n\n".join(map(_page, rows)))
+        print_stdout("\n\n".join(map(_page, rows)))
     return 0
 
 

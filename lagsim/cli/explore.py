@@ -12,10 +12,10 @@ from lagsim.cli._faults import error_text
 from lagsim.cli._shared import (
     SETS,
     assignments,
-    complain,
     flag,
     option,
     parse_range,
+    print_stderr,
     put_file,
     write_stdout,
 )
@@ -61,8 +61,8 @@ def command(
     # At once, also into a pipe.
     write_stdout(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
     if not no_browser and not webbrowser.open(server.address):
-        complain("no browser was found: open the address above in one")
-    complain("Ctrl-C ends")
+        print_stderr("no browser was found: open the address above in one")
+    print_stderr("Ctrl-C ends")
     # A command collects no garbage, since it ends soon. This one goes on.
     gc.freeze()
     gc.enable()

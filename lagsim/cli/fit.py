@@ -21,10 +21,10 @@ from lagsim.cli._shared import (
     assignments,
     check_replaced,
     coloured,
-    complain,
     experiment,
     option,
     output_folder,
+    print_stderr,
     print_warning,
     put_file,
     quiet,
@@ -117,7 +117,7 @@ def command(
     for record in fit.records:
         if unused := fit.unused(record):
             text = f"note: {record.name}: not used: {', '.join(unused)}"
-            complain(f"{text}; `--match` says what a column measures")
+            print_stderr(f"{text}; `--match` says what a column measures")
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         fit.interrupt = interrupt

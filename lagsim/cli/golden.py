@@ -19,14 +19,14 @@ from lagsim.cli._shared import (
     UnwritableError,
     annotate,
     coloured,
-    complain,
     flag,
     option,
+    print_stderr,
+    print_stdout,
     print_warning,
     put_file,
     put_picture,
     quiet,
-    say,
     show_json,
     writing,
 )
@@ -112,13 +112,13 @@ def command(
             most = jobs or min(cores(), math.ceil(len(models) / MODELS_EACH))
             for k, found in each(_compared, pieces, models, most, interrupt):
                 if printed := found.printed.rstrip("\n"):
-                    complain(printed, again=True)
+                    print_stderr(printed, again=True)
                 answer = _answer_in(found)
                 answers.append(answer)
                 name, path = tasks[k].name, tasks[k].path
                 outcomes.append(CaseResult(name, path, answer.seconds, *answer.why))
                 if answer.lines and not as_json and not (quiet and not answer.code):
-                    say("\n".join(answer.lines))
+                    print_stdout("\n".join(answer.lines))
         if interrupt.asked:
             raise exception_of(interrupt.signal)
         if junit is not None:
@@ -316,7 +316,7 @@ def _store(case: Case, folder: Path) -> _Answer:
     if not base.trial.complete:
         text = f"no golden of {model.name}: {base.trial.reason}"
         failed = failure(INCOMPLETE)
-        complain(f"lagsim: {text} [{failed['number']}]")
+        print_stderr(f"lagsim: {text} [{failed['number']}]")
         found |= {"pass": False, "failure": failed}
         return _Answer(
             UnwritableError.exit_code, found, (), ("error", INCOMPLETE, text)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._shared import JSON, say, show_json
+from lagsim.cli._shared import JSON, print_stdout, show_json
 from lagsim.errors import InputError
 from lagsim.methods import WIDTH, method, method_page, method_problems, names
 
@@ -28,7 +28,7 @@ def command(
     if as_json:
         show_json([_document(m) for m in chosen])
     else:
-        say(_list(chosen) if name is None else _page(chosen[0]))
+        print_stdout(_list(chosen) if name is None else _page(chosen[0]))
     return 0
 
 

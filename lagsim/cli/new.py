@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from lagsim.cli._shared import say
+from lagsim.cli._shared import print_stdout
 from lagsim.codes.known import EXISTS, UNKNOWN_TEMPLATE, UNWRITABLE, USAGE
 from lagsim.errors import unusable
 
@@ -44,5 +44,7 @@ def command(
         reason = getattr(error, "strerror", None) or str(error)
         text = f"{path} cannot be written: {reason}"
         raise unusable(UNWRITABLE, text) from None
-    say(f"{path}: a start from the template {template}; next: lagsim run {path}")
+    print_stdout(
+        f"{path}: a start from the template {template}; next: lagsim run {path}"
+    )
     return 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import option, print_warning, put_picture, quiet, say
+from lagsim.cli._shared import option, print_stdout, print_warning, put_picture, quiet
 from lagsim.codes.known import NOTHING_TO_DRAW, USAGE
 from lagsim.errors import InputError, Problem, counted, unusable
 from lagsim.notes import Caution
@@ -55,7 +55,7 @@ def command(
             raise unusable(USAGE, text, hint="such as --columns x,y")
     written = [str(path) for path in paths if _wrote(path, runs, names, output is None)]
     if written and not quiet:
-        say(f"{counted(len(runs), 'run')}: {', '.join(written)}")
+        print_stdout(f"{counted(len(runs), 'run')}: {', '.join(written)}")
     return 0
 
 

@@ -32,12 +32,12 @@ from lagsim.cli._shared import (
     assignments,
     coloured,
     commit,
-    complain,
     flag,
     output_folder,
+    print_stderr,
+    print_stdout,
     progress_bar,
     quiet,
-    say,
     show_json,
     strict_line,
     titled_rows,
@@ -316,7 +316,7 @@ class Job:
             ends=model.until is not None,
         )  # fmt: skip
         if warning and not wish.quiet:
-            complain(f"warning: {warning}")
+            print_stderr(f"warning: {warning}")
 
         @functools.cache
         def restart() -> Restart:
@@ -330,7 +330,7 @@ class Job:
         first = restart().rescue if wish.resume else None
         with open_results(folder, first=first) as results:
             if wish.resume and restart().stand is None and not wish.quiet:
-                complain(f"lagsim: {folder} holds no interrupted run to continue")
+                print_stderr(f"lagsim: {folder} holds no interrupted run to continue")
             return self._integrate(session, results, restart)
 
     def _integrate(
@@ -484,7 +484,9 @@ class Job:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
             if document["complete"]:
-                complain("lagsim: interrupted: all rows are there, some pictures not")
+                print_stderr(
+                    "lagsim: interrupted: all rows are there, some pictures not"
+                )
             return 128 + interrupt.signal
         if not found.trajectory.outcome.complete:
             return 3
@@ -493,7 +495,7 @@ class Job:
             return 0
         model = found.session.case.model
         line = strict_line(model.name, [caution["code"] for caution in cautions])
-        complain(line)
+        print_stderr(line)
         annotate(ERROR, line.removeprefix("lagsim: "), model.file)
         return 1
 
@@ -501,20 +503,20 @@ class Job:
         if not document["complete"]:
             failed = document["failure"]
             numbered = f" [{failed['number']}]" if failed else ""
-            complain(f"lagsim: {document['reason']}{numbered}")
+            print_stderr(f"lagsim: {document['reason']}{numbered}")
             if (folder / RESTART).exists():
-                complain("lagsim: the same command with --resume continues the run")
+                print_stderr("lagsim: the same command with --resume continues the run")
         if not self.wish.quiet or self.wish.strict:
             for caution in document["warnings"]:
-                complain(f"warning: {caution['text']} [{caution['number']}]")
+                print_stderr(f"warning: {caution['text']} [{caution['number']}]")
                 if "line" in caution:
                     keys = ("line", "column", "length", "source")
                     at = Place("", *(caution[key] for key in keys))
-                    complain("\n".join(pointed(at)))
+                    print_stderr("\n".join(pointed(at)))
         if self.documents is not None:
             self.documents.append(document)
         elif not self.wish.quiet:
-            say(summary(found, document, folder))
+            print_stdout(summary(found, document, folder))
 
 
 def _keep(

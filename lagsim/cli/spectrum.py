@@ -12,11 +12,11 @@ from lagsim import files
 from lagsim.cli._shared import (
     JSON,
     aligned,
-    complain,
     option,
+    print_stderr,
+    print_stdout,
     put_file,
     put_picture,
-    say,
     show_json,
 )
 from lagsim.codes.known import UNKNOWN_NAME, USAGE
@@ -60,7 +60,7 @@ def command(
     if as_json:
         show_json({"result": str(result), **found.record})
     else:
-        say(report(found))
+        print_stdout(report(found))
     return 0
 
 
@@ -68,7 +68,7 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     """Return the spectrum of a column of a result."""
     table = read_results(result)
     for remark in table.remarks:
-        complain(f"warning: {remark}")
+        print_stderr(f"warning: {remark}")
     if column not in table.columns:
         columns = table.columns
         hint = member_hint(column, columns) or did_you_mean(column, columns)

@@ -24,8 +24,8 @@ from lagsim.cli._shared import (
     flag,
     option,
     output_folder,
+    print_stdout,
     quiet,
-    say,
     show_json,
     writing,
 )
@@ -152,7 +152,7 @@ def command(
         if as_json:
             show_json(known)
         elif not quiet:
-            say(f"{where} already contains this sweep, complete")
+            print_stdout(f"{where} already contains this sweep, complete")
         return _code(known)
     journal = Journal(where / JOURNAL, found)
     measure = partial(

@@ -121,7 +121,7 @@ class Case(NamedTuple):
         model = self.equations.model.bind(parameters)
         return examined(self.equations, model, model.settings())
 
-    def asking(self, **other: Any) -> Case:
+    def with_settings(self, **other: Any) -> Case:
         """Return the case with some settings replaced."""
         return self._replace(settings=self.settings._replace(**other))
 
@@ -240,9 +240,9 @@ class Session(NamedTuple):
         """
         return self._replace(plan=plan)
 
-    def asking(self, **other: Any) -> Session:
+    def with_settings(self, **other: Any) -> Session:
         """Return the session with settings replaced that affect no plan or system."""
-        return self._replace(case=self.case.asking(**other))
+        return self._replace(case=self.case.with_settings(**other))
 
     def first_arc(self) -> Arc:
         """Return the first arc, at the start of the run."""

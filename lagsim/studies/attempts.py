@@ -384,7 +384,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     mean = span / max(trajectory.statistics.steps, 1)
     within = WITHIN * settings.output_step
     if plan.rtol is None:
-        free = session.case.asking(
+        free = session.case.with_settings(
             method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
         ).ready()
         found = way(free.plan, within, free)
@@ -819,7 +819,7 @@ class Attempts:
         rows, case = run.checkpoints, other.session.case
         finer = -(-LEAST_ROWS // len(rows.rows)) if rows.stride == 1 else 1
         spacing = rows.stride * case.settings.output_step / finer
-        other = other._replace(session=other.session.asking(output_step=spacing))
+        other = other._replace(session=other.session.with_settings(output_step=spacing))
         settings = other.session.case.settings
         again = Checkpoints(case.equations, settings, finer)
         assert self.allowance is not None

@@ -686,7 +686,7 @@ def run(case: Case, golden: Golden, compiled: Compiled | None = None) -> Sampled
     spacing = float(golden.about["output_step"])
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
-    other = case.asking(output_step=spacing, step=step)
+    other = case.with_settings(output_step=spacing, step=step)
     return motion_of(other, golden.stride, compiled)
 
 

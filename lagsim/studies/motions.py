@@ -209,19 +209,19 @@ def _asked(case: Case, plan: Plan) -> Iterator[Case]:
             rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
             atol = None if plan.atol is None else plan.atol * factor
             # With the method that such a run would take, where none is named.
-            yield case.asking(rtol=rtol, atol=atol)
+            yield case.with_settings(rtol=rtol, atol=atol)
     if plan.step is not None:
         # An error of order p becomes 2^p times larger, one of order 4 16 times.
         for factor in (2.0, 0.5):
-            yield case.asking(method=name, step=factor * plan.step)
+            yield case.with_settings(method=name, step=factor * plan.step)
         # Some methods are exact at any step; the variants then have a tolerance.
         rtol = LOOSER[0] * DEFAULT_RTOL
-        yield case.asking(method=METHODS[0], rtol=rtol, atol=None)
+        yield case.with_settings(method=METHODS[0], rtol=rtol, atol=None)
     for seed in range(SEEDS):
         yield perturbed(case, seed)
     for other in METHODS:
         if other != name:
-            yield case.asking(method=other, formulation="auto")
+            yield case.with_settings(method=other, formulation="auto")
 
 
 # Which rows of a motion are kept.

@@ -293,11 +293,11 @@ class _Changes:
         plan, settings = self.base.plan, case.settings
         if plan.rtol is not None:
             atol = None if plan.atol is None else plan.atol * TIGHTEST_RTOL / plan.rtol
-            case = case.asking(method=plan.method, rtol=TIGHTEST_RTOL, atol=atol)
+            case = case.with_settings(method=plan.method, rtol=TIGHTEST_RTOL, atol=atol)
         elif plan.step is not None:
-            case = case.asking(step=plan.step)
+            case = case.with_settings(step=plan.step)
         closer = max(settings.output_step / CLOSER, settings.duration / MOST_ROWS)
-        case = case.asking(output_step=closer)
+        case = case.with_settings(output_step=closer)
         motion = motion_of(case, 1, self.compiled)
         return on_grid(motion.rows, case.settings)
 

@@ -249,7 +249,7 @@ def tried(
         different, places = np.unique(times, return_inverse=True)
         wish = _Ended(interrupt)
         kept = Moments(different, len(names), wish)
-        session = session.asking(moments=tuple(different.tolist()))
+        session = session.with_settings(moments=tuple(different.tolist()))
     if patience is not None:
         patience.begin()
         progress = patience.check

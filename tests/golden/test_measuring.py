@@ -248,7 +248,7 @@ def test_what_is_run_besides(pendulum):
     assert free == pytest.approx([k * 1e-9 for k in (*range(100, 0, -10), 0.1)])
     named = {x.method for x in found if x.method != "auto"}
     assert "radau" in named < {"dop853", "taylor", "radau"}
-    fixed = run_besides(pendulum.asking(method="rk4", step=0.01))
+    fixed = run_besides(pendulum.with_settings(method="rk4", step=0.01))
     assert [x.step for x in fixed if x.method == "rk4"] == [0.02, 0.005]
 
 

@@ -121,7 +121,7 @@ def coarse_rk4(name, _random):
         return
     other = scene(name)
     step = other.settings.duration / 100
-    yield f"step {step:.2g}", other.asking(method="rk4", step=step), None
+    yield f"step {step:.2g}", other.with_settings(method="rk4", step=step), None
 
 
 def cell(name, random):
@@ -194,10 +194,10 @@ def variants(name):
     # What has no tolerance is solved by a method that has.
     method = plan.method if plan.rtol else "dop853"
     for rtol in (1e-12, 1e-10):
-        yield f"rtol {rtol:.0e}", other.asking(method=method, rtol=rtol)
+        yield f"rtol {rtol:.0e}", other.with_settings(method=method, rtol=rtol)
     for method in METHODS:
         if method != plan.method:
-            yield method, other.asking(method=method)
+            yield method, other.with_settings(method=method)
 
 
 @pytest.mark.nightly
@@ -219,7 +219,7 @@ def test_nothing_else_is_flagged():
 
 
 def test_a_run_is_judged_at_the_goldens_times():
-    found = judged("kepler", scene("kepler").asking(output_step=0.1))
+    found = judged("kepler", scene("kepler").with_settings(output_step=0.1))
     assert found.passed
     assert any("rows every" in note for note in found.notes)
     assert run(scene("kepler"), stored("kepler")).rows.shape[1] == 14
@@ -342,7 +342,7 @@ def test_other_processors(target, monkeypatch):
 @pytest.mark.slow
 def test_the_horizon_of_chaos(monkeypatch, request):
     monkeypatch.delenv("LAGSIM_CPU", raising=False)
-    long = scene("double-pendulum").asking(end=60.0)
+    long = scene("double-pendulum").with_settings(end=60.0)
     golden, base = new_golden(long)
     # Errors grow tenfold in 2 s (the header): 1e-11 becomes 1 in about 22 s, and
     # a run at a hundred times that, which passes ten times over, 6 s earlier.

@@ -38,7 +38,7 @@ def looser(name):
         return
     for times in TIMES:
         atol = None if plan.atol is None else times * plan.atol
-        yield times, case.asking(rtol=times * plan.rtol, atol=atol)
+        yield times, case.with_settings(rtol=times * plan.rtol, atol=atol)
 
 
 @pytest.mark.slow

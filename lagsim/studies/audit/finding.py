@@ -69,7 +69,7 @@ def up_to(session: Session, time: float) -> Session:
     start, step = settings.start, settings.output_step
     last = math.ceil((time - start) / step - SAME_ROW) - 1
     end = min(start + max(last, SAME_ROW) * step, settings.end)
-    return session._replace(case=session.case.asking(end=end))
+    return session._replace(case=session.case.with_settings(end=end))
 
 
 def audit(run: Evidence) -> Finding | None:

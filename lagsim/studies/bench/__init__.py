@@ -52,7 +52,7 @@ DRIFT = "drift"
 OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
 
 
-def asking(
+def with_method(
     case: Case,
     method: str = "auto",
     formulation: str = "auto",
@@ -62,7 +62,7 @@ def asking(
 
     atol and the step are set to their defaults.
     """
-    return case.asking(
+    return case.with_settings(
         method=method, formulation=formulation, rtol=rtol, atol=None, step=None
     )
 
@@ -95,7 +95,7 @@ class Own:
         rtol: float | None = None,
     ) -> None:
         began = time.perf_counter()
-        self.session = asking(case, method, formulation, rtol).ready()
+        self.session = with_method(case, method, formulation, rtol).ready()
         self.compile_seconds = time.perf_counter() - began
         self.case, self.plan = self.session.case, self.session.plan
         self.system = self.session.system
@@ -128,7 +128,7 @@ def formulation_solvers(case: Case, method: str) -> tuple[list[Own], dict[str, s
     constrained = bool(case.equations.rows)
     for formulation in (*FORMULATIONS, *(OF_CONSTRAINTS if constrained else ())):
         try:
-            plan = asking(case, method, formulation).plan()
+            plan = with_method(case, method, formulation).plan()
             if plan.formulation not in found:
                 found[plan.formulation] = Own(case, method, formulation)
         except InputError as fault:

@@ -34,7 +34,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import evaluation_cost
-from lagsim.studies.bench import asking
+from lagsim.studies.bench import with_method
 from lagsim.studies.modes import SmallMotions
 from lagsim.studies.nonlinear import Linearised, not_linear
 from lagsim.studies.rest import NoRestError
@@ -183,7 +183,9 @@ class Subject:
 
     def _trusted(self) -> Floats:
         """Return rows (t, q, q', s) of the motion by a method chosen by `auto`."""
-        trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
+        trusted = with_method(self.case).with_settings(
+            output_step=self.span / TRUSTED_ROWS
+        )
         session = self.compiled.session(trusted)._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
         trial = tried(session, interrupt=self.interrupt)
@@ -240,10 +242,10 @@ class Subject:
         InputError
             If the method cannot handle the model.
         """
-        case, most = self.endless.asking(method=name, step=step), ADAPTIVE_STEPS
+        case, most = self.endless.with_settings(method=name, step=step), ADAPTIVE_STEPS
         if step is not None:
             end = case.settings.start + steps * step
-            case = case.asking(output_step=step, end=end, rtol=None, atol=None)
+            case = case.with_settings(output_step=step, end=end, rtol=None, atol=None)
             most = 2 * (steps + math.ceil(self.arcs * steps * step)) + 1000
         session = self.compiled.session(case, replace(case.plan(), step=step))
         self.costs[name] = evaluation_cost(session.system, name)

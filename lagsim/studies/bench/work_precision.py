@@ -39,13 +39,13 @@ from lagsim.studies.bench import (
     Own,
     Scipy,
     Solver,
-    asking,
     fastest,
     formulation_solvers,
     index_one,
     machine,
     scipy_refusal,
     today,
+    with_method,
 )
 from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
 from lagsim.studies.trials import TOO_SLOW, Patience
@@ -361,7 +361,9 @@ def make_reference(
         raise NoReferenceError(text + hint)
     patience.until = max(began + seconds, time.perf_counter() + ONE_SECONDS)
     # Ranges include rows between the output rows, at an equal tolerance.
-    own = Own(case.asking(output_step=case.settings.duration / MOMENTS), first.method)
+    own = Own(
+        case.with_settings(output_step=case.settings.duration / MOMENTS), first.method
+    )
     between = next(_solved(own, (first.value,), patience), first)
     alone = unverified(case.equations, first, between.rows)
     best: Reference | None = None
@@ -556,7 +558,7 @@ def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[fl
     """
     chosen = defaultdict(list)
     for rtol in tolerances:
-        plan = asking(case, rtol=rtol).plan()
+        plan = with_method(case, rtol=rtol).plan()
         chosen[plan.method, plan.formulation].append(plan.accuracy[1])
     return dict(chosen)
 

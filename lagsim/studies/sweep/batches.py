@@ -695,7 +695,7 @@ class Judge:
         """
         if self._repeats is None:
             spacing = self._ensemble.session.case.settings.output_step / finer
-            session = other.session.asking(output_step=spacing)
+            session = other.session.with_settings(output_step=spacing)
             self._repeats = Ensemble(session)
             self._repeats.prepare(self._parameters)
         return self._repeats
