@@ -43,6 +43,7 @@ from lagsim.program.functions import (
 from lagsim.program.impulses import ImpulseFunction
 from lagsim.program.localized import indicators
 from lagsim.program.output_row import Columns
+from lagsim.program.pace import Pace
 from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 
 if TYPE_CHECKING:
@@ -658,44 +659,6 @@ class System:
         on = (self.p.law_mode != OFF).tolist()
         acting = (entries for k, entries in laws if on[k])
         return joined(len(self.equations.q), [*rows, *acting])
-
-
-# A call of a kernel is short, so that Python handles a signal soon after it. Steps of
-# the first call, their limit, and the duration of a call, in seconds. The pauses do not
-# change the results.
-FIRST = 16
-MOST = 4000
-MOMENT = 0.02
-# Greatest number of rows for each step.
-ROWS = 128
-
-
-class Pace:
-    """Numbers of steps and rows of the next call of a kernel, adapted to its duration.
-
-    Attributes
-    ----------
-    steps : int
-        Number of steps of the next call.
-    """
-
-    def __init__(self) -> None:
-        self.steps = FIRST
-
-    @property
-    def rows(self) -> int:
-        """Greatest number of rows of a call."""
-        return ROWS * self.steps
-
-    def lasted(self, seconds: float) -> None:
-        """Set the number of steps of the next call from the duration of the last.
-
-        seconds : that duration.
-        """
-        if seconds > 2.0 * MOMENT:
-            self.steps = max(1, int(self.steps * MOMENT / seconds))
-        elif seconds < MOMENT:
-            self.steps = min(2 * self.steps, MOST)
 
 
 class Runner:

@@ -14,7 +14,7 @@ import pytest
 from lagsim.cli import run
 from lagsim.native.link import cache
 from lagsim.outputs.results import LOCK
-from lagsim.program import system
+from lagsim.program import pace
 from lagsim.studies import restart
 from tests.cli._results import manifest
 from tests.support import MODELS
@@ -29,11 +29,11 @@ pytestmark = [
 KILLED = """
 import os, sys
 from lagsim.cli import main, run
-from lagsim.program import system
+from lagsim.program import pace
 from lagsim.studies import restart
 run.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
-system.MOST = 16
+pace.MOST = 16
 left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
 keep = restart.Restart._keep
 def kept(self, *given):
@@ -255,7 +255,7 @@ def test_runs_with_every_kind_of_event_by_every_method_can_be_kept(
     monkeypatch.setattr(restart, "EVERY_SECONDS", 0.0)
     monkeypatch.setattr(restart, "MOST_OF_THE_TIME", 1e9)
     monkeypatch.setattr(run, "KEPT_AFTER_SECONDS", -1.0)
-    monkeypatch.setattr(system, "MOST", 16)
+    monkeypatch.setattr(pace, "MOST", 16)
     more = (*more, "--error-bar", "never", "--no-plots")
     assert lagsim(*line(name, "out", *more)).code == 0
     assert kept

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.notes import Event
-from lagsim.outputs.animation import Push
+from lagsim.outputs.animation.carriers import Push
 from tests.outputs import node as page
 from tests.outputs.node import (
     COLOURS,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import j0, j1, jv, jvp
 
-from lagsim.program.system import BLOCK, Pace
+from lagsim.program.pace import Pace
+from lagsim.program.system import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator

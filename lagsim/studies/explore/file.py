@@ -51,6 +51,7 @@ from lagsim.native.link import wasm
 from lagsim.native.link.engine import NativeError
 from lagsim.outputs import ENERGIES
 from lagsim.outputs import animation as pictures
+from lagsim.outputs.animation.carriers import MOST_PUSHES, Carriers, ConstraintPoints
 from lagsim.outputs.animation.pages import holding
 from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
@@ -483,10 +484,10 @@ def _scene(session: Session, film: Film | None, frames: Frames) -> Document:
     columns = {name: table[:, k] for k, name in enumerate(frames.names)}
     values = {p.name: p.value for p in model.parameters} | columns
     with np.errstate(all="ignore"):
-        carriers = pictures.Carriers(e, scene, values, len(table))
+        carriers = Carriers(e, scene, values, len(table))
     found["pushes"] = [
         _push(x, carriers, g.zero, names, film.dimension)
-        for x in carriers.carried[: pictures.MOST_PUSHES]
+        for x in carriers.carried[:MOST_PUSHES]
         if x.multiplier in frames.names
     ]
     asked = {
@@ -501,8 +502,8 @@ def _scene(session: Session, film: Film | None, frames: Frames) -> Document:
 
 
 def _push(
-    x: pictures.ConstraintPoints,
-    carriers: pictures.Carriers,
+    x: ConstraintPoints,
+    carriers: Carriers,
     zero: int,
     names: Sequence[str],
     dimension: int,
