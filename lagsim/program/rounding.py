@@ -8,7 +8,7 @@ from lagsim.language.evaluate import roundings
 from lagsim.mechanics.equations import pushes
 from lagsim.mechanics.forces import generalized_forces
 from lagsim.methods.parts.control import scattered
-from lagsim.plan.plan import coupled
+from lagsim.plan.method_choice import coupled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

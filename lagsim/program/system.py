@@ -30,7 +30,7 @@ from lagsim.native.layout import address
 from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
 from lagsim.plan.formulation import GAIN, evaluation_cost
-from lagsim.plan.plan import coupled
+from lagsim.plan.method_choice import coupled
 from lagsim.program import dense, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,

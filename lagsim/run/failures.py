@@ -33,7 +33,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
 from lagsim.plan.formulation import STAGES
-from lagsim.plan.plan import ANY, structure
+from lagsim.plan.method_choice import ANY, structure
 from lagsim.program.system import System
 from lagsim.run.arc import LONG, NO_LOSS, SERIES
 from lagsim.run.interrupt import MOST_STEPS

@@ -340,7 +340,7 @@ def suited(model: Model, settings: Settings) -> Model:
     """
     from lagsim.mechanics.derivation import may_gather
     from lagsim.methods import method
-    from lagsim.plan.plan import ANY, refuse_elements
+    from lagsim.plan.method_choice import ANY, refuse_elements
 
     name = ANY if settings.method == "auto" else settings.method
     known = not unknown_names(settings)

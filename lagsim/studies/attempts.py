@@ -39,7 +39,7 @@ import numpy as np
 from lagsim.language.sparse import joined
 from lagsim.notes import Caution, Choice
 from lagsim.outputs.manifest import manifest
-from lagsim.plan.plan import ANY, Plan
+from lagsim.plan.method_choice import ANY
 from lagsim.run.arc import SERIES
 from lagsim.run.error import (
     LOST,
@@ -77,6 +77,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.outputs.table import EventsWriter
+    from lagsim.plan.plan import Plan
     from lagsim.program.system import System
     from lagsim.run.observers.appended import Appended
     from lagsim.run.session import Case, Session, Stopwatch

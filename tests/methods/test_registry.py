@@ -9,7 +9,7 @@ import pytest
 from lagsim.mechanics.derivation import derive
 from lagsim.methods import method, method_page, names, options, options_of
 from lagsim.model.reader import read
-from lagsim.plan.plan import structure
+from lagsim.plan.method_choice import structure
 from tests.small_scenes import held_pendulum
 
 DAMPED = """

@@ -29,7 +29,7 @@ from lagsim.mechanics.linearisation import (
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
-from lagsim.plan.plan import method_refusal, structure
+from lagsim.plan.method_choice import method_refusal, structure
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome

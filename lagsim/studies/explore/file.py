@@ -56,7 +56,8 @@ from lagsim.outputs.animation.pages import holding
 from lagsim.outputs.letters import raised_powers
 from lagsim.outputs.shapes import ALONG, CHANGING, mesh_parts, moving
 from lagsim.outputs.units import units
-from lagsim.plan.plan import ANY, without_partition
+from lagsim.plan.method_choice import ANY
+from lagsim.plan.plan import without_partition
 from lagsim.program import webassembly
 from lagsim.run.arc import SERIES, largest_shift
 from lagsim.run.arcs import Run
