@@ -5,6 +5,7 @@ import pytest
 
 from lagsim.mechanics.complementarity import ComplementarityProblem, solve
 from lagsim.mechanics.constraints import CONTACT, EQUALITY, LIMITED
+from lagsim.mechanics.lemke import rates_at
 from lagsim.mechanics.row_modes import modes
 from lagsim.mechanics.rows import Mode
 from tests.mechanics.contact._bodies import G, broken, closed, none, touching
@@ -71,6 +72,34 @@ def test_rows_at_a_small_angle_both_hold():
     found = quiet(twice, np.array([-1.0, -1.0]))
     assert found.mode == (HELD, REDUNDANT)
     assert found.multipliers == pytest.approx([1.0, 0.0])
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2, np.pi, 0.7])
+def test_a_disc_at_its_bound_slips_where_the_pull_grows(angle):
+    """A block of weight 10 with mu = 1/2, pulled by 5 along a direction of the plane.
+
+    The pull grows along this direction, or falls: an axis of the plane has one
+    component only.
+    """
+    along = np.array([np.cos(angle), np.sin(angle)])
+    body = touching(np.ones(3), np.eye(3), 2, mu=0.5)
+    free = np.array([-10.0, *5.0 * along])
+    for growth, mode in ((1.0, SLIDING), (-1.0, HELD)):
+        found = quiet(body, free, roundoff=1e-12, ahead=ahead(0.0, *growth * along))
+        assert found.mode == (HELD, mode, mode)
+        assert found.multipliers == pytest.approx([10.0, *-5.0 * along], abs=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rates_of_rows_that_hold_are_zero_to_the_last_bit(seed):
+    """The multipliers of k held rows change such that their accelerations stay 0."""
+    random = np.random.default_rng(seed)
+    k, n = 1 + seed % 4, 6
+    rows = random.normal(size=(k, n))
+    D, c = rows @ rows.T, random.normal(size=k)
+    x, w = rates_at(D, c, none(k), list(range(k)), np.zeros((0, k)))
+    assert x == pytest.approx(-np.linalg.solve(D, c), rel=1e-9)
+    assert not w.any()
 
 
 CUBE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 2 / 3])
