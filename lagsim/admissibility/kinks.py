@@ -369,7 +369,7 @@ class Kinks:
     ) -> Point:
         """Return `point` with the equations of the given sides, and more rows in force.
 
-        held : the rows that are added to those in force.
+        held : the rows that are added to the rows in force.
         sides, pins : see `frozen`.
         """
         e, more = self.on(sides, pins), self.rows(held, sides, pins)

@@ -577,7 +577,7 @@ def gathered(g: Graph) -> bool:
 
 
 def _where(args: Sequence[int], some: Collection[int]) -> frozenset[int]:
-    """Return the indices of those arguments that are among the nodes `some`."""
+    """Return the indices of the arguments that are among the nodes `some`."""
     return frozenset(k for k, a in enumerate(args) if a in some)
 
 

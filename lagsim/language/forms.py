@@ -258,7 +258,7 @@ def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list
     for terms in sums.values():
         g.count(JOINED * len(terms))
         expansion.join(terms, g.count)
-    writer = _Writer(g, expansion, moving)
+    writer = _SumBuilder(g, expansion, moving)
     found = [writer.node(sums[n]) if n in sums else n for n in nodes]
     return min((nodes, found), key=lambda x: g.cost(x, moving))
 
@@ -404,7 +404,7 @@ def multiples_in(g: Graph, n: int) -> dict[int, int]:
     return {n: k for n, k in found.items() if k}
 
 
-class _Writer:
+class _SumBuilder:
     """Conversion of sums of products to nodes.
 
     The cosine of a - b is written as a function where there are no more such functions

@@ -70,7 +70,7 @@ class Recurrence(NamedTuple):
 
     @property
     def variables(self) -> list[int]:
-        """Variables of the recurrence, besides those of ORDERS."""
+        """Variables of the recurrence, besides the variables of ORDERS."""
         return [*self.carried, *self.sums]
 
     @property

@@ -235,7 +235,7 @@ class Linearisation:
     def bound(self, equations: Equations) -> Linearisation:
         """Return the linearisation of these equations with other values of parameters.
 
-        equations : the equations with those values.
+        equations : the equations with these values.
         """
         found = copy.copy(self)
         found.e = equations

@@ -106,7 +106,7 @@ class ContactRows:
 
     @cached_property
     def forces(self) -> Floats:
-        """Forces (k,) other than those of multipliers, in the metric of M.
+        """Forces (k,) other than the forces of multipliers, in the metric of M.
 
         They satisfy `problem.c` = Y^T forces, where the columns of Y, `closed.factor`
         (k, r), are the rows of the closed laws in this metric.

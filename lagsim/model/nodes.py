@@ -242,7 +242,7 @@ def items_of(node: Node | None) -> tuple[Node, ...]:
 
 
 def texts_of(nodes: Iterable[Node]) -> list[str]:
-    """Return the texts of those YAML nodes that are scalars."""
+    """Return the texts of the YAML nodes that are scalars."""
     return [node.text for node in nodes if isinstance(node, Scalar)]
 
 

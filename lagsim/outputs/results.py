@@ -6,7 +6,7 @@ wherever there is a run.json, the files that it lists are complete. A table and 
 run.json may be placed before pictures are drawn, which are added later.
 
 A folder may be somebody else's. Symbolic links in it are not followed for writing,
-pipes are not waited for, and of the files listed by its run.json only those with names
+pipes are not waited for, and of the files listed by its run.json only files with names
 that lagsim uses are removed.
 """
 
@@ -192,7 +192,7 @@ class Results:
             _sync(self.folder, os.O_RDONLY)
 
     def discard(self) -> None:
-        """Remove the temporary files of this run, or those of a killed run."""
+        """Remove the temporary files of this run, or of a killed run."""
         for path in self.folder.glob(PART.format("*")):
             if path.name != LOCK:
                 with contextlib.suppress(OSError):

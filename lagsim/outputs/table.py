@@ -304,7 +304,7 @@ class EventsWriter:
         self._fields = attrgetter(*columns)
 
     def extend(self, events: Sequence[Event]) -> None:
-        """Write events, none of which is earlier than those written before."""
+        """Write events, none of which is earlier than the events written before."""
         if self.fault is None:
             try:
                 self.table.append(list(map(self._fields, events)))

@@ -290,8 +290,8 @@ def shorten(p: Parameters, rank: int) -> None:
     """Compute the multipliers of least norm when m - rank rows are dependent.
 
     See `multipliers` for z, B and x. On entry p.x (rank,) is x; on return p.w (m -
-    rank,) is z, the multipliers of the dependent rows, and p.x is x - B z, those of the
-    others.
+    rank,) is z, the multipliers of the dependent rows, and p.x is x - B z, the
+    multipliers of the others.
     """
     spare = p.m - rank
     x, B = p.x, p.free

@@ -100,8 +100,8 @@ def indicators(
     def found() -> list[Indicator]:
         moves = (*_moves(equations), "t")
         values = {p.name: p.value for p in equations.model.parameters}
-        some = _Search(g, nodes, moves, values).among(names)
-        some += _Search(g, ends, moves, values).among(names)
+        some = _IndicatorSearch(g, nodes, moves, values).among(names)
+        some += _IndicatorSearch(g, ends, moves, values).among(names)
         some += _steps(g, ends, frozenset(equations.state))
         return list(dict.fromkeys(some))
 
@@ -165,7 +165,7 @@ def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     return sorted(g.depends(g.args[n][1] for n in powers))
 
 
-class _Search:
+class _IndicatorSearch:
     """Search for the indicators of all localized terms in some expressions.
 
     Parameters
@@ -241,7 +241,9 @@ class _Search:
         some = [k for k, a in enumerate(args) if a in varying]
         own = [x for x in of.slots if of.reads(x, frozenset(some))]
         names = [str(of.graph.payload(x.node)) for x in own]
-        found = _Search(of.graph, [o.node for o in of.outputs], names, {}).among(names)
+        found = _IndicatorSearch(
+            of.graph, [o.node for o in of.outputs], names, {}
+        ).among(names)
         return [
             x._replace(node=sums(g, of.listed(x.node), args), members=of.members)
             for x in found

@@ -726,7 +726,7 @@ def _with_own(name: str, sources: Sequence[Source]) -> list[Source]:
 
 
 def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
-    """Return the sources, among those of the run, that decide at an instant."""
+    """Return the sources of the run that decide at an instant."""
 
     def own(kind: type[Kind]) -> Kind | None:
         """Return the source of a class, or None."""

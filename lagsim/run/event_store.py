@@ -21,7 +21,7 @@ class EventList(Protocol):
     """Interface of a list that receives all events of a run in the order of time."""
 
     def extend(self, events: Sequence[Event]) -> None:
-        """Append events, none of which is earlier than those appended before."""
+        """Append events, none of which is earlier than the events appended before."""
 
 
 class EventStore:

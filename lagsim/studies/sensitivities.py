@@ -400,7 +400,7 @@ class Sensitivities:
         progress : called with the fraction that is done.
         """
         most = MOST_RUNS * len(names) - 1  # beside the run itself
-        searches = list[_Search]()
+        searches = list[_StepSearch]()
         for name in names:
             if self._stopped():
                 break
@@ -425,7 +425,7 @@ class Sensitivities:
     def _begun(
         self, name: str, scale: float | None = None, first: float = FIRST,
         order: int = 8,
-    ) -> _Search:  # fmt: skip
+    ) -> _StepSearch:  # fmt: skip
         """Return a search for the step size of differences by a name, after first runs.
 
         Arguments : see `by`.
@@ -439,7 +439,7 @@ class Sensitivities:
             sides = runs.usable(1), runs.usable(-1)
         if not any(sides):
             raise _not_free(name, runs.trial(1, 0))
-        return _Search(runs, sides)
+        return _StepSearch(runs, sides)
 
     @property
     def reached(self) -> Flags:
@@ -473,7 +473,7 @@ class Sensitivities:
         raise InputError([Problem(UNKNOWN_NAME, text, hint=hint)])
 
 
-class _Search:
+class _StepSearch:
     """Search for the step with which the differences by a name have the least error.
 
     Parameters

@@ -306,7 +306,7 @@ def slides_on_a_disc(p: Parameters) -> int:
 
 
 def share_tolerances(s: Control) -> None:
-    """Raise tolerances that are much finer than those of coordinates coupled by rows.
+    """Raise tolerances much finer than the tolerances of coordinates coupled by rows.
 
     Tolerances are compared in the metric of M, in which projection converts errors of
     one coordinate into errors of another. A coordinate at rest by symmetry has no

@@ -141,7 +141,7 @@ def gathered(tree: Tree, known: Lookup) -> tuple[Tree, int]:
             groups += _divided(one.term, columns, members, known)
     if not groups or sum(x.members for x in groups) < elements.LEAST:
         raise UnlikeError
-    made = [_Writer(x, known).tree() for x in groups]
+    made = [_ElementBuilder(x, known).tree() for x in groups]
     found = made[0]
     for other in made[1:]:
         found = trees.call("add", found, other)
@@ -330,7 +330,7 @@ def _selected(tree: Tree, condition: Tree, k: int) -> Tree:
 # --- The term and its table
 
 
-class _Writer:
+class _ElementBuilder:
     """Converter of a group of members with one term to elements.
 
     Elements are the term in a graph of its own, slots, and a table of the members.

@@ -295,7 +295,7 @@ class _ConstraintReader:
     def _refuse(
         self, code: ErrorCode, keys: Iterable[str], why: str, hint: str
     ) -> None:
-        """Report those of some keys of the constraint that its kind must not have.
+        """Report keys of the constraint, among some, that its kind must not have.
 
         code, why, hint : the fault's code, the rest of its message, and its hint.
         """

@@ -155,7 +155,7 @@ class Definitions:
             x.definitions[name] = Resolved(None, max((levels[name], *below)))
 
     def _in_order(self) -> list[str]:
-        """Return the definitions, each after those that it contains, without cycles."""
+        """Return the definitions, each after all that it contains, without cycles."""
         # Definitions that are ready are in the order of the file.
         sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():

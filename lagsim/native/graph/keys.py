@@ -81,7 +81,7 @@ class Manner(NamedTuple):
     rare : tuple of str
         Called in few steps.
     blank : tuple of (str, int)
-        Functions, each with a number of leading results. Those results are not stored
+        Functions, each with a number of leading results. These results are not stored
         if they are identically 0, since their memory is 0 from the beginning.
     together : tuple of str
         Functions that are evaluated for several rows at once, see `lanes`.

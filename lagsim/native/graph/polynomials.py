@@ -57,7 +57,7 @@ def series_values(size: int, order: int) -> str:
     return "\n".join([*functions, ""])
 
 
-class _Writer:
+class _VectorWriter:
     """Writer of IR lines on vectors of `width` doubles.
 
     A vector is loaded from an array NAME at the address `NAME.at`.
@@ -161,12 +161,13 @@ class _Writer:
 def _function(
     name: str,
     size: int,
-    write: Callable[[_Writer], None],
+    write: Callable[[_VectorWriter], None],
     more: Sequence[str] = (),
 ) -> str:
     """Return the IR of the function `name`, for series of `size` components.
 
-    write : function that writes the code for one vector of components with a `_Writer`.
+    write : function that writes the code for one vector of components with a
+        `_VectorWriter`.
     more : names of the array parameters besides `c` and `out`, two or none.
     """
     arrays = ("c", more[0], "out", more[1]) if more else ("c", "out")
@@ -174,7 +175,7 @@ def _function(
     whole, rest = divmod(size, WIDEST)
     text = [f"define void @{name}(double %h, {signature}) {{", "entry:"]
     if whole:
-        vectors = _Writer(size, WIDEST, "v")
+        vectors = _VectorWriter(size, WIDEST, "v")
         write(vectors)
         text += ["br label %each", "each:"]
         text.append("%first = phi i64 [0, %entry], [%next, %each]")
@@ -185,7 +186,7 @@ def _function(
         text.append(f"%again = icmp slt i64 %next, {whole * WIDEST}")
         text += ["br i1 %again, label %each, label %rest", "rest:"]
     if rest:
-        vectors = _Writer(size, rest, "r")
+        vectors = _VectorWriter(size, rest, "r")
         write(vectors)
         begin = whole * WIDEST
         text += [

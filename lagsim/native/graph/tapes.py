@@ -202,7 +202,7 @@ class _Tapes:
         Index in p of each node. The last entry, of node -1, is a dummy for unused lanes
         of sines and cosines.
     fixed : set of int
-        Nodes whose values are in p: those of `prepare`, and `stored`.
+        Nodes whose values are in p: the nodes of `prepare`, and `stored`.
     stored : mapping of int to int
         Nodes that other functions have evaluated, with the index in p of each.
     time, states : int

@@ -42,7 +42,7 @@ NOTHING: Mapping[int, int] = MappingProxyType({})
 def evaluation_order(
     g: Graph, roots: Collection[int], places: Mapping[int, object]
 ) -> list[int]:
-    """Return the nodes to evaluate for `roots`, in order, except those in `places`.
+    """Return the nodes to evaluate for `roots`, in order, except nodes in `places`.
 
     Sines and cosines come early and side by side: first the functions of angles that
     depend on no sine or cosine, then the functions of angles that depend on the first.

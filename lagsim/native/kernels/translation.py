@@ -857,7 +857,7 @@ class _Translation:
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:
-        """Return the IR of all functions: those waiting, and those that they call."""
+        """Return the IR of the functions that wait, and of all that they call."""
         defined = []
         used: set[str] = set()
         while self.waiting:

@@ -203,7 +203,7 @@ class Accumulation:
         """Whether the second half of the last window is shorter than its first half.
 
         This alone proves no accumulation: where rows have events in turn at unequal
-        intervals, some halves are shorter than those before them.
+        intervals, some halves are shorter than the halves before.
         """
         first, half, last = (
             self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)

@@ -150,7 +150,7 @@ class SurfaceModes:
         return Selected(self.levels.copy(), {**self.carried}, (*self.watched,))
 
     def _ordered(self) -> list[int]:
-        """Return the indices of the surfaces, each after those on which it depends."""
+        """Return the indices of the surfaces, each after all on which it depends."""
         found: list[int] = []
         left = list(range(self.count))
         while left:

@@ -580,8 +580,7 @@ class Region(NamedTuple):
     size : float
         The factor by which the shown part of the plane is enlarged.
     at_start, along : ndarray of complex
-        Values of z at the start; and along the motion, without values near those at the
-        start.
+        Values of z at the start; and along the motion, without values near the start's.
     """
 
     name: str
