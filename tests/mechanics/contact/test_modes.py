@@ -137,6 +137,38 @@ def test_a_box_rests_on_four_legs(pull):
             assert found.multipliers[k] == pytest.approx(found.direction[k] * bound)
 
 
+@pytest.mark.parametrize("inertia", [1.0, 1e-6])
+@pytest.mark.parametrize("patches", [2, 4])
+@pytest.mark.parametrize("part", [0.3, 0.8, 0.999])
+def test_a_slab_rests_up_to_the_sum_of_the_limits(patches, part, inertia):
+    """A slab of mass 1 on patches at a circle of radius 1, each with the limit 2.
+
+    A pull through the middle, or a torque about it, is held up to 2 per patch, where
+    every patch has to bear the same part, whatever the inertias. Past it the slab
+    slides.
+    """
+    angles = 2.0 * np.pi * np.arange(patches) / patches
+    rows = np.array(
+        [row for a in angles for row in ([1, 0, -np.sin(a)], [0, 1, np.cos(a)])]
+    )
+    masses = np.array([1.0, 1.0, inertia])
+    pairs = [k ^ 1 for k in range(2 * patches)]
+    body = closed(masses, rows, [LIMITED] * 2 * patches, pairs=pairs, mu=2.0)
+    for way in ([1.0, 0.0, 0.0], [0.6, -0.8, 0.0], [0.0, 0.0, 1.0]):
+        most = 2.0 * patches * np.array(way)
+        found = quiet(body, rows @ (part * most / masses), roundoff=1e-9)
+        assert set(found.mode) <= {HELD, REDUNDANT}
+        held = rows.T @ found.multipliers
+        assert held == pytest.approx(-part * most, abs=1e-7)
+        sizes = np.hypot(*found.multipliers.reshape(-1, 2).T)
+        assert sizes.max() <= 2.0
+        # The others bear 2 at most.
+        least = 2.0 * (part * patches - (patches - 1))
+        assert sizes.min() >= least - 1e-7
+        beyond = quiet(body, rows @ (1.01 * most / masses), roundoff=1e-9)
+        assert set(beyond.mode) == {SLIDING}
+
+
 # --- random contacts, each with one slip or none --------------------------------------
 
 
