@@ -61,6 +61,7 @@ QUICK_ONE_IN = 10
 ALL_CASES = (
     *(f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")),
     *("tests/mechanics/contact/", "tests/methods/order/", "tests/test_derived.py"),
+    "tests/run/observers/test_energy_monitor.py",
     *(
         f"tests/methods/test_{one}.py"
         for one in ("from_rest", "implicit", "symplectic", "tableau")

@@ -142,10 +142,10 @@ def gained(balance: Floats) -> float:
     """Return the net growth of energy - work (k,); 0 if the balance only oscillates.
 
     The growth is the difference of the medians of the last and the first tenth, if it
-    exceeds the interquartile range of both tenths. If no later value comes near the
-    first value again, the change from the first value to the median of the first tenth
-    is returned; if all of the change occurs in the second half, the difference of the
-    last and the first value.
+    exceeds the interquartile range of one of these tenths. If no later value comes near
+    the first value again, the change from the first value to the median of the first
+    tenth is returned; if all of the change occurs in the second half, the difference of
+    the last and the first value.
     """
     if len(balance) < 2:
         return 0.0

@@ -5,14 +5,12 @@ And from which size on, by closed forms: energy, constraints, steps, coordinates
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import lagsim
 import lagsim.codes
-from lagsim.run.observers.monitors import EnergyMonitor, gained
 from lagsim.studies.audit.alarms import about_constraints
 from tests.invariance.same import CHANGES
 from tests.invariance.transforms import document
@@ -142,27 +140,6 @@ def test_no_healthy_model_raises_any(path):
     # Where a foot strikes while others stand by friction, the law of impacts is open.
     expected = ["impact-order"] if path.stem == "quadruped" else []
     assert codes(run(path.stem)) == expected
-
-
-@pytest.mark.parametrize(
-    ("balance", "change"),
-    [
-        (lambda t: 1 + 0.1 * np.sin(40 * t), 0.0),
-        (lambda t: 1 - 0.01 * t, -0.009),
-        (lambda t: np.exp(40 * t), np.exp(40) - 1.0),
-        (lambda t: 1 + 0.1 * (np.abs(t - 0.8) < 0.01), 0.0),
-        (lambda t: 1 + 0.1 * (t > 0.6), 0.1),
-    ],
-)
-def test_what_counts_as_gained(balance, change):
-    t = np.linspace(0.0, 1.0, 401)
-    columns = ("t", "x", "x_dot", "x_ddot", "kinetic", "potential", "energy")
-    rows = np.zeros((len(t), len(columns)))
-    rows[:, 0], rows[:, 4], rows[:, 6] = t, 1.0, balance(t)
-    monitor = EnergyMonitor(columns, SimpleNamespace(q="x", state_columns=[1, 2]))
-    monitor.add(rows)
-    # By medians of a tenth at either end: a straight line gains 0.9 of its change.
-    assert gained(monitor.balance) == pytest.approx(change, rel=0.02, abs=1e-12)
 
 
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853"])
