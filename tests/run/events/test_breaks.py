@@ -362,3 +362,24 @@ def test_steps_that_stay_at_a_level_of_other_steps_have_breaks(text, pieces):
     spans = (b - a for a, b in itertools.pairwise(times))
     speed = sum(v * span for v, span in zip(values, spans, strict=True))
     assert found["x_dot"][-1] == pytest.approx(speed, abs=1e-12)
+
+
+@pytest.mark.parametrize(("force", "breaks", "more"), [
+    ("curve(t^2)", [], 0.0),
+    # A jump at the time of a knot, t = 1, and one at another time.
+    ("curve(t^2) + sign(t - 1)", [1.0], -1.0),
+    ("curve(t^2) + sign(t - 1.5)", [1.5], -1.75),
+])  # fmt: skip
+def test_knots_of_smooth_tables_are_no_events_unless_a_force_jumps(force, breaks, more):
+    """The table of u^2 at u = t^2: x'' = t^4, beside a force whose sign changes."""
+    points = [[u, u * u] for u in (0.0, 0.5, 1.0, 2.0, 3.0, 4.5)]
+    found = simulate(yaml.safe_dump({
+        "coordinates": {"x": {}},
+        "energy": {"kinetic": "x_dot^2/2", "potential": "0"},
+        "tables": {"curve": {"interpolation": "cubic", "points": points}},
+        "forces": {"x": force},
+        "initial": {"x": 0, "x_dot": 0},
+        "simulation": {"duration": 2, "output_step": 0.25},
+    }))  # fmt: skip
+    assert [(e.kind, e.time) for e in found.events] == [("switch", t) for t in breaks]
+    assert found["x"][-1] == pytest.approx(2**6 / 30 + more, abs=1e-12)
