@@ -288,6 +288,30 @@ def test_a_body_that_a_law_holds_has_the_force_of_a_switch_at_its_level(
         assert np.max(np.abs(found[q])) < 1e-20
 
 
+@pytest.mark.parametrize(("above", "at", "time"), [(1, 2, 0.25), (-1, 2, 1 / 6)])
+def test_friction_that_holds_a_body_beside_a_condition_sticks_once(above, at, time):
+    """A block of weight 10 with mu = 1/2 stops under 1 - 5 or -1 - 5, then bears 2.
+
+    The force at rest is below the limit of friction: the law alone holds the block, and
+    the condition on its velocity is no surface along which it slides.
+    """
+    found = run(f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 10*y}}
+forces: {{x: "if(x_dot > 0, {above}, {at})"}}
+constraints:
+  floor: {{relation: y >= 0, restitution: 0, friction: 0.5, slip: x_dot}}
+initial: {{x: 0, y: 0, x_dot: 1}}
+simulation: {{duration: 1, output_step: 0.125}}
+""")
+    [event] = found.trajectory.events
+    assert (event.kind, event.constraint) == ("stick", "floor")
+    assert event.time == pytest.approx(time, abs=1e-12)
+    rest = found["t"] > time
+    assert found["friction.floor"][rest] == pytest.approx(-at, abs=1e-12)
+    assert found["x"][rest] == pytest.approx(time / 2, abs=1e-12)
+
+
 def test_a_nested_switch_beside_a_law_has_its_value_at_its_level():
     # The inner condition is true at rest: 0.5 - 1.94*0.39 < t.
     found = run("""
