@@ -66,6 +66,28 @@ def test_a_damped_fast_mode_is_passed_over(text):
     assert found.drift < 1e-2 * np.ptp(found["potential"])
 
 
+@pytest.mark.parametrize(
+    "law",
+    [
+        "stop: {relation: w <= 2, restitution: 0.5}",
+        "rub: {relation: w_dot = 0, limit: 0.1}",
+    ],
+)
+def test_a_law_elsewhere_leaves_the_warning_as_it_is(law):
+    found = run(f"""
+parameters: {{K: 1e8, c: 2e5}}
+coordinates: {{x: {{}}, z: {{}}, w: {{}}}}
+energy:
+  kinetic: (x_dot^2 + z_dot^2 + w_dot^2)/2
+  potential: x^2/2 + K*(z - x)^2/2
+forces: {{z: -c*(z_dot - x_dot), x: c*(z_dot - x_dot)}}
+constraints: {{{law}}}
+initial: {{x: 1, z: 1, w: 0, w_dot: 1}}
+simulation: {{duration: 0.1, output_step: 0.05, rtol: 1e-7, method: dop853}}
+""")
+    assert codes(found) == ["step-at-stability-bound"]
+
+
 @pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
 def test_a_series_finds_a_damped_fast_mode_within_its_first_steps(rtol):
     text = DAMPED.replace("rtol: 1e-7", f"rtol: {rtol}")

@@ -148,3 +148,22 @@ def test_a_bead_is_pushed_through_the_corner_of_its_wire(e):
     """
     found = after(text, "x_dot", "z_dot")
     assert found == pytest.approx([bead - p / m, -1 + p], abs=1e-9)
+
+
+@pytest.mark.parametrize(("sign", "x"), [("-", -0.5), ("+", 0.5)])
+def test_of_two_ways_off_a_ridge_an_impulse_takes_the_faster(sign, x):
+    """Slopes 2 and 1 fall off either side of a ridge, which moves with speed 3.
+
+    An impulse -1 along y leads onto either slope: with (0.4, -0.8) m/s onto the steep
+    one, with (0.5, -0.5) m/s onto the other. The faster departure is the one that the
+    run reports, to the left and to the right alike.
+    """
+    text = f"""
+    modes: {{t1: 1}}
+    coordinates: {{x: {{}}, y: {{}}}}
+    energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+    constraints: {{ridge: "y = -1.5*abs(x - 3*t) {sign} 0.5*(x - 3*t)"}}
+    events: {{kick: {{at: t >= t1, impulse: {{y: -1}}}}}}
+    initial: {{x: 0, x_dot: 3, y: {{guess: 0}}, y_dot: {{guess: 0}}}}
+    """
+    assert after(text, "x_dot", "y_dot") == pytest.approx([3 + x, -0.5], abs=1e-9)
