@@ -168,6 +168,28 @@ def test_worn_stops(e, worth, law):
         t += 2 * v / G
 
 
+def test_a_restitution_that_varies_beside_a_constant_one():
+    """Two balls fall from 5 and 20 onto floors; the second rebounds by 0.4 x at x = t.
+
+    The first one strikes with 10 m/s, the second one at t = 2 with 20 m/s.
+    """
+    found = lagsim.simulate("""
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 10*(y + z)}
+constraints:
+  first: {relation: y >= 0, restitution: 0.3}
+  second: {relation: z >= 0, restitution: 0.4*x}
+initial: {x: 0, x_dot: 1, y: 5, z: 20}
+simulation: {duration: 2, output_step: 0.5}
+""", error_bar="never")  # fmt: skip
+    after = dict.fromkeys(("first", "second"))
+    for event in found.events:
+        if event.kind == "impact" and after[event.constraint] is None:
+            after[event.constraint] = event.rate_before, event.rate_after
+    assert after["first"] == pytest.approx((-10.0, 3.0), rel=1e-12)
+    assert after["second"] == pytest.approx((-20.0, 16.0), rel=1e-12)
+
+
 def test_a_restitution_beyond_one_ends_the_run():
     stop = contact("y >= 0", "0.5 + 0.2*approach_speed")
     found = tried(plane(law=stop, start={"y": 1.0}))
