@@ -9,7 +9,9 @@ from scipy.integrate import solve_ivp
 import lagsim
 from lagsim.codes.known import METHOD_REFUSED
 from lagsim.language import elements
+from lagsim.mechanics.derivation import may_gather
 from lagsim.model.model import Model
+from lagsim.model.reader import read
 
 MODEL = """
 parameters:
@@ -76,6 +78,33 @@ def test_motion_is_that_of_the_terms(
         assert np.abs(one[column] - other[column]).max() <= 1e-9 * scale
     steps = [x.record["steps"] for x in found]
     assert abs(steps[0] - steps[1]) <= 0.05 * steps[1]
+
+
+# What needs the terms of all sums: each feature alone.
+WRITTEN_OUT = (
+    "constraints: {rod: x(1)^2 + y(1)^2 = 1}",
+    "states: {s: {rate: x(1) - s}}",
+    "modes: {k: 0}\nevents: {tick: {every: 0.1, set: {k: k + 1}}}",
+    "until",
+    "output: {action: true}",
+    "forces: {x(1): abs(x(2))}",
+)
+
+
+def test_terms_stay_elements_where_nothing_needs_them_written_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gather(monkeypatch, 1)
+    for more in ("", *WRITTEN_OUT):
+        text = MODEL.format(n=4, term=SOFT, more="" if more == "until" else more)
+        if more == "until":
+            text = text.replace("duration: 1,", "duration: 1, until: x(1) <= -9,")
+        if "states" in more:
+            text = text.replace("initial:\n", "initial:\n  s: 0\n")
+        model = read(text, "model.yaml")
+        assert elements.gathered(model.graph)
+        assert may_gather(model) is (not more), more
+        assert not may_gather(model, ("jacobian",))  # of a method
 
 
 @pytest.mark.parametrize(("method", "n"), [("taylor", 100), ("radau", 151)])
