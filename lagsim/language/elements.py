@@ -23,6 +23,7 @@ import numpy as np
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import addends, roundings
 from lagsim.language.functions import ELEMENTS, OPERATIONS, PART
+from lagsim.language.graph import memoized
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats, Ints
     from lagsim.language.graph import Graph
 
-# Sums of fewer members are written out, and sums of fewer members per argument: the
-# cost of all else then grows as fast.
+# Sums of fewer members are written out, and definitions of fewer members per argument:
+# the cost of all else then grows as fast.
 LEAST, PER_ARGUMENT = 1000, 4
 # Places of outputs that no slot determines.
 TOTAL, EACH = -1, -2
@@ -177,6 +178,18 @@ class Elements:
         """
         slots = (self.slots[o.slot] for o in self.outputs if o.slot >= 0)
         return sorted({k for slot in slots for k in slot.places.tolist()})
+
+    @cached_property
+    def alone(self) -> list[bool]:
+        """Whether each component of an output has one addend, that of one member.
+
+        Nothing is rounded then where addends are added up.
+        """
+        where = [self.targets(o) for o in self.outputs]
+        counts = np.zeros(self.size, np.int64)
+        for x in where:
+            counts += np.bincount(x, minlength=self.size)
+        return [bool(np.all(counts[x] == 1)) for x in where]
 
     @property
     def bounds(self) -> bool:
@@ -491,13 +504,14 @@ class Elements:
                 args = [found[a] for a in g.args[n]]
                 found[n] = value_of(g.ops[n], args) if args else g.payload(n)
             sums, bounds = np.zeros(self.size), np.zeros(self.size)
-            for o in self.outputs:
+            for o, alone in zip(self.outputs, self.alone, strict=True):
                 where = self.targets(o)
                 terms = np.broadcast_to(found[o.node], where.shape)
                 sums += np.bincount(where, terms, self.size)
                 if o.error is not None:
                     error = np.broadcast_to(found[o.error], where.shape)
                     bounds += np.bincount(where, error, self.size)
+                if o.error is not None and not alone:
                     bounds += np.bincount(where, _partial_sums(where, terms), self.size)
         return bounds if self.bounds else sums
 
@@ -591,5 +605,11 @@ def sizes(g: Graph, node: int) -> int:
     node : the sum, a node of the operation `elements.part`.
     """
     vector, k = g.args[node]
+    return part(g, _magnitudes(g, vector), int(g.value(k) or 0.0))
+
+
+@memoized
+def _magnitudes(g: Graph, vector: int) -> int:
+    """Return the node of the vector of the sums of |terms| of the node `vector`."""
     made = payload(g, vector).derived("magnitudes")
-    return part(g, sums(g, made, g.args[vector][1:]), int(g.value(k) or 0.0))
+    return sums(g, made, g.args[vector][1:])

@@ -174,7 +174,7 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
     g, output = model.graph, model.output
     if not g.of((ELEMENTS,)) or not OF_ELEMENTS.issuperset(needs):
         return False
-    if model.constraints or model.states or model.located or model.events:
+    if model.constraints or model.located:
         return False
     if output.reactions or output.gauss or output.action or output.sections:
         return False

@@ -1,4 +1,4 @@
-"""Sums over pairs as elements, compared with the model written out.
+"""Sums over pairs and springs as elements, compared with the model written out.
 
 Models are small, so that they can be written out, and the number of terms from which a
 sum becomes elements is set to 1.
@@ -59,7 +59,28 @@ VECTORS = {
     "kinetic": "sum(i = 1..n, m(i)*dot(r_dot(i), r_dot(i)))/2",
     "start": "r(i = 1..n): 'vec(cos(2.4*i)*i/3, sin(2.4*i)*i/3, i/5)'",
 }
+LENGTH = "hypot(x(i+1) - x(i), y(i+1) - y(i))"
 FORMS: dict[str, str] = {
+    "springs in a row": text(f"sum(i = 1..n-1, m(i)*({LENGTH} - l(i))^2/2)"),
+    "a chain with cubic forces": text(
+        "sum(i = 1..n-1, (x(i+1) - x(i))^2/2 + G*(x(i+1) - x(i))^3/3) + y(n)^4"
+    ),
+    "a beam of lumped masses": text(
+        "sum(i = 2..n-1, G*(y(i-1) - 2*y(i) + y(i+1))^2/2) + sum(i = 1..n, x(i)^2)"
+    ),
+    "a net": text(
+        "sum(i = 1..n-1, sum(j = 1..n, (norm(r(i+1, j) - r(i, j)) - l(j))^2)) + "
+        "sum(i = 1..n, sum(j = 1..n-1, (norm(r(i, j+1) - r(i, j)) - l(i))^2))",
+        coordinates="'r(i = 1..n, j = 1..n)': {components: xyz}",
+        kinetic="sum(i = 1..n, sum(j = 1..n, dot(r_dot(i, j), r_dot(i, j))))/2",
+        start="'r(i = 1..n, j = 1..n)': 'vec(i, j, cos(i*j))'",
+    ),
+    "dampers along springs": text(
+        f"sum(i = 1..n-1, ({LENGTH} - G)^2)",
+        more="  dissipation: 'sum(i = 1..n-1, l(i)*((x(i+1) - x(i))*(x_dot(i+1) - "
+        "x_dot(i)) + (y(i+1) - y(i))*(y_dot(i+1) - y_dot(i)))^2/"
+        f"(2*{LENGTH}^2))'",
+    ),
     "pairs": text(PAIRS),
     "a factor before an inner sum": text(
         f"-G*sum(i = 1..n, m(i)*sum(j = i+1..n, m(j)/{SOFT}))"
@@ -142,10 +163,21 @@ def values_of(e: Equations) -> dict[str, float]:
 def test_equations_are_those_of_the_terms(form: str) -> None:
     found = []
     for e in both(FORMS[form]):
-        nodes = [*e.f, e.energy, e.kinetic_form, *e.momenta, *e.powers, *pushes(e)]
+        nodes = [*e.f, e.energy, e.kinetic_form, *e.momenta, *e.powers]
         nodes += list(e.mass_entries.values())
         found.append(evaluate(e.graph, nodes, values_of(e)))
     assert found[0] == pytest.approx(found[1], rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_sizes_of_terms_are_those_of_the_terms(form: str) -> None:
+    one, other = (
+        np.array(evaluate(e.graph, pushes(e), values_of(e))) for e in both(FORMS[form])
+    )
+    # A coordinate that is an addend of two neighbours' terms counts twice.
+    twice = 2.0 if form == "a chain with cubic forces" else 1.0
+    assert np.all(other * (1.0 - 1e-12) - 1e-13 <= one)
+    assert np.all(one <= twice * other * (1.0 + 1e-12) + 1e-13)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -208,16 +240,19 @@ def test_terms_that_are_not_smooth_are_written_out(potential: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("potential", "more"),
+    ("potential", "more", "gathered"),
     [
-        ("sum(i = 1..n, sum(j = i+1..n, x_dot(i)*y(j)))", ""),
-        (PAIRS, "constraints: {c: 'x(1)^2 + y(1)^2 = 4'}"),
-        (PAIRS, "forces: {x(1): -sign(x_dot(1))}"),
+        ("sum(i = 1..n, sum(j = i+1..n, x_dot(i)*y(j)))", "", False),
+        (PAIRS, "constraints: {c: 'x(1)^2 + y(1)^2 = 4'}", False),
+        (PAIRS, "events: {e: {at: 'x(1) >= 9', impulse: {x(1): 1}}}", False),
+        (PAIRS, "forces: {x(1): -sign(x_dot(1))}", True),
     ],
 )
-def test_equations_of_other_models_are_written_out(potential: str, more: str) -> None:
+def test_equations_of_other_models_are_written_out(
+    potential: str, more: str, gathered: bool
+) -> None:
     model = read(text(potential, more=more), "a.yaml")
-    assert model.graph.of((ELEMENTS,))
+    assert bool(model.graph.of((ELEMENTS,))) is gathered
     assert not may_gather(model)
     e = derive(suited(model, model.settings()))
     assert not e.graph.of((ELEMENTS,))
@@ -322,6 +357,9 @@ def test_sums_of_few_terms_are_written_out(monkeypatch: pytest.MonkeyPatch) -> N
     energies = [x for x in whole if not x.startswith(("  kinetic", "  potential"))]
     energies.insert(energies.index("energy:") + 1, lagrangian)
     assert may_gather(read("\n".join(energies), "a.yaml"))
-    # A chain has as many terms as bodies, and forms of its own.
     chain = "sum(i = 1..n-1, (x(i+1) - x(i))^2)"
-    assert not read(text(chain, n=1200), "a.yaml").graph.of((ELEMENTS,))
+    assert not read(text(chain, n=500), "a.yaml").graph.of((ELEMENTS,))
+    assert read(text(chain, n=1200), "a.yaml").graph.of((ELEMENTS,))
+    # A definition has more uses than in forces.
+    defined = text("U", n=1200, definitions=f"U: '{chain}'")
+    assert not read(defined, "a.yaml").graph.of((ELEMENTS,))

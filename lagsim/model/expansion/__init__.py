@@ -27,6 +27,7 @@ from lagsim.codes.known import (
 from lagsim.language.names import HIDDEN, in_file
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
+from lagsim.model.expansion.gathering import DEFINED
 from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
 from lagsim.model.expansion.scene import SceneExpansion
 from lagsim.model.expansion.scope import (
@@ -578,7 +579,7 @@ class Expansion:
         if section == "constraints":
             parser = parse_relation
         text, first = (node.text, parser), one.members[0][0]
-        with self.scope.gathering(wanted=section == "definitions"):
+        with self.scope.gathering(DEFINED if section == "definitions" else None):
             size = self.scope.size(*text, first)
         if size < 1 and section in _SIZED:
             fault, one.family.broken = self.scope.failed, True

@@ -22,6 +22,7 @@ from lagsim.language import elements
 from lagsim.language.elements import SHARED, TOTAL, ElementOutput, Elements, Slot
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART
 from lagsim.language.graph import Graph
+from lagsim.language.names import rated
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.trees import Tree
 
@@ -42,6 +43,32 @@ class UnlikeError(Exception):
     """Signal that a sum cannot be written as elements, and has to be written out."""
 
 
+class Permitted(NamedTuple):
+    """Conditions under which a sum may become elements.
+
+    Attributes
+    ----------
+    few : bool
+        Whether the sum may have fewer than `elements.PER_ARGUMENT` members for each
+        argument.
+    rates : bool
+        Whether terms may contain rates.
+    """
+
+    few: bool
+    rates: bool
+
+
+# A definition may be used where its sum has to be written out.
+DEFINED = Permitted(few=False, rates=True)
+# By energy. M has no entries of sums of rates; a dissipation contributes none.
+OF_ENERGIES = {
+    "potential": Permitted(few=True, rates=False),
+    "lagrangian": Permitted(few=True, rates=False),
+    "dissipation": Permitted(few=True, rates=True),
+}
+
+
 class Lookup(NamedTuple):
     """Functions by which a sum reads parameters and members of families.
 
@@ -56,11 +83,13 @@ class Lookup(NamedTuple):
         (name, subscripts) -> whether the family has this member.
     dotted : callable
         (name, subscripts, component) -> name of the variable.
+    permitted : Permitted
     """
 
     number: Callable[[str, int], float]
     has: Callable[[str, tuple[int, ...]], bool]
     dotted: Callable[..., str]
+    permitted: Permitted
 
 
 class Range(NamedTuple):
@@ -352,7 +381,8 @@ class _ElementBuilder:
             if row is not None and not _is_plain(g, n):
                 raise UnlikeError
         count, group = len(self.names), self.group
-        if group.members < elements.PER_ARGUMENT * count:
+        few = group.members < elements.PER_ARGUMENT * count
+        if few and not self.known.permitted.few:
             raise UnlikeError
         columns = [x for _, x, _ in self.table.values()]
         table: Ints = np.zeros((group.members, len(columns)), np.int32)
@@ -405,6 +435,8 @@ class _ElementBuilder:
         return Slot(node, k, places, none)
 
     def _argument(self, name: str, offset: int) -> int:
+        if not self.known.permitted.rates and rated(name)[1]:
+            raise UnlikeError
         return self.names.setdefault(name, (len(self.names), offset))[0]
 
     def _column(

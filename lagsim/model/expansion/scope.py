@@ -172,6 +172,7 @@ class Scope:
         # Whether sums may become elements: in this file, and in this expression;
         # whether the indices of a sum are symbols.
         self.may_gather = self.gathers = self._generic = False
+        self._permitted = gathering.DEFINED
         self.full = False
         self._sources: dict[tuple[str, object], Any] = {}
         # The terms of sums are counted once for all components of a value.
@@ -198,9 +199,15 @@ class Scope:
         return found
 
     @contextmanager
-    def gathering(self, *, wanted: bool = True) -> Iterator[None]:
-        """Context manager: read long sums of expressions as elements if `wanted`."""
-        self.gathers = wanted and self.may_gather
+    def gathering(
+        self, permitted: gathering.Permitted | None = gathering.DEFINED
+    ) -> Iterator[None]:
+        """Context manager: read long sums of expressions as elements.
+
+        permitted : conditions for such sums; None where no sum may be elements.
+        """
+        self.gathers = permitted is not None and self.may_gather
+        self._permitted = permitted or gathering.DEFINED
         try:
             yield
         finally:
@@ -488,7 +495,7 @@ class Scope:
         self._generic, self.gathers = True, False
         try:
             tree = self._symbolic(of, token, args, indices)
-            known = gathering.Lookup(self._value_of, self._has, dotted)
+            known = gathering.Lookup(self._value_of, self._has, dotted, self._permitted)
             found, terms = gathering.gathered(tree, known)
             self._terms += terms
             if self._terms <= limits.TERMS:

@@ -106,6 +106,8 @@ NAMED = {
     "definitions": NameKind.DEFINITION,
     "tables": NameKind.TABLE,
 }
+# Sections with which no sum is integrated as elements, see `derivation.may_gather`.
+_WRITTEN_OUT = ("constraints", "states", "events")
 
 
 def read_file(
@@ -486,11 +488,19 @@ class File:
         again.shifts = self.shifts
         return again.read(model.sha256)
 
-    def _gathering(self, *, wanted: bool = True) -> AbstractContextManager[None]:
-        """Context manager: read long sums of expressions as elements if `wanted`."""
+    def _gathering(self, energy: str = "") -> AbstractContextManager[None]:
+        """Context manager: read long sums of expressions as elements.
+
+        energy : the key of the energy whose expression is read; "" for definitions.
+        """
         if self.expansion is None:
             return nullcontext()
-        return self.expansion.scope.gathering(wanted=wanted)
+        from lagsim.model.expansion.gathering import DEFINED, OF_ENERGIES
+
+        permitted = OF_ENERGIES.get(energy) if energy else DEFINED
+        if any(entries_of(self.top.value(key)) for key in _WRITTEN_OUT):
+            permitted = None
+        return self.expansion.scope.gathering(permitted)
 
     def _read_again(
         self, given: MappingType[str, str], *, gathers: bool | None = None

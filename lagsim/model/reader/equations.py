@@ -92,18 +92,18 @@ def energy_fields(top: Fields) -> Fields:
 def read_energies(
     found: Fields,
     x: Expressions,
-    gathering: Callable[..., AbstractContextManager[None]] = lambda **_: nullcontext(),
+    gathering: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> Energies:
     """Return the graph nodes of the section `energy`; faults are reported.
 
-    gathering : context manager within which sums may be elements, see
-        `language.elements`.
+    gathering : for the key of an energy, the context manager within which its sums may
+        be elements, see `language.elements`.
     """
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
         node, what = found.value(key), called.get(key, f"the {key} energy")
-        with gathering(wanted=key != "kinetic"):
+        with gathering(key):
             nodes[key] = x.compile(node, what, Level.VELOCITY)
         x.refuse_rates(node, what)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)

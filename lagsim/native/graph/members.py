@@ -5,6 +5,10 @@ column of the table, with the slots of that column side by side. The loop reads 
 positions of a member, evaluates the term, and adds its outputs to sums beside the rows.
 At the end the sums are added to the results, which precede the rows in memory. Its code
 contains neither the number of members nor that of arguments but as bounds of loops.
+
+In a column with about as many positions as members, as in strings and nets, a row would
+be read only once: the loop then reads each member's arguments where they are, and adds
+to the results.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Ints
-    from lagsim.language.elements import Elements
+    from lagsim.language.elements import Elements, Slot
 
 
 class MemberColumn(NamedTuple):
@@ -39,6 +43,9 @@ class MemberColumn(NamedTuple):
         Index of the first row.
     width : int
         Length of a row: a value for each slot, then the sums.
+    direct : bool
+        Whether members read arguments, and add to the results, without rows. Roundoff
+        bounds need the running sum of each output, and have rows of sums alone.
     """
 
     length: int
@@ -46,6 +53,16 @@ class MemberColumn(NamedTuple):
     outputs: list[int]
     first: int
     width: int
+    direct: bool
+
+    @property
+    def copied(self) -> list[int]:
+        """Slots whose values the rows hold."""
+        return [] if self.direct else self.slots
+
+
+# Members for each position of a column from which on its arguments are copied to rows.
+PER_POSITION = 2
 
 
 def columns(of: Elements) -> dict[int, MemberColumn]:
@@ -64,8 +81,10 @@ def columns(of: Elements) -> dict[int, MemberColumn]:
         ]  # fmt: skip
         lengths = [max(len(of.slots[k].places), len(of.slots[k].numbers)) for k in own]
         length = max(lengths, default=1)
-        width = len(own) + each * len(added)
-        found[c] = MemberColumn(length, own, added, first, width)
+        direct = c != SHARED and of.members < PER_POSITION * length
+        width = 0 if direct else len(own)
+        width += 0 if direct and not of.bounds else each * len(added)
+        found[c] = MemberColumn(length, own, added, first, width, direct)
         first += length * width
     return found
 
@@ -195,7 +214,7 @@ class MembersFunction(Lines):
         The rows in memory have an entry for each slot that is read at a position.
         """
         sources = []
-        for k in column.slots:
+        for k in column.copied:
             slot = self.of.slots[k]
             numbers = len(slot.numbers) > 0
             data = (
@@ -229,36 +248,70 @@ class MembersFunction(Lines):
 
         m : name of the member's number.
         """
-        of, values, rows = self.of, dict[int, str](), dict[int, str]()
-        table = self._table(of.table)
-        width = of.table.shape[1]
+        values, rows = dict[int, str](), dict[int, str]()
         for c, column in self.columns.items():
-            if not column.width:
-                continue
-            k = m
-            if c != SHARED:
-                at = self.line(f"mul i64 {m}, {width}")
-                at = self.line(f"add i64 {at}, {c}")
-                k = self._wide(self._whole(table, at))
-            rows[c] = self._row(column, k)
-            for i, s in enumerate(column.slots):
-                values[of.slots[s].node] = self._load(rows[c], i)
+            if column.direct:
+                slots = [self.of.slots[s] for s in column.slots]
+                values |= {slot.node: self._argument(slot, m) for slot in slots}
+            if column.width:
+                rows[c] = self._row_of(c, m)
+            for i, s in enumerate(column.copied):
+                values[self.of.slots[s].node] = self._load(rows[c], i)
         self._term(values)
         for c, column in self.columns.items():
-            for i, j in enumerate(column.outputs):
-                output, value = of.outputs[j], values[of.outputs[j].node]
-                if output.slot == EACH:
-                    place = f"getelementptr double, ptr {self.results}, i64 {m}"
-                    self.lines.append(f"store double {value}, ptr {self.line(place)}")
-                    continue
-                each = 2 if of.bounds else 1
-                first = len(column.slots) + each * i
-                total = self._add(value, rows[c], first)
-                if output.error is not None:
-                    size = self.operation("abs", None, [total])
-                    error = values[output.error]
-                    error = self.line(f"fadd double {error}, {size}")
-                    self._add(error, rows[c], first + 1)
+            for i in range(len(column.outputs)):
+                self._add_output(column, i, m, rows.get(c, ""), values)
+
+    def _row_of(self, c: int, m: str) -> str:
+        """Write code for the address of a member's row; return the address's name.
+
+        c : the column of the row's position.
+        m : name of the member's number.
+        """
+        k = m
+        if c != SHARED:
+            at = self.line(f"mul i64 {m}, {self.of.table.shape[1]}")
+            at = self.line(f"add i64 {at}, {c}")
+            k = self._wide(self._whole(self._table(self.of.table), at))
+        return self._row(self.columns[c], k)
+
+    def _add_output(
+        self, column: MemberColumn, i: int, m: str, row: str, values: dict[int, str]
+    ) -> None:
+        """Write code that adds output i of a column, in one member, to its sum.
+
+        m : name of the member's number.
+        row : name of the address of the member's row; "" for a column without rows.
+        values : node of the term -> name of its value.
+        """
+        of, j = self.of, column.outputs[i]
+        output, value = of.outputs[j], values[of.outputs[j].node]
+        if output.slot == EACH:
+            place = f"getelementptr double, ptr {self.results}, i64 {m}"
+            self.lines.append(f"store double {value}, ptr {self.line(place)}")
+            return
+        if not row:
+            to = self._whole(self._table(of.targets(output)), m)
+            self._add(value, self.results, self._wide(to))
+            return
+        first = len(column.copied) + (2 if of.bounds else 1) * i
+        total = self._add(value, row, first)
+        if output.error is not None:
+            error = values[output.error]
+            if not of.alone[j]:
+                size = self.operation("abs", None, [total])
+                error = self.line(f"fadd double {error}, {size}")
+            self._add(error, row, first + 1)
+
+    def _argument(self, slot: Slot, m: str) -> str:
+        """Write code that reads a slot's value in member m; return the value's name."""
+        positions = self.of.table[:, slot.column]
+        if len(slot.numbers):
+            numbers = np.ascontiguousarray(slot.numbers[positions], float)
+            return self._load(self._constant(numbers.tobytes()), m)
+        place = self._whole(self._table(slot.places[positions]), m)
+        after = self.line("getelementptr i32, ptr %at, i64 1")
+        return self._load("%p", self._wide(self._whole(after, self._wide(place))))
 
     def _term(self, values: dict[int, str]) -> None:
         """Write the evaluation of the term's nodes for a member.
@@ -286,9 +339,9 @@ class MembersFunction(Lines):
         """
         of, each = self.of, 2 if self.of.bounds else 1
         added = [
-            (len(column.slots) + each * i + each - 1, of.outputs[j].slot)
+            (len(column.copied) + each * i + each - 1, of.outputs[j].slot)
             for i, j in enumerate(column.outputs)
-            if of.outputs[j].slot != EACH
+            if of.outputs[j].slot != EACH and column.width
         ]
 
         def scattered(k: str) -> None:
