@@ -542,7 +542,7 @@ def _smoothed(unit: ComplementarityProblem) -> Floats:
             H = np.diag(b / long * (1.0 - (w / long) ** 2))
             for i, k in unit.discs:
                 H[i, k] = H[k, i] = -b[i] * w[i] * w[k] / long[i] ** 3
-            step = np.linalg.solve(unit_rows + H @ D, -F)
+            step = _newton_step(unit_rows + H @ D, F)
             value = 0.5 * p @ D @ p + share @ long
             slope, part = F @ D @ step, 1.0
             for _ in range(HALVED):
@@ -581,11 +581,7 @@ def _descend(problem: ComplementarityProblem, p: Floats) -> _MultiplierPoint:
     for _ in range(STEPS):
         if here.size <= least:
             break
-        J = here.slopes()
-        step = _regular(J, -here.F)
-        if step is None:
-            least_step = np.linalg.lstsq(J, -here.F, rcond=TERM_ROUNDOFF)[0]
-            step = np.asarray(least_step, float)
+        step = _newton_step(here.slopes(), here.F)
         for part in PARTS:
             there = _MultiplierPoint(problem, here.p + part * step)
             if there.size < here.size:
@@ -594,6 +590,17 @@ def _descend(problem: ComplementarityProblem, p: Floats) -> _MultiplierPoint:
             break
         here = there
     return here
+
+
+def _newton_step(J: Floats, F: Floats) -> Floats:
+    """Return x (r,) with J x = -F; the least x where J (r, r) is singular to rounding.
+
+    F : ndarray, shape (r,).
+    """
+    step = _regular(J, -F)
+    if step is None:
+        step = np.asarray(np.linalg.lstsq(J, -F, rcond=TERM_ROUNDOFF)[0], float)
+    return step
 
 
 def _regular(J: Floats, right: Floats) -> Floats | None:
