@@ -388,14 +388,16 @@ class _Beside:
             if vanishes:
                 self._refuse_jump(done[n])
             return
-        if vanishes:
-            done[n][REST] = _decided(g, op, 0.0)
-        elif not self._steps_near(parts):
+        if not vanishes and not self._steps_near(parts):
             return
         if self.pair:
             up = down = self._sign_around(parts[ABOVE])
         else:
             up, down = self._sign(parts[ABOVE], 1.0), self._sign(parts[BELOW], -1.0)
+        if up == down == 0.0:
+            return  # 0 where the points are, at any slip: a switch of something else
+        if vanishes:
+            done[n][REST] = _decided(g, op, 0.0)
         self.steps = True
         done[n][ABOVE] = _decided(g, op, up)
         done[n][BELOW] = _decided(g, op, down)

@@ -143,6 +143,8 @@ def arrived(s: State, p: Parameters) -> int:
     if s.t >= s.end:
         return at.DONE
     if pass_knots(p, s.t + p.apart) > 0:
+        if SWITCHES and meets_level(s, p, NOWHERE):
+            return at.SWITCH_FOUND
         go_on(s, p)
     if (p.passed >= p.known and p.known > 0.0) or s.crossed >= max(s.noted, 1):
         return at.KNOTS_PASSED
@@ -179,10 +181,11 @@ def passes_level(s: State, p: Parameters) -> bool:
     ):
         return False
     shift_side(p, k, way)
+    if meets_level(s, p, k) or (jumps and p.laws > 0 and not laws_go_on(s, p)):
+        shift_side(p, k, -way)
+        s.switched = k + 1.0
+        return False
     if jumps:
-        if p.laws > 0 and not laws_go_on(s, p):
-            shift_side(p, k, -way)
-            return False
         s.arc_start = s.t
     p.slack[k] = 2.0 * max(0.0, way * (level - value))
     s.cross_times[int(s.crossed)] = s.t
@@ -202,6 +205,29 @@ def shift_side(p: Parameters, k: int, way: float) -> None:
     p.high[k] += way
     p.least[k] += way
     p.most[k] += way
+
+
+def meets_level(s: State, p: Parameters, passed: int) -> bool:
+    """Whether a surface is at an end of its side, to rounding, past a table's point.
+
+    Beyond this point its expression may stay at the level, as `q*table(t)` does where
+    the table falls to 0 and stays there: no value beyond the level ends the step. If
+    so, s.switched is set to the surface. Surfaces of tables, whose sides decide no
+    jump, do not count.
+
+    passed : the surface of the table.
+    """
+    surface_rows(s.t, s.y, p, p.rows)
+    surfaces(s.t, s.y, p, s.values)
+    for k in range(p.surfaces):
+        tabled = p.first_met[k] < p.last_met[k] or p.first_smooth[k] < p.last_smooth[k]
+        if k == passed or tabled or p.slides[k] != 0.0:
+            continue
+        off = min(s.values[k] - p.least[k], p.most[k] - s.values[k])
+        if abs(off) <= SURFACE_ROUNDOFF * p.surface_scales[k]:
+            s.switched = k + 1.0
+            return True
+    return False
 
 
 def laws_go_on(s: State, p: Parameters) -> bool:

@@ -107,6 +107,7 @@ class Crossing:
     loose: list[int] = field(default_factory=list)  # surfaces decided by open ones
     hanging: list[int] = field(default_factory=list)  # open on some sides alone
     undecided: list[int] = field(default_factory=list)  # surfaces left undecided
+    kept: list[int] = field(default_factory=list)  # constant at their levels
     levels: dict[int, float] = field(default_factory=dict)
     stale: set[int] = field(default_factory=set)  # sides changed since `rows`
     roundoff: Floats = field(init=False)  # roundoff bounds of open surfaces' rates (K,)
@@ -237,7 +238,11 @@ class Crossing:
         elif k not in self.levels:
             self._put_clear(k)
             return
-        elif modes.keeps(k) or (k in self.resting and self.beside is None):
+        elif modes.keeps(k):
+            self._put(k, LEVEL)
+            self._watch(k)
+            return
+        elif k in self.resting and self.beside is None:
             self._put(k, LEVEL)
             return
         rate = self._rate(rows, k)
@@ -248,6 +253,23 @@ class Crossing:
         else:
             self.hanging += [k] * hangs
             self.open.append(k)
+
+    def _keep_constant(self, some: Collection[int]) -> None:
+        """Set those of `some` surfaces that are constant at their levels to rest there.
+
+        some : surfaces at their levels.
+        """
+        modes = self.modes
+        modes.write()
+        for k in some:
+            if modes.keeps(k):
+                modes.put(k, modes.levels[k], LEVEL)
+                self._watch(k)
+
+    def _watch(self, k: int) -> None:
+        """Let the arc end where surface k, constant at its level, leaves it."""
+        self.modes.watched.append(k)
+        self.kept.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of surface k; 0 where it is below rounding.
@@ -520,6 +542,7 @@ class Crossing:
                 modes.put(k, self.levels[k], REDUNDANT, share)
             elif side == LEVEL == share:
                 modes.watched.append(k)
+        self._keep_constant(below.intersection(beside_open).difference(carried))
 
     def _depends(self, k: int, leader: int) -> bool:
         """Whether the expression of surface k depends on the side of `leader`."""

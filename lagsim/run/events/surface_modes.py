@@ -287,14 +287,15 @@ class SurfaceModes:
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Whether surface k's expression is constant around the state reached."""
-        seen, reach = self.arc.seen, self.arc.ranges
+        """Whether surface k's expression is constant around the state, and later."""
+        arc, seen, reach = self.arc, self.arc.seen, self.arc.ranges
+        later = arc.t + ASIDE * (arc.settings.end - arc.t)
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
         )
         parts = ASIDE + ASIDE**2 * np.arange(len(seen))
         aside = parts * np.where(reach > 0.0, reach, 1.0)
-        here, there = self.rows(), self.rows(self.arc.y + aside)
+        here, there = self.rows(), self.rows(arc.y + aside, later)
         if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
                 here.rates[k]

@@ -443,6 +443,11 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
+        # A constant expression that is 0 exactly leaves its level at any other value;
+        # where it has just left by rounding, within that alone.
+        for k in crossing.kept:
+            if k in modes.watched and k != crossing.hit and event_functions[k] == 0.0:
+                slack[k] = 0.0
         led = [*modes.watched, *modes.carried]
         if led and arc.system.m:
             slack[led] += modes.drifts()[led]
