@@ -21,7 +21,7 @@ from lagsim.mechanics.equations import has_poles
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
-from lagsim.methods.parts import crossings, driver, truth
+from lagsim.methods.parts import crossings, driver, no_sections, search, truth
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.methods.parts.search_table import POINTS
 from lagsim.native.graph import keys, lanes, polynomials
@@ -687,10 +687,14 @@ class Runner:
 
     def __init__(self, system: System, name: str) -> None:
         statics = _statics(system, name)
-        at_instants = _SECTIONS if statics["SECTIONS"] else {}
-        around = kernel_part([driver.advance, driver.tabulate, *at_instants], statics)
+        at_instants = _SECTIONS if system.columns.wants_sections else {}
         method_part = kernel_part(*of_method(system, name))
-        self.program = [*system.program, method_part, around]
+        self.program = [
+            *system.program,
+            method_part,
+            kernel_part([driver.advance], statics),
+            *_of_output(system, statics),
+        ]
         if statics["UNTIL"]:
             known = {"RATED": system.moreau is None}
             self.program.append(kernel_part(list(_CONDITIONS), known))
@@ -875,13 +879,25 @@ def of_method(
     return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
 
 
+def _of_output(system: System, statics: dict[str, object]) -> Iterator[ProgramPart]:
+    """Yield the kernels of columns and of sections.
+
+    statics : the compile-time constants of the driver.
+    """
+    kernels: list[Callable[..., Any]] = [driver.tabulate]
+    if system.columns.wants_sections:
+        known = {name: x for name, x in statics.items() if name != "ADAPTIVE"}
+        yield kernel_part([search.find_crossings, *_SECTIONS], known)
+    else:
+        kernels.append(no_sections.find_crossings)
+    yield kernel_part(kernels, {"TOGETHER": system.together})
+
+
 def _statics(system: System, name: str) -> dict[str, object]:
     return {
         "CONSTRAINED": system.m > 0 and system.plan.projected,
         "UNTIL": bool(system.equations.model.located),
         "SWITCHES": system.watched > 0,
         "LOCALIZED": bool(system.indicators),
-        "SECTIONS": bool(system.columns.wants_sections),
-        "TOGETHER": system.together,
         "ADAPTIVE": method(name).ADAPTIVE,
     }

@@ -1,7 +1,8 @@
 """The loop around any method: rows on a grid, conditions, and return codes.
 
-Compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED, SECTIONS,
-ADAPTIVE and TOGETHER; code that a model does not need is omitted.
+`advance` is compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES,
+LOCALIZED and ADAPTIVE, and `tabulate` for both values of TOGETHER; code that a model
+does not need is omitted.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.parameters import FOLLOWED, PUSH, REDUNDANT, Parameters
 from lagsim.methods.parts.state import (
     event_functions,
+    find_crossings,
     inertias,
     interpolate,
     observe,
@@ -40,7 +42,6 @@ CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
 LOCALIZED = True
-SECTIONS = True
 ADAPTIVE = True
 TOGETHER = False
 
@@ -120,7 +121,7 @@ def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
     rows : the most rows that out has room for.
     """
-    if SECTIONS and s.sought > 0.0 and search.find_crossings(s, p) == 0:
+    if s.sought > 0.0 and find_crossings(s, p) == 0:
         return 0
     return emit(s, p, out, rows)
 

@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 UNTIL = True
 SWITCHES = True
 LOCALIZED = True
-SECTIONS = True
 
 EVENT, SIGNAL, CROSSING, RANK = 0, 1, 2, 3
 
@@ -245,7 +244,7 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
     interpolate(s, p, x, z)
     if LOCALIZED:
         signals(t, z, p, now[events(s) :])
-    if SECTIONS and kind == CROSSING:
+    if kind == CROSSING:
         related = now[relations(s) :]
         sections(t, z, p, related)
         for j in range(s.sections):

@@ -208,6 +208,15 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 
 
 @external
+def find_crossings(s: Clock, p: Parameters) -> int:
+    """Write the states of sections in the last step, see `search.find_crossings`.
+
+    Return 0 if the buffer is full before the end of the step, else 1.
+    """
+    raise NotImplementedError
+
+
+@external
 def start(s: Clock, p: Parameters) -> None:
     """Begin an arc: evaluate y' at the start, and choose the first step."""
 
