@@ -35,6 +35,9 @@ UNEXPLAINED = 1e-3
 # Safety factor of the energy error that the errors of the state explain, to first order
 # and with all errors in the worst direction.
 FAR = 100.0
+# A residual up to this multiple of its rounding satisfies its constraint: a projection
+# ends within some units in the last place of each coordinate.
+ROUNDED = 16.0
 
 
 class Evidence:
@@ -145,7 +148,8 @@ def _residuals_off(
     Each item has the name, the residual relative to the scale of the constraint, and
     the residual relative to the motion, which is the size of the motion of the
     coordinates multiplied by the slopes of the constraint. The second one decides where
-    all terms of a constraint are close to zero, so that their sizes are no scale.
+    all terms of a constraint are close to zero, so that their sizes are no scale. It is
+    0 for a residual within the rounding of its state.
 
     Residuals that one step explains are left out.
 
@@ -163,6 +167,9 @@ def _residuals_off(
         moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
         state = equations.model.parameter_values
         state |= dict(zip(names, values.tolist(), strict=False))
+        if residual <= ROUNDED * _rounding(equations, row, state):
+            yield name, part, 0.0
+            continue
         slopes = np.abs(evaluate(g, list(row.A), state))
         if coarse is not None:
             left = _changed(equations, row, state, values, coarse[0])
@@ -180,6 +187,20 @@ def _residuals_off(
         seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
         motion = float(slopes @ moved) + float(slopes @ seed) / SATISFIED
         yield name, part, residual / motion if motion > 0.0 else math.inf
+
+
+def _rounding(equations: Equations, row: Row, state: Mapping[str, float]) -> float:
+    """Return the error of a residual by the rounding of time, state and operations.
+
+    state : values of parameters and columns by name.
+    """
+    inexact = {*equations.state, "t"}
+    values = {
+        name: (x, UNIT_ROUNDOFF * abs(x) if name in inexact else 0.0)
+        for name, x in state.items()
+    }
+    ((_, error),) = evaluate_with_error(equations.graph, [row.residual], values)
+    return error
 
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:

@@ -445,3 +445,21 @@ def test_what_is_off_by_more_is_told(row):
     )
     cautions = about_constraints(evidence(replace(found, rows=rows)))
     assert [c.code for c in cautions] == [HELD]
+
+
+@pytest.mark.parametrize("place", [100.0009, 1000.1, 100000.7])
+def test_terms_that_are_rounding_are_no_scale_of_a_residual(place):
+    # Both terms of y = abs(x - place)/2 are 0 but for the rounding of x.
+    result = lagsim.simulate(
+        f"""
+        coordinates: {{x: {{}}, y: {{}}}}
+        energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}}
+        constraints: {{wire: "y = 0.5*abs(x - {int(place)} - {place % 1:.4f})"}}
+        initial: {{x: {place!r}, y: {{guess: 0}}}}
+        simulation: {{duration: 1, output_step: 0.1}}
+        """,
+        error_bar="never",
+    )
+    assert result.outcome == "done", result.reason
+    assert result.record["constraint_residual"] < 1e-6
+    assert abs(result["x"] - place).max() <= 4 * np.spacing(place)
