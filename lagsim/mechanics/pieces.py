@@ -35,6 +35,7 @@ import numpy as np
 
 from lagsim.language import tables
 from lagsim.language.derivatives import slopes
+from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.tables import Data
@@ -57,6 +58,8 @@ KINKED = ("abs", *CHOOSING)
 RISING = ("exp", "sinh", "tanh", "asinh", "atan")
 # The name of a variable that stands for a kink; no name of a file contains the mark.
 KINK = f"kink{MARK}"
+# Number of states at a kink at which conditions are evaluated.
+PLACES = 3
 # Slopes are equal if their difference is at most this part of the largest slope.
 SAME_SLOPE = 1e-12
 # Distance of the added outer points of a table beyond its last knots, in units of the
@@ -154,6 +157,8 @@ class _Pieces:
     ) -> None:
         self.g, self.values, self.moving = g, values, [*moving]
         self.known: dict[tuple[int, int], list[Piece]] = {}
+        # Conditions of the joints of pieces, at which these have no kink.
+        self.joints = set[int]()
 
     def kinked(self, nodes: list[int]) -> list[int]:
         """Return the moving nodes with kinks below `nodes`, in order of evaluation."""
@@ -166,7 +171,7 @@ class _Pieces:
         g = self.g
         if g.ops[n] == "table.piece":
             return self._is_linear(n)
-        return g.ops[n] in KINKED
+        return g.ops[n] in KINKED and not self.joints.intersection(g.args[n][:1])
 
     def _is_linear(self, n: int) -> bool:
         """Whether a node is the value of a linear table of one argument."""
@@ -280,39 +285,124 @@ class _Pieces:
     # Kinks of any other kind: both sides near them, and a line
 
     def _apart(self, n: int, way: int) -> list[Piece]:
-        """Return two pieces of node n, by the sides of its innermost kink, or n alone.
+        """Return the pieces of node n by the sides of its kinks, or n alone.
 
-        The derivative with respect to the kinked expression is evaluated on the present
-        side of the kink: on the other side it may have no value.
+        The kinks that can be removed are removed one after the other, from the
+        innermost on.
 
         way : see `of`.
         """
-        g = self.g
-        atom = next(iter(self.kinked([n])))
-        found = self.sides(atom)
-        if found is None:
-            return [Piece(n)]
-        u, above, below = found
-        bend, kink = self._jump(g.call("sub", above, below), u), g.variable(KINK)
-        if bend is None:
-            return [Piece(n)]
-        (free,) = g.substitute([n], {atom: kink})
-        slope = slopes(g, free, frozenset([kink]))
-        there = above if g.value(above) is not None else below
-        there = g.zero if g.ops[atom] == "abs" else there
-        by_kink, at_kink = (
-            g.substitute([slope.get(kink, g.zero)], {kink: x})[0] for x in (atom, there)
+        for atom in self.kinked([n]):
+            found = self._divided(n, atom, way)
+            if found:
+                further = [
+                    Piece(y.node, x.sides | y.sides)
+                    for x in found
+                    for y in self._apart(x.node, way)
+                    if y.fits(x)
+                ]
+                return further if len(further) <= MOST else found
+        return [Piece(n)]
+
+    def _divided(self, n: int, atom: int, way: int) -> list[Piece]:
+        """Return two pieces of node n, by the sides of the kink of `atom`.
+
+        The result is empty if the kink is none that can be removed. Nodes with a kink
+        at the same place are divided with `atom`.
+
+        way : see `of`.
+        """
+        g, own = self.g, self.sides(atom)
+        if own is None:
+            return []
+        u = own[0]
+        pairs = ((x, self.sides(x)) for x in self.kinked([n]))
+        atoms = {x: found[1:] for x, found in pairs if found and found[0] == u}
+        jumps, flat = [g.zero, g.zero], True
+        for x, ends in atoms.items():
+            by_kink = self._slope_by(n, x)
+            bend = self._jump(g.call("sub", *ends), u)
+            if bend is None:
+                return []
+            bend = self._at_kink(bend, u)
+            # The derivative may have no value on the other side of the kink.
+            there = ends[0] if g.value(ends[0]) is not None else ends[1]
+            there = g.zero if g.ops[x] == "abs" else there
+            at_kink = g.substitute([by_kink], {g.variable(KINK): there})[0]
+            flat = flat and at_kink == g.zero
+            for k, end in enumerate(ends):
+                (slope,) = g.substitute([by_kink], {g.variable(KINK): end})
+                term = g.call("mul", self._at_kink(slope, u), bend)
+                jumps[k] = g.call("add", jumps[k], term)
+        above, below = (
+            g.substitute([*jumps, n], {x: ends[k] for x, ends in atoms.items()})
+            for k in (0, 1)
         )
-        jump = g.call("mul", by_kink, bend)
         # A slope of 0 at the kink removes the kink, as in max(0, x)^2.
-        if at_kink == g.zero or self.sign(jump) != -way:
-            return [Piece(n)]
-        x, y = (g.substitute([n], {atom: side})[0] for side in (above, below))
-        line = g.call("mul", jump, u)
+        if flat or self.sign(above[0]) != -way or self.sign(below[1]) != -way:
+            return []
         on, off = g.call("ge", u, g.zero), g.call("le", u, g.zero)
-        first = g.call("if", on, x, g.call("add", n, line))
-        second = g.call("if", off, y, g.call("sub", n, line))
+        self.joints |= {on, off}
+        beyond = g.call("mul", below[1], u), g.call("mul", above[0], u)
+        first = g.call("if", on, above[2], g.call("add", below[2], beyond[0]))
+        second = g.call("if", off, below[2], g.call("sub", above[2], beyond[1]))
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
+
+    def _slope_by(self, n: int, atom: int) -> int:
+        """Return dn/d(atom), in which the variable KINK stands for `atom`."""
+        g, kink = self.g, self.g.variable(KINK)
+        (free,) = g.substitute([n], {atom: kink})
+        return slopes(g, free, frozenset([kink])).get(kink, g.zero)
+
+    def _at_kink(self, node: int, u: int) -> int:
+        """Return a slope with every `if` on the branch that is taken at u = 0.
+
+        Elsewhere another branch may be taken, as beyond the ridge of
+        `if(x < 1, a, if(x < 2, b, c))`, where the node does not depend on the kink at
+        x = 2. The pieces of the kink continue with the slope at the kink, since a piece
+        that equals the other one there would be a second contact at each place. Where
+        the branch at u = 0 is not known, it is the one that is not 0.
+        """
+        g, found, places = self.g, dict[int, int](), self._places(u)
+        for n in g.cone([node]):
+            args = [found.get(a, a) for a in g.args[n]]
+            if g.ops[n] == "if" and args[0] not in self.joints:
+                known = g.depends([args[0]]) <= {*self.moving, *self.values}
+                taken = {bool(evaluate(g, [args[0]], x)[0]) for x in places if known}
+                branch = 1 + (not taken.pop()) if len(taken) == 1 else 0
+                if not branch and g.zero in args[1:]:
+                    branch = 2 if args[1] == g.zero else 1
+                if branch:
+                    found[n] = args[branch]
+                    continue
+            if args != [*g.args[n]]:
+                found[n] = g.call(g.ops[n], *args)
+        return found.get(node, node)
+
+    def _places(self, u: int) -> list[dict[str, float]]:
+        """Return states at which u is 0; none if u is not affine in a variable.
+
+        The other variables of a state have values without a meaning.
+        """
+        g = self.g
+        names = g.depends([u])
+        if not names <= {*self.moving, *self.values}:
+            return []
+        for name in (x for x in self.moving if x in names):
+            slope = slopes(g, u, frozenset([g.variable(name)]))
+            (rise,) = slope.values() or (g.zero,)
+            if g.depends([rise]) & {*self.moving}:
+                continue
+            found = []
+            for k in range(PLACES):
+                own = (math.sin(1.0 + k * (i + 2)) for i in range(len(self.moving)))
+                others = dict(zip(self.moving, own, strict=True))
+                state = {**self.values, **others, name: 0.0}
+                off, by = evaluate(g, [u, rise], state)
+                if by:
+                    found.append({**state, name: float(-off / by)})
+            return found
+        return []
 
     def sides(self, n: int) -> tuple[int, int, int] | None:
         """Return u of the kink of n at u = 0, and the nodes equal to n on both sides.

@@ -468,3 +468,55 @@ def test_a_pushed_bead_stays_in_the_corner_of_a_table_elsewhere(where, method):
     x = np.maximum(t - end, 0) ** 3 / 6 / 1.25
     # Far from the origin positions have a rounding of 1e-13.
     assert (found["x"] - X) / length == pytest.approx(x, abs=1e-7)
+
+
+def test_a_floor_of_nested_conditions_moves_as_its_polygon():
+    # A slide on a slope of 0.04, a parabola off the ridge at 0.54, and the last line.
+    result = simulated(
+        """
+        coordinates: {x: {}, y: {}}
+        energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+        constraints:
+          floor:
+            relation: "y >= if(x <= 0.54, 0.04*(x - 0.54), if(x <= 0.93,
+              -0.775*(x - 0.93) - 0.30225, 0.011*(x - 0.93) - 0.30225))"
+            restitution: 0
+        initial: {x: 0.2, x_dot: 1.5, y: -0.0136, y_dot: 0.06}
+        simulation: {duration: 0.4, output_step: 0.01}
+        """
+    )
+    assert not result.warnings
+    slope = 0.04
+    a = G * slope / (1 + slope**2)
+    off = (1.5 - np.sqrt(1.5**2 - 2 * a * 0.34)) / a
+    t, v = result.t, 1.5 - a * off
+    flown = np.maximum(t - off, 0.0)
+    along = np.minimum(t, off)
+    x = 0.2 + 1.5 * along - a * along**2 / 2 + v * flown
+    y = slope * (np.minimum(x, 0.54) - 0.54) + slope * v * flown - G * flown**2 / 2
+    steep = -0.775 * (x - 0.93) - 0.30225
+    flies = y > np.where(x > 0.54, steep, -1.0)
+    assert flies[t < 0.35].all()
+    assert result["x"][flies] == pytest.approx(x[flies], abs=1e-9)
+    assert result["y"][flies] == pytest.approx(y[flies], abs=1e-9)
+
+
+@pytest.mark.parametrize("groove", [-1.0, 0.4])
+def test_a_ball_rests_in_each_groove_of_nested_conditions(groove):
+    result = simulated(
+        f"""
+        coordinates: {{x: {{}}, y: {{}}}}
+        energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}}
+        constraints:
+          floor:
+            relation: "y >= if(x <= -1, -0.6*(x + 1), if(x <= -0.3, 0.5*(x + 0.3)
+              + 0.35, if(x <= 0.4, -0.4*(x - 0.4) + 0.07, if(x <= 1.1, 0.7*(x - 1.1)
+              + 0.56, 0.2*(x - 1.1) + 0.56))))"
+            restitution: 0
+        initial: {{x: {groove}, y: {0.0 if groove < 0 else 0.07}}}
+        simulation: {{duration: 1, output_step: 0.1}}
+        """
+    )
+    assert result.complete
+    assert abs(result["x"] - groove).max() < 1e-12
+    assert result["lambda_floor"] == pytest.approx(G, rel=1e-9)
