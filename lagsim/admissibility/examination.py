@@ -323,12 +323,12 @@ class _Examiner:
         point, unsolved = self._at_rest() if self.rest else self._guessed()
         if guessed:
             refuse_infinite(point, self.off, rows=True)
-        verdicts, laws = verdicts_on(point), judge_laws(point, self.off)
+        verdicts, laws = self._verdicts(point, e), judge_laws(point, self.off)
         starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
         if self.rest:
             unmet += [x for x in judge_rest(point, laws) if not x.satisfied]
-        rested, point = point, point.of(e)
+        rested, point = point, point.of(self.e)
         warnings = self.warnings
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
@@ -509,6 +509,9 @@ class _Examiner:
         again = (1, 2) * OTHER_STARTS if all(self.free[1:]) else ()
         for block in (0, 1, 2, *again):
             free = self.free[block]
+            if block == 1:
+                self.e = self._on_leaving_sides(point)
+                point = point.of(self.e)
             if not free:
                 continue
             before = len(warnings)
@@ -528,6 +531,24 @@ class _Examiner:
                     self.errors[name] = errors.get(name, STATE_ROUNDOFF * abs(x))
             point = solved.at(errors=self.errors)
         return point, ""
+
+    def _verdicts(self, point: Point, written: Equations) -> list[RelationResiduals]:
+        """Return verdicts on the equalities at a point.
+
+        If the point does not satisfy the equalities on the sides of corners onto which
+        the motion leads, the equalities as written are in force again.
+        """
+        found = verdicts_on(point)
+        if self.e is written or all(x.satisfied for x in found):
+            return found
+        self.e = written
+        return verdicts_on(point.of(written))
+
+    def _on_leaving_sides(self, point: Point) -> Equations:
+        """Return the equations on the sides onto which the stated velocities lead."""
+        from lagsim.admissibility.kinks import on_leaving_sides
+
+        return on_leaving_sides(point, self.free[1])
 
     def _at_rest(self) -> tuple[Point, str]:
         """Solve for guesses such that the state is at rest.

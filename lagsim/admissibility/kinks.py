@@ -21,12 +21,13 @@ import numpy as np
 from lagsim.admissibility.point import Point, gradient_of
 from lagsim.admissibility.verdict import CAUTION, accelerations, verdicts_on
 from lagsim.language.derivatives import slopes
+from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.switches import mixed, model_switches
 from lagsim.tolerances import RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 # Begins the names of rows that hold a state on a surface; in no name of a file.
 CORNER = "corner#"
+# Operations with sides, of which relations of positions may have corners.
+SIDED = frozenset(("abs", "if", "table.piece", *CHOOSING, *STEPS))
 # Shares within this distance outside of [0, 1] count as 0 or 1.
 ROUNDED = 1e-9
 # Halvings of the way on which a surface is located, to order surfaces.
@@ -425,6 +428,32 @@ def _root(node: int, level: float, start: Point, end: Point) -> float:
         part = 0.5 * (low + high)
         low, high = (part, high) if off(part) * first > 0.0 else (low, part)
     return 0.5 * (low + high)
+
+
+def on_leaving_sides(point: Point, unknown: Collection[int]) -> Equations:
+    """Return equations in which equalities at a corner are on the side of the motion.
+
+    At the corner of a wire, y = k*abs(x), the derivative of the relation belongs to
+    neither side; the velocities lead onto one side, whose row they satisfy. If they
+    lead along a corner, or if that is not known, all equations are as written.
+
+    unknown : indices of velocities that are not known.
+    """
+    e = point.e
+    kinked = {e.graph.ops[n] for n in e.graph.cone([x.residual for x in e.rows])}
+    if kinked.isdisjoint(SIDED):
+        return e
+    kinks = Kinks(e)
+    sides, levels = kinks.at(point)
+    for k, level in levels.items():
+        across = kinks.row(k, level, sides)
+        nodes = [across.rate]
+        (rate,), (error,) = point.array(nodes), CAUTION * point.rounding(nodes)
+        if abs(rate) <= error or not across.A.entries.keys().isdisjoint(unknown):
+            return e
+        sides[k] = kinks.ends(k, level)[int(rate > 0.0)]
+    rows = tuple(kinks.rows(e.rows, sides, {})) if levels else e.rows
+    return e if rows == e.rows else replace(e, rows=rows)
 
 
 def drift(point: Point, rows: Sequence[Row]) -> tuple[Floats, Floats]:

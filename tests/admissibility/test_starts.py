@@ -7,6 +7,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.errors import InputError
 from tests.admissibility.scenes import (
     ASKED,
@@ -393,3 +394,34 @@ def test_numbers_out_of_scale_are_those_that_count():
         run(text + "simulation: {duration: 1}\n")
     [problem] = raised.value.problems
     assert problem.text.endswith("(1e-300, `large` is 1e+300)")
+
+
+TABLE = "tables: {v: {points: [[-1, 0.25], [0, 0], [1, 0.5]], outside: extend}}"
+CORNERS = {
+    "abs": ("0.25*abs(x)", 0.25, -0.25),
+    "if": ("if(x < 0, -0.25*x, 0.5*x)", 0.5, -0.25),
+    "max": ("max(-0.25*x, 0.5*x)", 0.5, -0.25),
+    "root": ("0.25*sqrt(x^2) + 0.1*x", 0.35, -0.15),
+    "table": ("v(x)", 0.5, -0.25),
+}
+
+
+@pytest.mark.parametrize("wire", CORNERS)
+@pytest.mark.parametrize("speed", [0.2, -0.2])
+def test_a_speed_in_a_corner_is_on_the_side_onto_which_it_leads(wire, speed):
+    relation, right, left = CORNERS[wire]
+    rate = speed * (right if speed > 0 else left)
+    for stated in ("{guess: 0}", repr(rate)):
+        text = f"""
+        {TABLE if wire == "table" else ""}
+        coordinates: {{x: {{}}, y: {{}}}}
+        energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+        constraints: {{wire: "y = {relation}"}}
+        initial: {{x: 0, y: 0, x_dot: {speed}, y_dot: {stated}}}
+        simulation: {{duration: 1, output_step: 0.5}}
+        """
+        result = lagsim.simulate(text, error_bar="never")
+        # No impact: without forces the bead keeps its speed.
+        assert not [e for e in result.events if e.kind == "corner"]
+        assert result["y_dot"] == pytest.approx(rate, rel=1e-12)
+        assert result["x"] == pytest.approx(speed * result.t, rel=1e-12)
