@@ -358,8 +358,8 @@ def test_sums_of_few_terms_are_written_out(monkeypatch: pytest.MonkeyPatch) -> N
     energies.insert(energies.index("energy:") + 1, lagrangian)
     assert may_gather(read("\n".join(energies), "a.yaml"))
     chain = "sum(i = 1..n-1, (x(i+1) - x(i))^2)"
-    assert not read(text(chain, n=500), "a.yaml").graph.of((ELEMENTS,))
-    assert read(text(chain, n=1200), "a.yaml").graph.of((ELEMENTS,))
+    assert not read(text(chain, n=300), "a.yaml").graph.of((ELEMENTS,))
+    assert read(text(chain, n=500), "a.yaml").graph.of((ELEMENTS,))
     # A definition has more uses than in forces.
-    defined = text("U", n=1200, definitions=f"U: '{chain}'")
+    defined = text("U", n=500, definitions=f"U: '{chain}'")
     assert not read(defined, "a.yaml").graph.of((ELEMENTS,))

@@ -153,7 +153,7 @@ def test_cluster_moves_as_scipy_has_it() -> None:
 
 
 NET = """
-parameters: {n: 33, l0: 0.9}
+parameters: {n: 21, l0: 0.9}
 coordinates:
   "r(i = 1..n, j = 1..n)": {components: xyz}
 energy:
@@ -168,7 +168,7 @@ simulation: {duration: 0.2, output_step: 0.1}
 
 
 def test_net_moves_as_scipy_has_it() -> None:
-    n = 33
+    n = 21
     assert read(NET, "net.yaml").graph.of((ELEMENTS,))
     result = lagsim.simulate(NET, error_bar="never")
 
