@@ -34,8 +34,17 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import LOCAL, bend, reached, series, slope
+from lagsim.methods.parts.state import (
+    LOCAL,
+    bend,
+    extend,
+    lengthen,
+    reached,
+    series,
+    slope,
+)
 from lagsim.native.elementary import BIAS, ONE_POWER
+from lagsim.native.graph.polynomials import MOST_BEYOND
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
@@ -74,6 +83,7 @@ SPARED = 3.0
 SUDDEN = 0.7
 # Up to this fraction of a step the series at its start has the smaller residual.
 HALF = 0.5
+UNKNOWN = -1.0
 # So often the first step and its tolerances are made to agree, to this part.
 PASSES = 20
 SETTLED = 0.7
@@ -114,6 +124,7 @@ def start(s: Taylor, p: Parameters) -> None:
     s.evaluations += 1.0
     s.step_h = 0.0
     s.spared = 0.0
+    s.alone = 0.0
     shrink = decay_for(s.rtol) / (c[0] - 2.0)
     s.shrink = min(MOST_SHRINK, shrink) / LN2
     s.held_error = exp((c[0] + 1.0) * log(safety(s) / FAILING))
@@ -237,6 +248,8 @@ def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
         s.satisfied = constraints.satisfied_part(s, following[0] + 1.0)
+        s.alone = s.satisfied
+        s.longer = UNKNOWN
     s.which = 1.0 - s.which
     s.y[:] = s.new
     s.carried[:] = s.compensation
@@ -264,14 +277,58 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
     """Write the state (size,) at the fraction x of the last step, by its series.
 
     With constraints the series at the nearer end is used: both ends are projected, and
-    the residual grows with a high power of the distance.
+    the residual grows with a high power of the distance. Where it would exceed rounding
+    the series is continued beyond its order.
     """
-    if CONSTRAINED and x > HALF:
+    h = s.step_h
+    late = CONSTRAINED and x > HALF
+    if late:
         after = s.series[buffer(s.size, s.which) :]
-        reach(s, after, s.compensation, (x - 1.0) * s.step_h, out)
-        return
-    before = s.series[buffer(s.size, 1.0 - s.which) :]
-    reach(s, before, s.carried, x * s.step_h, out)
+        reach(s, after, s.compensation, (x - 1.0) * h, out)
+    else:
+        before = s.series[buffer(s.size, 1.0 - s.which) :]
+        reach(s, before, s.carried, x * h, out)
+    if CONSTRAINED and s.alone > 0.0:
+        near = 1.0 - x if late else x
+        if near > s.alone and continues(s) > 0:
+            more = s.beyond[int((1 + MOST_BEYOND) * s.n) if late else 0 :]
+            lengthen(near, -h if late else h, more, out, out[s.velocities])
+
+
+def continues(s: Taylor) -> int:
+    """Whether the series at the ends of the last step are continued beyond their order.
+
+    The terms are computed when they are first needed in a step; `satisfied` is then
+    raised to the part of the step in which rows need no projection. The series are not
+    continued if the terms do not decrease fast enough to gain by that.
+    """
+    if s.longer == UNKNOWN:
+        n = s.n
+        before = s.series[buffer(s.size, 1.0 - s.which) :]
+        after = s.series[buffer(s.size, s.which) :]
+        order = before[0]
+        count = min(MOST_BEYOND, int(order) - 1)
+        early, late = s.beyond, s.beyond[(1 + MOST_BEYOND) * n :]
+        extend(s.step_h, before[n:], after[n:], early)
+        extend(-s.step_h, after[n:], before[n:], late)
+        first = 0.0
+        last = 0.0
+        for i in range(n):
+            part = s.fineness[n + i]
+            first = max(first, part * max(abs(early[n + i]), abs(late[n + i])))
+            k = count * n + i
+            last = max(last, part * max(abs(early[k]), abs(late[k])))
+        s.longer = 0.0
+        if 0.0 < last < first < OVERFLOW:
+            # What is left is about the first term that is not found, by the decrease
+            # from the first to the last one, times the error of the first one by that.
+            left = exp(log(last / first) * (count / (count - 1.0)))
+            for j in range(count):
+                left *= (order + 2.0 + j) / (count + 1.0 + j)
+            if left < 1.0:
+                s.longer = 1.0
+                s.satisfied = s.alone * exp(-log(left) / (order + 1.0))
+    return int(s.longer)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
@@ -329,6 +386,11 @@ class Taylor(State):
     # The compensation at the start of the last step, and its rate.
     carried: Floats = array("size")
     drift: Floats = array("size")
+    # Up to this part of the last step from either end its series alone is used; whether
+    # it is continued beyond that, 1 or 0, or UNKNOWN; and by which terms.
+    alone: float
+    longer: float
+    beyond: Floats = array(lambda s: 2 * (1 + MOST_BEYOND) * s.n)
 
 
 STATE = Taylor

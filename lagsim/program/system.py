@@ -127,13 +127,15 @@ def kernels(system: System) -> Iterator[ProgramPart]:
         yield kernel_part(tables.KERNELS)
 
 
-def values_part(size: int, order: int) -> ProgramPart:
+def values_part(size: int, order: int, n: int) -> ProgramPart:
     """Return the program part that evaluates truncated power series and their rates.
 
     size, order : number of components of the series, and their order K.
+    n : number of positions with constraints; 0 without constraints.
     """
-    made_from = polynomials.digest(size, order)
-    return graph_part(made_from, lambda: (polynomials.series_values(size, order), 0))
+    given = size, order, n
+    made_from = polynomials.digest(*given)
+    return graph_part(made_from, lambda: (polynomials.series_values(*given), 0))
 
 
 MANNER = Manner(
@@ -269,9 +271,9 @@ class System:
         self._runners: dict[str, Runner] = {}
         self.program = [written, *kernels(self)]
         if AFTER_FREEZING in needs:
-            self.program.append(
-                values_part(self.size, taylor.order_for(plan.rtol or 0.0))
-            )
+            order = taylor.order_for(plan.rtol or 0.0)
+            n = len(equations.q) if self.m and plan.projected else 0
+            self.program.append(values_part(self.size, order, n))
 
     def _observed(self, nodes: list[int], plan: Plan) -> dict[str, list[int]]:
         """Return the function `observe` with fewer angles, if rows suit lanes; else {}.

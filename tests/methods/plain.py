@@ -60,13 +60,18 @@ def linked(runner):
             "slope": _value(runner, "slope", 2),
         }
         found |= {"reached": _value(runner, "reached", 4)}
+        if runner.system.m and runner.system.plan.projected:
+            found |= {"extend": _value(runner, "extend", 3)}
+            found |= {"lengthen": _value(runner, "lengthen", 3, numbers=2)}
     return found
 
 
-def _value(runner, name, arrays):
-    kind = (None, [ctypes.c_double, *[ctypes.c_void_p] * arrays])
+def _value(runner, name, arrays, numbers=1):
+    kind = (None, [*[ctypes.c_double] * numbers, *[ctypes.c_void_p] * arrays])
     call = runner.engine.function(name, *kind)
-    return lambda h, *arrays: call(h, *(x.ctypes.data for x in arrays))
+    return lambda *given: call(
+        *given[:numbers], *(x.ctypes.data for x in given[numbers:])
+    )
 
 
 def _through(call):

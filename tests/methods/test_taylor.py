@@ -183,7 +183,7 @@ def test_where_loops_take_over_another_method_goes_on():
     assert np.max(np.abs(clock)) < 1e-9  # as for dop853 alone
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-11])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-11])
 def test_rows_meet_the_constraints_projected_or_not(rtol):
     found = run(HELD.replace("RTOL", str(rtol)))
     x, y, vx, vy = (found[name] for name in ("x", "y", "x_dot", "y_dot"))
@@ -209,6 +209,31 @@ def test_dense_output_comes_from_the_nearer_end_of_a_step(x):
     near = min(x, 1.0 - x)
     assert abs(out[0] ** 2 + out[1] ** 2 - 1.0) < 1e-3 * near**5 + 1e-15
     assert abs(out[0] * out[2] + out[1] * out[3]) < 1e-2 * near**5 + 2e-15
+
+
+def test_rows_between_the_ends_are_on_the_constraints_by_terms_beyond_the_order():
+    found = run(HELD.replace("RTOL", "1e-7"))
+    several = Ensemble(found.session)
+    several.begin(0, np.zeros(0))
+    arc = several.arc
+    out, pointer = np.zeros(len(arc.y)), ctypes.c_void_p
+    at = arc.runner.engine.function(
+        "interpolate", None, (pointer, pointer, ctypes.c_double, pointer)
+    )
+    p, continued = several.session.system.p.address, 0
+    for _ in range(20):
+        arc.runner.advance(arc.state, 1000, 1)
+        alone = arc.state.alone
+        at(arc.state.address, p, 0.5, out.ctypes.data)
+        continued += arc.state.satisfied >= 0.5 > alone
+        # Unprojected. Without these terms 1e-7 x^16 is left at the fraction x.
+        for x in np.linspace(alone, 1.0 - alone, 9):
+            far = min(x, 1.0 - x)
+            at(arc.state.address, p, x, out.ctypes.data)
+            if far <= arc.state.satisfied:
+                assert abs(out[0] ** 2 + out[1] ** 2 - 1.0) < 2e-15
+                assert abs(out[0] * out[2] + out[1] * out[3]) < 3e-15
+    assert continued > 10
 
 
 def test_rows_of_constraints_that_move_are_all_projected():

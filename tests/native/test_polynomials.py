@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from fractions import Fraction
+from math import comb
 
 import numpy as np
 import pytest
@@ -91,3 +92,48 @@ def test_the_state_and_its_roundoff(
         assert found[i] == float(Fraction(found[i]) + Fraction(left[i]))
         # Both together: y_1 h is below 1e-2, and rounded a few times.
         assert abs(Fraction(found[i]) + Fraction(left[i]) - total) < 4e-2 * 2.0**-52
+
+
+@pytest.mark.parametrize("cpu", ["host", "portable"])
+@pytest.mark.parametrize(("n", "order"), [(1, 4), (3, 7), (8, 12), (11, 15), (20, 18)])
+def test_terms_beyond_the_order(
+    n: int, order: int, cpu: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Polynomials of the highest degree that is found: velocities v, positions q.
+    monkeypatch.setenv("LAGSIM_CPU", cpu)
+    count, size, h = polynomials.beyond(order), 2 * n + 1, 0.7
+    rng = np.random.default_rng(n)
+    v = (
+        rng.uniform(0.5, 1.0, (order + count + 1, n))
+        * 0.3 ** np.arange(order + count + 1)[:, None]
+    )
+    q = np.vstack([rng.uniform(0.5, 1.0, n), v / np.arange(1, len(v) + 1)[:, None]])
+    k, m = np.arange(len(q))[:, None], np.arange(len(q))
+    shift = np.vectorize(comb)(m, k) * h ** np.maximum(m - k, 0)
+    ends = []
+    for y, x in ((q, v), (shift @ q, shift[:-1, :-1] @ v)):
+        both = np.hstack([y[: order + 1], x[: order + 1], np.ones((order + 1, 1))])
+        ends.append(np.array([float(order), *both.ravel()]))
+    ir = polynomials.series_values(size, order, n)
+    engine = Engine([compile_object(ir, optimise=False)])
+    pointer, number = ctypes.c_void_p, ctypes.c_double
+    extend = engine.function("extend", None, [number, *[pointer] * 3])
+    lengthen = engine.function("lengthen", None, [number, number, *[pointer] * 3])
+    more = np.full((count + 1) * n + 1, np.nan)
+    c, other = (x[n:].ctypes.data for x in ends)
+    extend(h, c, other, more.ctypes.data)
+    assert np.isnan(more[-1])
+    powers = h ** np.arange(order, order + count + 1)[:, None]
+    expected = v[order:] * powers
+    # Sums of 12 terms of the orders K - E + 1 to K, with weights up to 120.
+    rounding = 1e-12 * np.max(np.abs(v[order - count + 1]) * h ** (order - count + 1))
+    assert np.abs(more[:-1].reshape(count + 1, n) - expected).max() < rounding
+    x = 0.45
+    t = x * h
+    place = np.append(t ** np.arange(order + 1) @ q[: order + 1], 7.0)
+    rate = np.append(t ** np.arange(order + 1) @ v[: order + 1], 7.0)
+    lengthen(x, h, *(z.ctypes.data for z in (more, place, rate)))
+    assert place[n] == rate[n] == 7.0
+    for found, terms in ((place, q), (rate, v)):
+        exact = t ** np.arange(len(terms)) @ terms
+        assert np.abs(found[:n] - exact).max() < 4e-16 + x ** (order + 1) * rounding

@@ -203,6 +203,23 @@ def slope(h: float, c: Floats, out: Floats) -> None:
 
 
 @external
+def extend(h: float, c: Floats, other: Floats, out: Floats) -> None:
+    """Write the terms K to K + E of velocities in a step h to out (E + 1, n).
+
+    c, other : the series at both ends of the step, from the first velocity on.
+    """
+
+
+@external
+def lengthen(x: float, h: float, more: Floats, q: Floats, v: Floats) -> None:
+    """Add terms beyond the order K at the fraction x of a step h, in place.
+
+    more : (E + 1, n), the terms K to K + E of velocities, see `extend`.
+    q, v : positions and velocities (n,).
+    """
+
+
+@external
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     """Project y (size,) onto the surfaces that the motion slides along, in place."""
 

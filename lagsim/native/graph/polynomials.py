@@ -8,6 +8,16 @@ The functions are
 - `reached(h, c, lost, out, left)`: the sum of all y_k h^k and of `lost`, the roundoff
   of y_0; `left` is the roundoff of the result.
 
+With constraints there are two more, of n velocities and positions, which lead a series
+beyond its order between the ends of a step h. Low coefficients of the series at both
+ends differ by the error of the step, high ones hardly do. With y_(K+1) ... y_(K+E) the
+series has at its other end the last E coefficients of the series there.
+
+- `extend(h, c, other, out)`: v_K h^K, then v_(K+1) h^(K+1) ... v_(K+E) h^(K+E); c and
+  `other` are the series at both ends, from the first velocity on.
+- `lengthen(x, h, more, q, v)`: adds these terms at the fraction x of h to velocities v,
+  and their integrals to positions q; `more` is what `extend` writes.
+
 Components are the lanes of vectors, and the loop over the order is unrolled. A
 polynomial is split into four, by the remainder of k divided by 4, which overlap in
 time.
@@ -16,6 +26,7 @@ time.
 from __future__ import annotations
 
 import hashlib
+from math import comb
 from typing import TYPE_CHECKING
 
 from lagsim.native.graph.lines import number
@@ -28,22 +39,71 @@ if TYPE_CHECKING:
 WIDEST = 8
 # Number of polynomials into which one is split.
 SPLIT = 4
+# Largest number E of coefficients beyond the order. With 6 a residual between the ends
+# of a step is smaller by 1e-2 to 1e-3.
+MOST_BEYOND = 6
 
 
-def digest(size: int, order: int) -> str:
+def digest(size: int, order: int, n: int = 0) -> str:
     """Return a digest of all that determines the result of `series_values`.
 
-    size, order : its arguments.
+    size, order, n : its arguments.
     """
     return hashlib.sha256(
-        repr((size, order, text_beside(__file__))).encode()
+        repr((size, order, n, text_beside(__file__))).encode()
     ).hexdigest()
 
 
-def series_values(size: int, order: int) -> str:
-    """Return the IR of `bend`, `slope` and `reached`, for series of `size` components.
+def beyond(order: int) -> int:
+    """Return E, the number of coefficients that `extend` finds, for series of order K.
 
     order : K, at least 4.
+    """
+    return min(MOST_BEYOND, order - 1)
+
+
+def weights(order: int) -> list[list[float]]:
+    """Return the weights (E, 2 E) of coefficients at both ends in those beyond K.
+
+    Row i gives the coefficient K + 1 + i at the first end, by those of the orders K - E
+    + 1, ..., K at the first end, then at the other one; coefficient k is multiplied by
+    h^k.
+
+    order : K.
+
+    Examples
+    --------
+    Of t^5, at t = 1 from 0, order 4; the coefficients of (1 + t)^5 are 10, 10 and 5.
+
+    >>> row = weights(4)[0]
+    >>> round(sum(w * b for w, b in zip(row[3:], (10, 10, 5))), 12)
+    1.0
+    """
+    count = beyond(order)
+    orders = range(order - count + 1, order + 1)
+    # At the other end coefficient k is the sum of comb(m, k) y_m h^m over m.
+    rows = [
+        [comb(order + i, k) for i in range(1, count + 1)]
+        + [-comb(m, k) for m in orders]
+        + [int(m == k) for m in orders]
+        for k in orders
+    ]
+    # Gauss-Jordan in integers: quotients are rounded once. The minors are positive.
+    for i, pivot in enumerate(rows):
+        for j, row in enumerate(rows):
+            if j != i:
+                rows[j] = [
+                    pivot[i] * x - row[i] * y for x, y in zip(row, pivot, strict=True)
+                ]
+    return [[x / row[i] for x in row[count:]] for i, row in enumerate(rows)]
+
+
+def series_values(size: int, order: int, n: int = 0) -> str:
+    """Return the IR of the functions of the module docstring.
+
+    size : the number of components of the series.
+    order : K, at least 4.
+    n : the number of positions, for `extend` and `lengthen`; 0 for neither.
     """
     bend = [(k, 1.0) for k in range(2, order + 1)]
     slope = [(k, float(k)) for k in range(1, order + 1)]
@@ -54,6 +114,17 @@ def series_values(size: int, order: int) -> str:
             "reached", size, lambda vectors: vectors.reached(bend), ("lost", "left")
         ),
     ]
+    if n:
+        functions += [
+            _function(
+                "extend", size, lambda vectors: vectors.extend(order), ("other",),
+                count=n,
+            ),
+            _function(
+                "lengthen", n, lambda vectors: vectors.lengthen(order),
+                names=("more", "q", "v"), numbers=("x", "h"),
+            ),
+        ]  # fmt: skip
     return "\n".join([*functions, ""])
 
 
@@ -65,8 +136,8 @@ class _VectorWriter:
     mark : prefix of the names of values.
     """
 
-    def __init__(self, size: int, width: int, mark: str) -> None:
-        self.size, self.width, self.mark = size, width, mark
+    def __init__(self, size: int, count: int, width: int, mark: str) -> None:
+        self.size, self.count, self.width, self.mark = size, count, width, mark
         self.kind = f"<{width} x double>"
         self.lines: list[str] = []
 
@@ -88,12 +159,26 @@ class _VectorWriter:
 
     def coefficient(self, k: int, factor: float) -> str:
         """Write `factor` times the coefficients y_k; return the name of the vector."""
-        place = f"getelementptr double, ptr %c.at, i64 {1 + k * self.size}"
-        loaded = self.line(f"load {self.kind}, ptr {self.line(place)}, align 8")
-        if factor == 1.0:
-            return loaded
-        each = ", ".join([f"double {number(factor)}"] * self.width)
-        return self.mul(loaded, f"<{each}>")
+        loaded = self.load("c", 1 + k * self.size)
+        return loaded if factor == 1.0 else self.mul(loaded, self.literal(factor))
+
+    def load(self, array: str, k: int) -> str:
+        """Write code that loads the vector at index k of an array; return its name."""
+        place = self.line(f"getelementptr double, ptr %{array}.at, i64 {k}")
+        return self.line(f"load {self.kind}, ptr {place}, align 8")
+
+    def literal(self, x: float) -> str:
+        """Return the literal of a vector of equal numbers."""
+        each = ", ".join([f"double {number(x)}"] * self.width)
+        return f"<{each}>"
+
+    def power(self, x: str, k: int) -> str:
+        """Write the power k > 0 of a vector; return the name of its value."""
+        if k == 1:
+            return x
+        root = self.power(x, k // 2)
+        square = self.mul(root, root)
+        return self.mul(square, x) if k % 2 else square
 
     def polynomial(self, terms: Sequence[tuple[int, float]], powers: list[str]) -> str:
         """Write the sum over j of factor_j y_(k_j) h^j; return the name of its value.
@@ -143,6 +228,46 @@ class _VectorWriter:
         self._store(after, "out")
         self._store(self._exact("fadd", one, other), "left")
 
+    def extend(self, order: int) -> None:
+        """Write the function `extend`, for series of order K = `order`."""
+        h, count = self.splat("%h"), beyond(order)
+        known: dict[str, list[str]] = {"c": [], "other": []}
+        power = self.power(h, order - count + 1)
+        for k in range(order - count + 1, order + 1):
+            for array, terms in known.items():
+                loaded = self.load(array, 1 + k * self.size)
+                terms.append(self.mul(loaded, power))
+            power = self.mul(power, h)
+        terms = [*known["c"], *known["other"]]
+        self._store(known["c"][-1], "out")
+        for i, row in enumerate(weights(order), start=1):
+            parts = [
+                self.mul(x, self.literal(w)) for w, x in zip(row, terms, strict=True)
+            ]
+            total = parts[0]
+            for part in parts[1:]:
+                total = self.add(total, part)
+            place = self.line(
+                f"getelementptr double, ptr %out.at, i64 {i * self.count}"
+            )
+            self.lines.append(f"store {self.kind} {total}, ptr {place}, align 8")
+
+    def lengthen(self, order: int) -> None:
+        """Write the function `lengthen`, for series of order K = `order`."""
+        x, count = self.splat("%x"), beyond(order)
+        terms = [self.load("more", i * self.size) for i in range(count + 1)]
+        rate = terms[-1]
+        place = self.mul(rate, self.literal(1.0 / (order + count + 1)))
+        for i in reversed(range(count)):
+            if i:
+                rate = self.add(self.mul(rate, x), terms[i])
+            term = self.mul(terms[i], self.literal(1.0 / (order + i + 1)))
+            place = self.add(self.mul(place, x), term)
+        power = self.power(x, order + 1)
+        far = self.mul(power, self.splat("%h"))
+        self._store(self.add(self.mul(place, far), self.load("q", 0)), "q")
+        self._store(self.add(self.mul(rate, power), self.load("v", 0)), "v")
+
     def _powers_and_value(
         self, terms: Sequence[tuple[int, float]]
     ) -> tuple[str, str, str]:
@@ -163,19 +288,27 @@ def _function(
     size: int,
     write: Callable[[_VectorWriter], None],
     more: Sequence[str] = (),
+    *,
+    count: int = 0,
+    names: Sequence[str] = (),
+    numbers: Sequence[str] = ("h",),
 ) -> str:
     """Return the IR of the function `name`, for series of `size` components.
 
     write : function that writes the code for one vector of components with a
         `_VectorWriter`.
-    more : names of the array parameters besides `c` and `out`, two or none.
+    more : names of the array parameters besides `c` and `out`, up to two.
+    count : the number of components to evaluate, by default all.
+    names : names of all array parameters, in place of `more`.
+    numbers : names of the parameters that are numbers.
     """
-    arrays = ("c", more[0], "out", more[1]) if more else ("c", "out")
-    signature = ", ".join(f"ptr %{x}" for x in arrays)
-    whole, rest = divmod(size, WIDEST)
-    text = [f"define void @{name}(double %h, {signature}) {{", "entry:"]
+    arrays = (*names,) or ("c", *more[:1], "out", *more[1:])
+    count = count or size
+    parameters = [f"double %{x}" for x in numbers] + [f"ptr %{x}" for x in arrays]
+    whole, rest = divmod(count, WIDEST)
+    text = [f"define void @{name}({', '.join(parameters)}) {{", "entry:"]
     if whole:
-        vectors = _VectorWriter(size, WIDEST, "v")
+        vectors = _VectorWriter(size, count, WIDEST, "v")
         write(vectors)
         text += ["br label %each", "each:"]
         text.append("%first = phi i64 [0, %entry], [%next, %each]")
@@ -186,7 +319,7 @@ def _function(
         text.append(f"%again = icmp slt i64 %next, {whole * WIDEST}")
         text += ["br i1 %again, label %each, label %rest", "rest:"]
     if rest:
-        vectors = _VectorWriter(size, rest, "r")
+        vectors = _VectorWriter(size, count, rest, "r")
         write(vectors)
         begin = whole * WIDEST
         text += [
