@@ -11,6 +11,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.language.series import recurrence, taylor_series
+from lagsim.native.graph import loop as loop_code
 from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
@@ -51,20 +52,18 @@ def compiled(loop: Loop, g: Graph, size: int) -> list[float]:
     return out[1:-1].tolist()
 
 
-@pytest.mark.parametrize("unrolled", [False, True])
+@pytest.mark.parametrize("form", ["unrolled", "edges before", "edges in vectors"])
 @pytest.mark.parametrize(("motion", "order", "cpu"), CASES)
 def test_coefficients(
-    motion: str,
-    order: int,
-    cpu: str,
-    monkeypatch: pytest.MonkeyPatch,
-    *,
-    unrolled: bool,
+    motion: str, order: int, cpu: str, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("LAGSIM_CPU", cpu)
+    if form == "edges in vectors":
+        monkeypatch.setattr(loop_code, "MOST_EDGES", 0)
     g = Graph()
     state = [g.variable("x"), g.variable("v")]
     rates = [parse(text).build(g, g.variable) for text in MOTIONS[motion]]
+    unrolled = form == "unrolled"
     loop = Loop(recurrence(g, state, rates), order, unrolled=unrolled)
     found = compiled(loop, g, len(state))
     rows = taylor_series(g, state, rates, order)
