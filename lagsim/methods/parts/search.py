@@ -102,7 +102,9 @@ def search(
     of one surface. CROSSING: record the crossings. SIGNAL: search features that the
     dense output misses; a step that needs more than MOST_SIGNALS points counts as one
     with a feature. RANK: search a loss of rank. Return the fraction of the zero (of a
-    crossing, a fraction just past it), or 0 if there is none.
+    crossing, a fraction just past it), or 0 if there is none. A search for events that
+    needs too many points before FINEST passes its stretch as it is: steps that end
+    there would creep towards a pole, which no number of points makes known.
 
     low, until : the fractions.
     """
@@ -125,7 +127,7 @@ def search(
         sample(kind, s, p, x, -BESIDE * width, last)
         points += 2
         narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p)
-        leads_on = kind == CROSSING or (kind == EVENT and (low == 0.0 or found > 0.0))
+        leads_on = kind == CROSSING or (kind == EVENT and (low < FINEST or found > 0.0))
         if points >= most and leads_on:
             narrower = 0.0
         if narrower == 0.0:
