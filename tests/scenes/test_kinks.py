@@ -520,3 +520,28 @@ def test_a_ball_rests_in_each_groove_of_nested_conditions(groove):
     assert result.complete
     assert abs(result["x"] - groove).max() < 1e-12
     assert result["lambda_floor"] == pytest.approx(G, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "relation",
+    [
+        "if(x - X < 0.7, -0.5*(x - X - 0.7), 0.6*(x - X - 0.7))",
+        "0.2*(x - X - 0.7) + 0.36*max(x - X - 0.7, X + 0.7 - x)",
+    ],
+)
+@pytest.mark.parametrize("X", [1, 3, 10, 100, 1e5])
+def test_a_bead_rests_in_a_corner_whose_place_is_rounded(relation, X):
+    # Both sides differ there by the rounding of x, which is no jump of y.
+    found = simulated(
+        f"""
+        parameters: {{X: {X!r}}}
+        coordinates: {{x: {{}}, y: {{}}}}
+        energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}}
+        constraints: {{wire: "y = {relation}"}}
+        initial: {{x: {X + 0.7!r}, y: {{guess: 0}}}}
+        simulation: {{duration: 1, output_step: 0.1}}
+        """
+    )
+    assert found.complete, found.reason
+    assert abs(found["x"] - X - 0.7).max() < 1e-15 * X
+    assert abs(found["x_dot"]).max() < 1e-12

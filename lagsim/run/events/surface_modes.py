@@ -481,6 +481,18 @@ class SurfaceModes:
             found.append(aside)
         return found
 
+    def sizes_along_rows(self) -> Floats:
+        """Return magnitudes (size,) whose rounding includes that along rows in force.
+
+        A position may be near 0 where a row gives it the rounding of others, as y in
+        the corner of y = abs(x - 1e5).
+        """
+        found = self.arc.seen
+        for aside in self._asides_along():
+            off = np.abs(aside - self.arc.y)
+            found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
+        return found
+
     def _step(self, y: Floats) -> Floats:
         """Return the Newton step (n,) of the positions in y (size,) onto the rows."""
         arc = self.arc

@@ -382,7 +382,11 @@ class Switching(Source):
         most = max(most, LEFT) if resting else most
         for part in (arc.state.positions, arc.velocities):
             change = y[part] - former[part]
-            far = shift(masses, change, self._reach(y)[part], arc.seen[part])
+            reach = self._reach(y)[part]
+            far = shift(masses, change, reach, arc.seen[part])
+            if not far <= most:
+                sizes = self.modes.sizes_along_rows()
+                far = shift(masses, change, reach, sizes[part])
             if not far <= most:
                 return None
         return y
