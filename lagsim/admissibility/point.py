@@ -530,7 +530,8 @@ class Lengths:
             other[:] = float(np.linalg.norm(self.u)) or 1.0
             other = np.where(self.u != 0.0, np.abs(self.u), other)
         lengths = np.where(np.isinf(lengths), other, lengths)
-        moves = np.isin(np.arange(self.point.n), [k for k, _ in own])
+        moves = np.zeros(self.point.n, dtype=bool)
+        moves[[k for k, _ in own]] = True
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:

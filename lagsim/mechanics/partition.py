@@ -29,7 +29,7 @@ Equations II, section VII.1 (state-space form).
 from __future__ import annotations
 
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -41,6 +41,8 @@ from lagsim.mechanics.ldl import Elimination
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from lagsim.language.arrays import Floats
     from lagsim.language.forms import Collected
@@ -100,7 +102,7 @@ class Block(NamedTuple):
 
 Blocks = tuple[Block, ...]
 Matrix = dict[int, Vector]  # row -> its entries
-Marks = np.typing.NDArray[np.bool_]
+Marks: TypeAlias = "NDArray[np.bool_]"
 
 
 def partition_of(

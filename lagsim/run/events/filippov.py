@@ -434,7 +434,8 @@ class FilippovCone:
                 np.append(laws.rates, none), scale * roundoff,
                 np.append(laws.slow, none), ahead, np.append(laws.left, none > 0.0),
             )  # fmt: skip
-            needed = ~np.isin(found.mode[r:], HOLDING) & (bounds == 0.0)
+            holds = np.array([mode in HOLDING for mode in found.mode[r:]], dtype=bool)
+            needed = ~holds & (bounds == 0.0)
             if not needed.any():
                 return found, unit * (response @ found.multipliers[:r])
             bounds[needed] = 0.5

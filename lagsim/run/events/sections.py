@@ -71,7 +71,7 @@ class Sections:
             waited = self._waiting.get(int(number))
             if waited is not None and waited[0] == rows[k, 0]:
                 rows[k] = waited
-        for number in np.unique(numbers):
+        for number in sorted({*numbers.tolist()}):
             self._blocks[int(number)].append(rows[numbers == number])
         later = states[~now].copy()
         state.crossed_states[: later.size] = later.ravel()

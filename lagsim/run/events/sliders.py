@@ -223,7 +223,8 @@ class _Sliders:
         D, c = change[:, :-1], change[:, -1] - rates
         still, alone = slides.still[of], np.full(len(of), -1)
         low, high = np.zeros((2, 2, len(of)))
-        free = (slides.bounds[of] == 0.0) & ~np.isin(of, both)
+        alternate = np.array([k in both for k in of], dtype=bool)
+        free = (slides.bounds[of] == 0.0) & ~alternate
         low[0], high[0] = np.where(free, -np.inf, 0.0), np.inf
         c = np.where(np.abs(c) <= still, 0.0, c)
         found = (
@@ -232,7 +233,7 @@ class _Sliders:
             * solve(ComplementarityProblem(D, c, low, high, alone, alone)).p
         )
         taken = found[: len(edge)]
-        taken[np.isin(edge, both)] += found[len(edge) :]
+        taken[alternate[: len(edge)]] += found[len(edge) :]
         for k, slip in zip(edge, taken.tolist(), strict=True):
             self.signs[k] *= -1.0 if slip < 0.0 else 1.0
         moving = (np.abs(taken) > still[: len(edge)]).tolist()

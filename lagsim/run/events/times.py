@@ -322,7 +322,8 @@ class Pulses(Source):
         self._seen = arc.end
         times, p = np.linspace(arc.t, arc.end, SAMPLES), arc.system.p
         beyond = 2.0 * times[-1] - times[-2]
-        times = np.union1d(times, p.knot_times[int(p.passed) : int(p.known)])
+        knots = p.knot_times[int(p.passed) : int(p.known)]
+        times = np.array(sorted({*times.tolist(), *knots.tolist()}))
         times = np.append(times[times <= arc.end], beyond)
         sizes = arc.sizes
         for time in pulses(arc, times):
