@@ -6,12 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.plan import method_choice
 from lagsim.studies.sweep.batches import Ensemble
 from tests.small_scenes import NEARLY, angle, held_pendulum, pendulum, swing
-from tests.support import MODELS, run
+from tests.support import MODELS, refused, run
 
 SIMULATION = "duration: 20, output_step: 0.1, method: taylor, rtol: RTOL"
 PENDULUM, HELD = pendulum(2, SIMULATION), held_pendulum(2, SIMULATION)
@@ -154,19 +153,14 @@ def test_a_long_series(model):
 
 def test_what_is_too_long_is_refused(monkeypatch):
     monkeypatch.setattr(method_choice, "MOST_OPERATIONS", 1000)
-    with pytest.raises(InputError) as raised:
+    with refused("method-refused", "`taylor`", "dop853"):
         run("andrews", method="taylor")
-    [problem] = raised.value.problems
-    assert problem.code == "method-refused"
-    assert "operations" in problem.text
-    assert "dop853" in problem.hint
 
 
 def test_loops_are_refused():
     twice = HELD.replace("rod:", 'again: "2*x^2 + 2*y^2 = 2", rod:')
-    with pytest.raises(InputError) as raised:
+    with refused("method-refused", "`taylor`"):
         run(twice.replace("RTOL", "1e-11"))
-    assert "loops" in raised.value.problems[0].text
 
 
 def test_where_loops_take_over_another_method_goes_on():

@@ -1,8 +1,7 @@
-"""The settling of an instant: its page names its phases, and its records are frozen."""
+"""The settling of an instant: its page names its phases; what one time has in turn."""
 
 import inspect
 import re
-from dataclasses import FrozenInstanceError
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ import pytest
 import lagsim
 from lagsim.methods.parts.parameters import KEPT
 from lagsim.run import arcs, settle
-from lagsim.run.instant import InstantRecord
 from lagsim.run.modes import ArcModes, TrialModes
 
 PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
@@ -94,15 +92,6 @@ def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
     assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno", "event"}
     assert {m for m, *_ in given} == {-1.0, -2.0, 2.0}
     assert {branch for _, branch in given} >= {-1.0, 1.0}
-
-
-def test_a_record_is_frozen_and_copies_leave_it_as_it_was():
-    record = InstantRecord(None, 1.0)
-    other = record.but(t=2.0, impacts=True)
-    assert (record.t, record.impacts, other.t, other.impacts) == (1.0, False, 2.0, True)
-    assert InstantRecord.of(arc=None, t=1.0) == record
-    with pytest.raises(FrozenInstanceError):
-        record.t = 3.0
 
 
 CORNER = """\

@@ -38,8 +38,8 @@ def test_where_loops_would_take_too_long_the_run_goes_on_without(monkeypatch):
         NEARLY.replace("DURATION", "1.099").replace("METHOD", ", method: dop853")
     )
     assert found.trajectory.outcome is Outcome.DONE
-    (warning,) = [w for w in found.trajectory.warnings if w.code == "nearly-dependent"]
-    assert "too many for a QR" in warning.text
+    codes = [w.code for w in found.trajectory.warnings]
+    assert codes.count("nearly-dependent") == 1
     assert found.system.plan is found.plan
     # The rows are 1e-3 apart at the end: rounding is divided by the square of that.
     assert np.max(np.abs(found["x"] - found["t"])) < 1e-9

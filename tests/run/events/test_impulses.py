@@ -476,29 +476,26 @@ def test_a_kick_does_not_depend_on_bodies_that_nothing_joins():
 
 
 @pytest.mark.parametrize(
-    ("impulse", "text"),
+    ("impulse", "code", "name"),
     [
-        ("{v: 1}", "no coordinate or definition `v` to work on"),
-        ("{x_dot: 1}", "an impulse cannot work on `x_dot`, a velocity"),
-        ("{J: 1}", "an impulse cannot work on `J`, a parameter"),
-        ("{x: x_ddot}", "`x_ddot`"),
-        ("{}", "has no assignments and no impulse"),
-        ("{x: [1, 2]}", "must be"),
+        ("{v: 1}", "unknown-name", "`v`"),
+        ("{x_dot: 1}", "not-a-direction", "`x_dot`"),
+        ("{J: 1}", "not-a-direction", "`J`"),
+        ("{x: x_ddot}", "output-only", "`x_ddot`"),
+        ("{}", "missing-key", "`tick`"),
+        ("{x: [1, 2]}", "not-an-expression", "`x`"),
     ],
 )
-def test_faults_of_impulses_have_a_place(impulse, text):
-    with pytest.raises(InputError) as caught:
+def test_faults_of_impulses_have_a_place(impulse, code, name):
+    with refused(code, name, kind=InputError) as caught:
         scene(f"tick: {{every: 1, impulse: {impulse}}}", more="parameters: {J: 2}")
-    problem = caught.value.problems[0]
-    assert text in f"{problem.text} {problem.hint}", problem
-    assert problem.place is not None
+    assert caught.value.problems[0].place is not None
 
 
 @pytest.mark.parametrize("name", ["x", "x_dot"])
 def test_a_velocity_that_is_set_has_an_impulse_as_advice(name):
-    with pytest.raises(InputError) as caught:
+    with refused("not-a-mode", f"`{name}`", "impulse", kind=InputError):
         scene(f"tick: {{every: 1, set: {{{name}: 1}}}}")
-    assert "write impulse: {name: expression}" in caught.value.problems[0].hint
 
 
 def test_units_of_impulses_are_checked():

@@ -299,7 +299,7 @@ def test_an_impact_that_raises_the_energy_is_told(far):
     found = play(text)
     energy = found.pair("energy", 0.235)
     assert energy[1] - energy[0] == pytest.approx(gain, rel=GLOBAL)
-    told = [w.text for w in found.result.warnings if "energy" in w.text]
+    told = [w.text for w in found.result.warnings if w.code == "impact-energy"]
     assert told
     numbers = [float(x) for x in re.findall(r"\d+\.?\d*(?:e[-+]?\d+)?", " ".join(told))]
     assert any(x == pytest.approx(gain, rel=0.01) for x in numbers)
