@@ -1,0 +1,68 @@
+"""Gaps with kinks as several contacts: at every state the gap is the least of these."""
+
+import numpy as np
+import pytest
+
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.derivation import derive
+from lagsim.model.reader import read
+
+MODEL = """
+parameters: {k: 2, c: -0.5}
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 0}
+tables:
+  valley: {interpolation: linear, outside: extend, points: [[-1, 3], [0, 0], [2, 1]]}
+  saw: {interpolation: linear, outside: extend,
+    points: [[-2, 0], [-1, 1], [0, -1], [1, 1.5], [2, 0.5]]}
+definitions: {used: valley(x) + saw(x) + k + c}
+constraints: {gap: {relation: "GAP >= 0", restitution: 0}}
+initial: {x: 0, y: 50, z: 0}
+simulation: {duration: 1}
+"""
+VALLEY, SAW = [(-1, 3), (0, 0), (2, 1)], [(-2, 0), (-1, 1), (0, -1), (1, 1.5), (2, 0.5)]
+
+
+def extended(points, x):
+    """Return the value of a linear table, whose first and last lines go on."""
+    a, b = np.array(points, float).T
+    k = int(np.clip(np.searchsorted(a, x) - 1, 0, len(a) - 2))
+    return b[k] + (b[k + 1] - b[k]) / (a[k + 1] - a[k]) * (x - a[k])
+
+
+# The gap, its value, and the number of contacts: grooves of the gap have one on either
+# side, ridges are one contact.
+GAPS = [
+    ("y - k*abs(x)", lambda x, y, _: y - 2 * abs(x), 2),
+    ("y + k*abs(x)", lambda x, y, _: y + 2 * abs(x), 1),
+    ("y - c*abs(x)", lambda x, y, _: y + 0.5 * abs(x), 1),
+    ("min(y, x) + z", lambda x, y, z: min(y, x) + z, 2),
+    ("max(min(y, x), z)", lambda x, y, z: max(min(y, x), z), 2),
+    ("y - abs(x) - abs(z)", lambda x, y, z: y - abs(x) - abs(z), 4),
+    ("y - abs(x)*abs(z)", lambda x, y, z: y - abs(x * z), 2),
+    ("y - abs(x)/k", lambda x, y, _: y - abs(x) / 2, 2),
+    ("abs(y) - abs(x)", lambda x, y, _: abs(y) - abs(x), 2),
+    ("exp(-abs(x)) + y", lambda x, y, _: np.exp(-abs(x)) + y, 2),
+    ("y - max(x, max(z, 1))", lambda x, y, z: y - max(x, z, 1), 3),
+    ("y - if(x > 0, x, -2*x)", lambda x, y, _: y - (x if x > 0 else -2 * x), 2),
+    ("y + if(x > 0, x, -2*x)", lambda x, y, _: y + (x if x > 0 else -2 * x), 1),
+    ("y - valley(x)", lambda x, y, _: y - extended(VALLEY, x), 2),
+    ("y + valley(x)", lambda x, y, _: y + extended(VALLEY, x), 1),
+    # Grooves of the gap at x = 0 alone, beside ridges at -1 and 1.
+    ("y - saw(x)", lambda x, y, _: y - extended(SAW, x), 2),
+    # And the other way round.
+    ("y + saw(x)", lambda x, y, _: y + extended(SAW, x), 3),
+]
+
+
+def test_a_gap_is_the_least_of_its_contacts():
+    random = np.random.default_rng(5)
+    states = random.uniform(-3.0, 3.0, size=(60, 3))
+    for text, value, count in GAPS:
+        e = derive(read(MODEL.replace("GAP", text), "model.yaml"))
+        nodes = [law.row.residual for law in e.laws]
+        assert len(nodes) == count, text
+        for x, y, z in states:
+            values = {"x": x, "y": y, "z": z, "k": 2.0, "c": -0.5, "t": 0.0}
+            found = min(evaluate(e.graph, nodes, values))
+            assert found == pytest.approx(value(x, y, z), abs=1e-12), (text, x, y, z)
