@@ -15,12 +15,19 @@ tables:
   valley: {interpolation: linear, outside: extend, points: [[-1, 3], [0, 0], [2, 1]]}
   saw: {interpolation: linear, outside: extend,
     points: [[-2, 0], [-1, 1], [0, -1], [1, 1.5], [2, 0.5]]}
-definitions: {used: valley(x) + saw(x) + k + c}
+  bent: {interpolation: linear, outside: extend,
+    points: [[-2, 0], [0, 1], [1, 1.2], [3, 3]]}
+  wave: {interpolation: linear, outside: repeat,
+    points: [[0, 0], [1, 1], [1.5, 0.9], [2, 0]]}
+  short: {interpolation: linear, points: [[-3, 5], [-1, 1], [0, 0.5], [2, 1], [3, 4]]}
+definitions: {used: valley(x) + saw(x) + bent(x) + wave(x) + short(x) + k + c}
 constraints: {gap: {relation: "GAP >= 0", restitution: 0}}
 initial: {x: 0, y: 50, z: 0}
 simulation: {duration: 1}
 """
 VALLEY, SAW = [(-1, 3), (0, 0), (2, 1)], [(-2, 0), (-1, 1), (0, -1), (1, 1.5), (2, 0.5)]
+BENT, WAVE = [(-2, 0), (0, 1), (1, 1.2), (3, 3)], [(0, 0), (1, 1), (1.5, 0.9), (2, 0)]
+SHORT = [(-3, 5), (-1, 1), (0, 0.5), (2, 1), (3, 4)]
 
 
 def extended(points, x):
@@ -52,12 +59,29 @@ GAPS = [
     ("y - saw(x)", lambda x, y, _: y - extended(SAW, x), 2),
     # And the other way round.
     ("y + saw(x)", lambda x, y, _: y + extended(SAW, x), 3),
+    # Kinks by a slope of 0.3 one way and by 0.7 the other way.
+    ("y - bent(x)", lambda x, y, _: y - extended(BENT, x), 2),
+    ("y + bent(x)", lambda x, y, _: y + extended(BENT, x), 2),
+    # A table that is repeated: grooves belong to two contacts in turn.
+    ("y - wave(x)", lambda x, y, _: y - extended(WAVE, x % 2), 2),
+    ("y + wave(x)", lambda x, y, _: y + extended(WAVE, x % 2), 2),
+    # A table that ends, of which all knots are grooves, or all ridges.
+    ("y - short(x)", lambda x, y, _: y - extended(SHORT, x), 4),
+    ("y + short(x)", lambda x, y, _: y + extended(SHORT, x), 1),
+    # Below a nonlinear function, and factors of a sign or of none.
+    ("y - 1/(1 + abs(x))", lambda x, y, _: y - 1 / (1 + abs(x)), 1),
+    ("y + 1/(1 + abs(x))", lambda x, y, _: y + 1 / (1 + abs(x)), 2),
+    ("y - z*abs(x)", lambda x, y, z: y - z * abs(x), 1),
+    ("y - (1 + x^2)*abs(x)", lambda x, y, _: y - (1 + x**2) * abs(x), 2),
+    ("2*y/(2 + abs(x)) - abs(x)", lambda x, y, _: 2 * y / (2 + abs(x)) - abs(x), 2),
+    ("y - min(x, z)", lambda x, y, z: y - min(x, z), 1),
+    ("y - abs(abs(x) - 1)", lambda x, y, _: y - abs(abs(x) - 1), 3),
 ]
 
 
 def test_a_gap_is_the_least_of_its_contacts():
     random = np.random.default_rng(5)
-    states = random.uniform(-3.0, 3.0, size=(60, 3))
+    states = random.uniform(-2.9, 2.9, size=(60, 3))
     for text, value, count in GAPS:
         e = derive(read(MODEL.replace("GAP", text), "model.yaml"))
         nodes = [law.row.residual for law in e.laws]
