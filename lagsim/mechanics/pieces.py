@@ -318,7 +318,7 @@ class _Pieces:
         u = own[0]
         pairs = ((x, self.sides(x)) for x in self.kinked([n]))
         atoms = {x: found[1:] for x, found in pairs if found and found[0] == u}
-        jumps, flat = [g.zero, g.zero], True
+        jumps, flat, every = [g.zero, g.zero], True, g.zero
         for x, ends in atoms.items():
             by_kink = self._slope_by(n, x)
             bend = self._jump(g.call("sub", *ends), u)
@@ -330,6 +330,8 @@ class _Pieces:
             there = g.zero if g.ops[x] == "abs" else there
             at_kink = g.substitute([by_kink], {g.variable(KINK): there})[0]
             flat = flat and at_kink == g.zero
+            (slope,) = g.substitute([by_kink], {g.variable(KINK): x})
+            every = g.call("add", every, g.call("mul", slope, bend))
             for k, end in enumerate(ends):
                 (slope,) = g.substitute([by_kink], {g.variable(KINK): end})
                 term = g.call("mul", self._at_kink(slope, u), bend)
@@ -338,8 +340,13 @@ class _Pieces:
             g.substitute([*jumps, n], {x: ends[k] for x, ends in atoms.items()})
             for k in (0, 1)
         )
+        # The jump of slope at every state, with `atom`: 1 + abs(x) has a sign, which
+        # 1 + x and 1 - x have not.
+        is_groove = self.sign(every) == -way or (
+            self.sign(above[0]) == self.sign(below[1]) == -way
+        )
         # A slope of 0 at the kink removes the kink, as in max(0, x)^2.
-        if flat or self.sign(above[0]) != -way or self.sign(below[1]) != -way:
+        if flat or not is_groove:
             return []
         on, off = g.call("ge", u, g.zero), g.call("le", u, g.zero)
         self.joints |= {on, off}

@@ -545,3 +545,19 @@ def test_a_bead_rests_in_a_corner_whose_place_is_rounded(relation, X):
     assert found.complete, found.reason
     assert abs(found["x"] - X - 0.7).max() < 1e-15 * X
     assert abs(found["x_dot"]).max() < 1e-12
+
+
+@pytest.mark.parametrize("e", [0, 0.5])
+def test_a_ball_comes_to_rest_in_a_cusp(e):
+    """A groove below a nonlinear function, y = -1/(1 + abs(x)), is lowest at -1."""
+    found = lagsim.simulate(f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}}
+constraints: {{floor: {{relation: y >= -1/(1 + abs(x)), restitution: {e}}}}}
+initial: {{x: 0.3, y: 0}}
+simulation: {{duration: 3, output_step: 0.5}}
+""", error_bar="never")  # fmt: skip
+    assert found.outcome == "done", found.reason
+    assert found["x"][-1] == pytest.approx(0.0, abs=1e-12)
+    assert found["y"][-1] == pytest.approx(-1.0, abs=1e-12)
+    assert not found.warnings
