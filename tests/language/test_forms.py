@@ -38,6 +38,12 @@ MOVING = ("a", "b", "c", "x")
         ("2*cos(a - b) + cos(a)*cos(b) + sin(a)*sin(b)", "3*cos(a - b)"),
         ("x*a + sin(b)*cos(a) - cos(b)*sin(a)", "x*a - sin(a - b)"),
         ("cos(a - b)*cos(c) + sin(a - b)*sin(c)", "cos(a - b - c)"),
+        # Squares and cubes of sums with factors other than 1.
+        ("(3*sin(a) + 2*cos(a))^2 + (2*sin(a) - 3*cos(a))^2", "13"),
+        ("(2*x*cos(a) + sin(a))^2 + (2*x*sin(a) - cos(a))^2", "4*x*x + 1"),
+        ("(3*sin(a) + cos(a))^2 - 6*sin(a)*cos(a) - 8*sin(a)^2", "1"),
+        ("(2*cos(a))^3 + 8*cos(a)*sin(a)^2", "8*cos(a)"),
+        ("x*sin(a)^2/4 + x*cos(a)^2/4", "x/4"),
     ],
 )
 def test_identities(long, short):
