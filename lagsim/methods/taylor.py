@@ -32,6 +32,7 @@ from lagsim.methods import unrestricted
 from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
+from lagsim.methods.parts.first_step import foresee
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
@@ -131,7 +132,7 @@ def start(s: Taylor, p: Parameters) -> None:
     control.record_sizes(s, p)
     rates = c[1 + s.size :]
     control.bound_roundoff(s, p, s.t, s.y, rates, 1.0, 0.0, 1)
-    control.foresee(s, p, rates)
+    foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest.
     # One that was taken back has a length to begin with.
     first = s.most_step if s.most_step > 0.0 else s.row_step

@@ -1,4 +1,4 @@
-"""Error tolerances from each component's own scale, and the first step.
+"""Error tolerances from each component's own scale.
 
 The default tolerance of a component is rtol times its own scale: its range so far,
 which is independent of the origin and of other bodies, or its change by its rate in the
@@ -68,13 +68,6 @@ INSTANT = 1e-6
 # of roundoff have the same sign in every step and so outgrow rounding, of which
 # compensated sums lose little.
 FINEST = 0.25 * UNIT_ROUNDOFF
-# Length of the trial Euler step, relative to the output step; largest factor of growth;
-# number of trials.
-EULER = 1e-2
-FARTHEST = 100.0
-MOST_GUESSES = 20
-# Least part of an Euler step that its end suggests, where it is far outside.
-SHORTEST = 1e-3
 
 
 class Control(ArcRows):
@@ -373,6 +366,19 @@ def allow_roundoff(
 ) -> bool:
     """Bound the roundoff in a step h to `new` (size,), and adapt the tolerances to it.
 
+    Arguments and result: see `bound_step`.
+    """
+    if not bound_step(s, p, h, new, k, sigma):
+        return False
+    adapt_to_roundoff(s, p, h, new, k)
+    return True
+
+
+def bound_step(
+    s: Control, p: Parameters, h: float, new: Floats, k: Floats, sigma: float
+) -> bool:
+    """Bound the roundoff of the rates in a step h to `new` (size,).
+
     Each call evaluates y' at a state displaced in one of two directions, the second
     call in a step in the other direction; where the terms of a component cancel, the
     first call evaluates y' in both. Return False, without an effect, if both directions
@@ -400,10 +406,19 @@ def allow_roundoff(
     if s.size > s.velocities.stop:
         # The power of forces has no rounding where everything rests, at the start.
         add_bound(s, p, t + h, new, s.velocities.stop, s.size)
-    set_tolerances(s, p, t + h, new, k, h)
+    return True
+
+
+def adapt_to_roundoff(
+    s: Control, p: Parameters, h: float, new: Floats, k: Floats
+) -> None:
+    """Adapt the tolerances for a step h to the roundoff bounds of the rates.
+
+    h, new, k : see `bound_step`.
+    """
+    set_tolerances(s, p, s.t + h, new, k, h)
     if s.states > 0 or (p.works > 0 and (p.m > 0 or p.sliding > 0.0)):
         bound_by_others(s, p, h, new, k)
-    return True
 
 
 def bound_by_others(
@@ -445,98 +460,6 @@ def bound_by_others(
         set_tolerances(s, p, s.t + h, new, k, h)
         if grown == 0:
             break
-
-
-def foresee(s: Control, p: Parameters, k: Floats) -> None:
-    """Compute the sizes that components at rest reach in the first instant of an arc.
-
-    The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
-    time, causes a motion without initial size, and one component may set the next in
-    motion.
-
-    k : (size,), y' at the start.
-    """
-    n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
-    slopes, accelerations = s.spare, k[s.velocities]
-    instant = INSTANT * (s.end - s.t)
-    waiting = 0
-    for i in range(s.size):
-        foreseen[i] = 0.0
-        z[i] = y[i] + instant * k[i]
-        if i < n:
-            z[i] += instant * instant * accelerations[i]
-        elif abs(k[i]) <= roundoff[i]:
-            waiting += 1
-    while waiting > 0:
-        derivative(s.t + instant, z, p, slopes)
-        s.evaluations += 1.0
-        before = waiting
-        for i in range(n, s.size):
-            rate = abs(slopes[i])
-            rests = abs(k[i]) <= roundoff[i] and foreseen[i] == 0.0
-            if rests and roundoff[i] < rate and rate < OVERFLOW:
-                foreseen[i] = instant * rate
-                z[i] = y[i] + instant * slopes[i]
-                if i < s.velocities.stop:
-                    foreseen[i - n] = instant * foreseen[i]
-                    z[i - n] = y[i - n] + instant * instant * slopes[i]
-                waiting -= 1
-        if waiting == before:
-            return
-
-
-def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
-    """Return the length of the first step of an arc, from an explicit Euler step.
-
-    The change of the rates in the Euler step is compared with the rates: with the step
-    returned, an error that falls as the power `order` of the step, relative to that
-    change, is within the tolerance.
-
-    k : (size,), y' at the start.
-    """
-    z, slopes = s.work, s.spare
-    bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0, 1)
-    foresee(s, p, k)
-    span = s.end - s.t
-    h = min(EULER * s.row_step, span)
-    part = (LOCAL * max(float(s.rtol), STATE_ROUNDOFF)) ** (1.0 / order)
-    guess = h
-    for _ in range(MOST_GUESSES):
-        z[: s.size] = s.y + h * k[: s.size]
-        derivative(s.t + h, z, p, slopes)
-        s.evaluations += 1.0
-        # Components at rest have a scale by now.
-        set_tolerances(s, p, s.t + h, z, slopes, h)
-        guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
-        if guess > 0.1 * h:
-            break
-        h = guess
-    forget_roundoff(s)  # the bound is that of an instant
-    return float(min(guess, span))
-
-
-def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
-    """Return the time in which a rate changes by its own size, the least of all rates.
-
-    Rates that begin at 0 do not count, nor do changes within the tolerances; OVERFLOW
-    if no rate counts, and h/1000 if a rate is not finite. The rate of a state counts
-    also where it changes its sign, by h/1000 at least: the state is stiff, and the
-    Euler step leads far past its equilibrium.
-
-    k, slopes : (size,), y' at times h apart.
-    """
-    least = OVERFLOW
-    for i in range(s.size):
-        change = abs(slopes[i] - k[i])
-        if not change < OVERFLOW:
-            return SHORTEST * h
-        begins = abs(k[i]) <= 0.1 * abs(slopes[i])
-        is_state = 0 <= i - s.velocities.stop < s.states  # works follow these
-        turns = is_state and k[i] * slopes[i] < 0.0
-        if h * change > s.tolerances[i] and (turns or not begins):
-            found = h * abs(k[i]) / change
-            least = min(least, max(found, SHORTEST * h) if turns else found)
-    return least
 
 
 # --- roundoff: its bounds in rates, and compensated sums ------------------------------

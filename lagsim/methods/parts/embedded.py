@@ -17,6 +17,7 @@ from lagsim.language.arrays import Floats
 from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, record_speed, usable_step
+from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
@@ -153,7 +154,7 @@ def start(s: Embedded, p: Parameters) -> None:
     s.step_h = 0.0
     s.previous_error = 1e-4
     control.record_sizes(s, p)
-    s.h = control.first_step(s, p, PAIR.order, s.k)
+    s.h = first_step(s, p, PAIR.order, s.k)
     s.at_bound = 0.0
     if CONSTRAINED:
         s.early = PAIR.early

@@ -1,0 +1,142 @@
+"""The first step of an arc, and the sizes that components at rest reach in an instant.
+
+Each component has its own scale, and at a start from rest it has none: the first
+instant of the motion gives one.
+"""
+
+from __future__ import annotations
+
+from lagsim.language.arrays import Floats
+from lagsim.methods.parts.control import (
+    FLOOR,
+    INSTANT,
+    Control,
+    bound_roundoff,
+    forget_roundoff,
+    set_tolerances,
+)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import LOCAL, derivative, rounding
+from lagsim.tolerances import OVERFLOW, STATE_ROUNDOFF
+
+# Length of the trial Euler step, relative to the output step; largest factor of growth;
+# number of trials.
+EULER = 1e-2
+FARTHEST = 100.0
+MOST_GUESSES = 20
+# Least part of an Euler step that its end suggests, where it is far outside.
+SHORTEST = 1e-3
+
+
+def foresee(s: Control, p: Parameters, k: Floats) -> None:
+    """Compute the sizes that components at rest reach in the first instant of an arc.
+
+    The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
+    time, causes a motion without initial size, and one component may set the next in
+    motion. Where the terms of a rate cancel, by a symmetry that later motion breaks, a
+    small part of them counts.
+
+    k : (size,), y' at the start.
+    """
+    n, y, foreseen, z = s.n, s.y, s.foreseen, s.work
+    slopes, accelerations = s.spare, k[s.velocities]
+    instant = INSTANT * (s.end - s.t)
+    waiting = 0
+    for i in range(s.size):
+        foreseen[i] = 0.0
+        z[i] = y[i] + instant * k[i]
+        if i < n:
+            z[i] += instant * instant * accelerations[i]
+        elif abs(k[i]) <= s.roundoff[i]:
+            waiting += 1
+    cancelling = 0.0
+    while waiting > 0:
+        if cancelling > 0.0:
+            rounding(s.t + instant, z, p, slopes[n:])
+            slopes[n : s.size] = FLOOR * slopes[n : s.size]
+        else:
+            derivative(s.t + instant, z, p, slopes)
+            s.evaluations += 1.0
+        set_off = start_moving(s, k, instant)
+        waiting -= set_off
+        if set_off == 0 and cancelling > 0.0:
+            return
+        cancelling = 1.0 if set_off == 0 else 0.0
+
+
+def start_moving(s: Control, k: Floats, instant: float) -> int:
+    """Set components at rest in motion at the rates `spare`; return their number.
+
+    The state after the first instant in `work` and the sizes `foreseen` are updated;
+    see `foresee`.
+
+    k : (size,), y' at the start.
+    instant : the length of the first instant.
+    """
+    n, y, foreseen, z, slopes = s.n, s.y, s.foreseen, s.work, s.spare
+    set_off = 0
+    for i in range(n, s.size):
+        rate = abs(slopes[i])
+        rests = abs(k[i]) <= s.roundoff[i] and foreseen[i] == 0.0
+        if rests and s.roundoff[i] < rate and rate < OVERFLOW:
+            foreseen[i] = instant * rate
+            z[i] = y[i] + instant * slopes[i]
+            if i < s.velocities.stop:
+                foreseen[i - n] = instant * foreseen[i]
+                z[i - n] = y[i - n] + instant * instant * slopes[i]
+            set_off += 1
+    return set_off
+
+
+def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
+    """Return the length of the first step of an arc, from an explicit Euler step.
+
+    The change of the rates in the Euler step is compared with the rates: with the step
+    returned, an error that falls as the power `order` of the step, relative to that
+    change, is within the tolerance.
+
+    k : (size,), y' at the start.
+    """
+    z, slopes = s.work, s.spare
+    bound_roundoff(s, p, s.t, s.y, k, 1.0, 0.0, 1)
+    foresee(s, p, k)
+    span = s.end - s.t
+    h = min(EULER * s.row_step, span)
+    part = (LOCAL * max(float(s.rtol), STATE_ROUNDOFF)) ** (1.0 / order)
+    guess = h
+    for _ in range(MOST_GUESSES):
+        z[: s.size] = s.y + h * k[: s.size]
+        derivative(s.t + h, z, p, slopes)
+        s.evaluations += 1.0
+        # Components at rest have a scale by now.
+        set_tolerances(s, p, s.t + h, z, slopes, h)
+        guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
+        if guess > 0.1 * h:
+            break
+        h = guess
+    forget_roundoff(s)  # the bound is that of an instant
+    return float(min(guess, span))
+
+
+def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
+    """Return the time in which a rate changes by its own size, the least of all rates.
+
+    Rates that begin at 0 do not count, nor do changes within the tolerances; OVERFLOW
+    if no rate counts, and h/1000 if a rate is not finite. The rate of a state counts
+    also where it changes its sign, by h/1000 at least: the state is stiff, and the
+    Euler step leads far past its equilibrium.
+
+    k, slopes : (size,), y' at times h apart.
+    """
+    least = OVERFLOW
+    for i in range(s.size):
+        change = abs(slopes[i] - k[i])
+        if not change < OVERFLOW:
+            return SHORTEST * h
+        begins = abs(k[i]) <= 0.1 * abs(slopes[i])
+        is_state = 0 <= i - s.velocities.stop < s.states  # works follow these
+        turns = is_state and k[i] * slopes[i] < 0.0
+        if h * change > s.tolerances[i] and (turns or not begins):
+            found = h * abs(k[i]) / change
+            least = min(least, max(found, SHORTEST * h) if turns else found)
+    return least
