@@ -60,6 +60,21 @@ SHRINK = 8.0
 GROW = 5.0
 KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
+# Largest effect of the roundoff of a rate that may be assumed without a sample, in
+# tolerances of the component's change in the step: at a start from rest, changes are
+# small beside those that follow.
+ASSUMED = 1e3
+# Number of samples of roundoff; their displacements, in units of roundoff, of which the
+# larger ones show the effect of the state's rounding, since few terms cancel by chance,
+# and the smaller ones the rounding within an evaluation. Roundoff in the error estimate
+# in terms of the effect of one unit: the coefficients ERROR are as large as 10, and few
+# samples find the largest effect.
+SAMPLES = 4
+FAR = 32.0
+NEAR = 4.0
+SAMPLED = 16.0
+# Roundoff of T^-1 Z in terms of that: the sums of entries of T^-1 are as large as 21.
+OF_STAGES = 8.0
 
 
 def start(s: Radau, p: SparseNewton) -> None:
@@ -69,7 +84,7 @@ def start(s: Radau, p: SparseNewton) -> None:
     s.evaluations += 1.0
     s.last_slope[:] = slope
     s.rate = s.previous_h = s.previous_error = s.factored_h = 0.0
-    s.jacobian = s.iterations = s.ceiling = s.step_h = 0.0
+    s.jacobian = s.iterations = s.ceiling = s.step_h = s.sampled_h = 0.0
     s.left_over = 1.0
     control.record_sizes(s, p)
     s.h = first_step(s, p, 4, slope)
@@ -206,10 +221,85 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
     # The error may be rounding alone.
-    while error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
+    while error >= 1.0 and allow_roundoff(s, p, h, sigma):
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
+
+
+def allow_roundoff(s: Radau, p: SparseNewton, h: float, sigma: float) -> bool:
+    """Adapt the tolerances to the roundoff in a step h.
+
+    The roundoff of a rate times h is its effect in an explicit step, and a bound of its
+    effect in an implicit one, which damps the errors of stiff rates. Where this bound
+    would hide errors that matter, it is limited, and samples replace it.
+
+    Return False, without an effect, if this has been done for this step, else True.
+
+    sigma : see `control.bound_roundoff`.
+    """
+    # After a rejection only the samples are renewed.
+    limited = s.rounding_known > 0.0 and s.sampled_h > 0.0 and s.sampled_h != h
+    if not limited:
+        if not control.bound_step(s, p, h, s.new, s.slope, sigma):
+            return False
+        limited = sigma >= 1.0 and limit_roundoff(s, h)
+    if limited:
+        sample_roundoff(s, p, h)
+        for i in range(s.n, s.size):
+            s.roundoff[i] = max(s.roundoff[i], s.disturbed[i] / h)
+        s.rounding_known = control.MOST_WAYS
+    control.adapt_to_roundoff(s, p, h, s.new, s.slope)
+    return True
+
+
+def limit_roundoff(s: Radau, h: float) -> bool:
+    """Limit the roundoff bounds of the rates by the changes in the step h.
+
+    Return whether a bound has been reduced.
+    """
+    limited = False
+    part = ASSUMED * LOCAL * s.rtol / h
+    for i in range(s.n, s.size):
+        most = part * abs(s.Z[2 * s.size + i])
+        if s.roundoff[i] > most:
+            s.roundoff[i] = most
+            limited = True
+    return limited
+
+
+def sample_roundoff(s: Radau, p: SparseNewton, h: float) -> None:
+    """Sample the effect of roundoff on the error estimate of a step h, in `disturbed`.
+
+    The rates are evaluated at states displaced by a few units of roundoff. Their
+    changes are filtered by the Newton matrix, as the estimate is. Errors of rates that
+    contain one rounded term are correlated, and cancel as in the step.
+    """
+    if s.sampled_h == h:
+        return
+    s.sampled_h = h
+    s.disturbed[:] = 0.0
+    changes = s.F[s.size :]
+    for way in range(SAMPLES):
+        units = FAR if way % 2 == 0 else NEAR
+        change = units * UNIT_ROUNDOFF
+        for i in range(s.size):
+            s.z[i] = s.y[i] + change * s.reach[i] * signed(i, way)
+        derivative(s.t * (1.0 + change * signed(s.size, way)), s.z, p, changes)
+        s.evaluations += 1.0
+        for i in range(s.size):
+            changes[i] -= s.slope[i]
+            if not abs(changes[i]) < OVERFLOW:
+                changes[i] = 0.0
+        solve(1, s, p, changes)
+        for i in range(s.size):
+            s.disturbed[i] = max(s.disturbed[i], SAMPLED / units * abs(changes[i]))
+
+
+def signed(i: int, way: int) -> float:
+    """Return a pseudorandom number in [-2, -1] or [1, 2] for component i and `way`."""
+    part = 2.0 * control.scattered(i, way) - 1.0
+    return part + 1.0 if part > 0.0 else part - 1.0
 
 
 def estimate(s: Radau, p: SparseNewton, h: float) -> float:
@@ -266,6 +356,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
             )
         s.last_slope[i] = total(SLOPE[k] * s.Z[k * size + i] for k in unrolled(3)) / h
     s.previous_h = h
+    s.sampled_h = 0.0
     s.evaluations += 1.0
     if LOCALIZED:
         before = s.z
@@ -327,10 +418,12 @@ class Radau(State):
     factored_h: float  # the step that the factors belong to; 0: none
     jacobian: float  # 0: to be evaluated; 1: of an earlier state; 2: of this one
     iterations: float
+    sampled_h: float  # the step for which roundoff was sampled; 0: none
     ceiling: float  # a step at which Newton's method failed, slowly forgotten; 0: none
     slope: Floats = array("size")  # y' at the start ...
     last_slope: Floats = array("size")  # ... as the polynomial before has it
     z: Floats = array("size")
+    disturbed: Floats = array("size")  # the effect of roundoff on the error estimate
     new: Floats = array("size")
     errors: Floats = array("size")
     dense: Floats = array(lambda s: 5 * s.size)  # y and four coefficients
@@ -457,16 +550,15 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
     s.new[:] = s.y + h * s.slope  # the stages may lead anywhere
-    while control.allow_roundoff(s, p, h, s.new, s.slope, 1.0):
+    while allow_roundoff(s, p, h, 1.0):
         pass
     change = size_of_change(s)
     if change * s.rtol**0.2 >= 1.0:
         return False
+    sample_roundoff(s, p, h)
     for i in range(s.size):
-        errors[i] = s.roundoff[i] if i >= s.n else 0.0
-    solve(1, s, p, errors)
-    for i in range(s.size):
-        errors[i] = abs(errors[i]) + 3.0 * ROUNDING * abs(s.y[i])  # of three parts
+        errors[i] = max(OF_STAGES * s.disturbed[i], s.roundoff[i] * h)
+        errors[i] += 3.0 * ROUNDING * abs(s.y[i])  # of three parts
     return change <= norm(1, s.size, errors, s.tolerances)
 
 

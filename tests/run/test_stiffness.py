@@ -233,10 +233,11 @@ def test_a_series_gives_way_where_fast_motion_is_damped():
     assert choice.choice.startswith("method: radau from t = ")
     alone = run(text, duration="60", method="taylor")
     assert not alone.trajectory.choices
-    # Radau's steps are some twenty times longer than h = 6e-4, which stability allows.
+    # Radau's steps are four times as long as those which stability allows; the error
+    # estimate of y_dot, of order 3, limits them.
     few = found.trajectory.statistics.steps
     many = alone.trajectory.statistics.steps
-    assert few - 20_000 < 0.2 * (many - 20_000)
+    assert few - 20_000 < 0.25 * (many - 20_000)
     # Radau keeps to the tolerance too, up to some hundred times for a minute's steps.
     assert np.max(np.abs(found["x"] - alone["x"])) < 1e-7
 
