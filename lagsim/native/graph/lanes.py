@@ -28,7 +28,7 @@ from lagsim.native.graph.lines import (
     sincos_function,
     vector_literal_of,
 )
-from lagsim.native.graph.writer import NOTHING, FunctionWriter, Place
+from lagsim.native.graph.writer import LINE_BYTES, NOTHING, FunctionWriter, Place
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,6 +69,7 @@ define void @{name}_rows(ptr %rows, ptr %p, ptr %out, i64 %count) {{
 %y = alloca [{inputs} x {vector}], align 32
 %to = alloca [{outputs} x {vector}], align 32
 %last = sub i64 %count, 1
+{fetches}
 {addresses}
 call void @rows.to.lanes({rows}, ptr %y, i64 {inputs})
 call void @{name}.lanes(ptr %y, ptr %p, ptr %to)
@@ -84,6 +85,12 @@ call void @{name}_rows(ptr %row, ptr %p, ptr %out, i64 1)
 ret void
 }}"""
 _COPY = "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)"
+# The memory of the rows that follow is fetched while these are computed: a table is
+# new, or other work has displaced it from the cache.
+_FETCH = "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"
+_FETCHED = """\
+%ahead.{k} = getelementptr i8, ptr %out, i64 {at}
+call void @llvm.prefetch.p0(ptr %ahead.{k}, i32 1, i32 3, i32 1)"""
 
 
 def suits(g: Graph, nodes: Sequence[int], size: int) -> bool:
@@ -183,10 +190,16 @@ class LaneWriter(FunctionWriter):
                 f"%of.{k} = mul i64 %k.{k}, {outputs}",
                 f"%out.{k} = getelementptr double, ptr %out, i64 %of.{k}",
             ]
-        self.declared |= {_COPY, _transpositions()}
+        block = 8 * LANES * outputs
+        fetches = [
+            _FETCHED.format(k=k, at=block + LINE_BYTES * k)
+            for k in range(-(-block // LINE_BYTES))
+        ]
+        self.declared |= {_COPY, _FETCH, _transpositions()}
         text = _ROWS.format(
             name=name, inputs=inputs, outputs=outputs, vector=VECTOR,
             bytes=8 * size, addresses="\n".join(addresses),
+            fetches="\n".join(fetches),
             rows=", ".join(f"ptr %row.{k}" for k in range(LANES)),
             outs=", ".join(f"ptr %out.{k}" for k in range(LANES)),
         )  # fmt: skip
