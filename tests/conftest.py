@@ -12,7 +12,9 @@ LAGSIM_TEST_SKIPS : unset; the run fails if more tests than this are skipped.
 """
 
 import collections
+import contextlib
 import gc
+import importlib
 import os
 import signal
 import sys
@@ -85,15 +87,37 @@ if sys.dont_write_bytecode:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection():
+def pytest_collection(session):
     """Run the garbage collector rarely, and never on the collected tests."""
     gc.disable()
     try:
+        if not session.config.args or session.config.args == ["tests"]:
+            _import_from_the_end(session.config)
         return (yield)
     finally:
         gc.freeze()
         gc.set_threshold(20_000, 20, 20)
         gc.enable()
+
+
+def _import_from_the_end(config):
+    """Import all test modules in reverse order, in every second process of a run.
+
+    Where no byte code is stored yet, each process then compiles half of the modules,
+    and finds the other half stored. A module that fails to import fails again when it
+    is collected.
+    """
+    number = (
+        getattr(config, "workerinput", {}).get("workerid", "gw0").removeprefix("gw")
+    )
+    if int(number) % 2 == 0:
+        return
+    root = Path(__file__).parents[1]
+    files = sorted(root.joinpath("tests").rglob("test_*.py"), reverse=True)
+    for file in files:
+        name = ".".join(file.relative_to(root).with_suffix("").parts)
+        with contextlib.suppress(Exception, pytest.skip.Exception):
+            importlib.import_module(name)
 
 
 @pytest.hookimpl(wrapper=True)
