@@ -50,12 +50,12 @@ def test_the_text_of_an_expression_reads_back(text):
 def test_many_nested_switches_take_no_recursion():
     g = Graph()
     node = g.variable("x")
-    for k in range(3000):
+    for k in range(1200):  # more than Python's limit of 1000
         node = g.call(
             "if", g.call("lt", g.variable("t"), g.constant(float(k))), g.zero, node
         )
     switches = find_switches(g, [node], MOVING)
-    assert len(switches.modes) == 3000
+    assert len(switches.modes) == 1200
     (frozen,) = switches.freeze([node])
     modes = {m.variable: 0.0 for m in switches.modes}
     assert evaluate(g, [frozen], modes | {"x": 5.0}) == [5.0]
