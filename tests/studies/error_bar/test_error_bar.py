@@ -1,6 +1,7 @@
 """The error bar: its estimate, its scales, rows that are compared, means and costs."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,13 @@ from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.trajectory import Outcome
 from lagsim.studies import attempts
-from lagsim.studies.attempts import LOOSER, Allowance, Repeat, by_other_means
+from lagsim.studies.attempts import (
+    LOOSER,
+    Allowance,
+    Repeat,
+    by_other_means,
+    tightened,
+)
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import oscillator, pendulum, scene, swing
 from tests.studies.judged import barred, made, repeated
@@ -304,6 +311,24 @@ def test_tolerances_of_repeats_differ(method, rtol):
     # The last cannot take the run's steps, whatever the tolerance makes of them.
     mean = trajectory.end / trajectory.statistics.steps
     assert ways[-1].session.longest_step < 0.5 * mean
+
+
+@pytest.mark.parametrize(
+    ("method", "others"),
+    [
+        # No feature of a pendulum can be missed: other steps of a series will do.
+        ("taylor", ["taylor"] * 3),
+        ("dop853", ["dop853"] * 3),
+        ("radau", ["dop853", "radau"] * 2 + ["radau"]),
+    ],
+)
+def test_repeats_are_by_another_method_or_by_other_steps(method, others):
+    session, trajectory, _ = made(PENDULUM, method=method, rtol="1e-9")
+    ways = by_other_means(session, trajectory)
+    assert [way.session.plan.method for way in ways] == others
+    # An absolute tolerance alone becomes tighter by the factor itself.
+    plan = replace(session.plan, rtol=0.0, atol=1e-8)
+    assert tightened(plan, 10.0).atol == pytest.approx(1e-9, rel=1e-12)
 
 
 @pytest.mark.parametrize("rtol", TIGHT)
