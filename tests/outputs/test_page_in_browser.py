@@ -8,7 +8,7 @@ import pytest
 import lagsim
 from lagsim.outputs import animation
 from tests.outputs import node
-from tests.outputs.browser import needs_browser, said, shown
+from tests.outputs.browser import Tab, needs_browser, said, shown
 from tests.support import MODELS
 
 pytestmark = needs_browser
@@ -127,3 +127,16 @@ def places(result, model, t):
         place = [float(rows[row, names.index(c)]) for c in columns] if known else None
         found[f"{model.name}/{name}"] = place
     return found
+
+
+def test_a_picture_keeps_its_proportions_where_numbers_beside_it_grow(tmp_path):
+    page = written(f"{SPRING}scene: {{points: {{a: [x, y]}}}}\n", tmp_path / "page")
+    canvas = "document.querySelector('.stage canvas')"
+    longer = ".forEach((x) => x.append(' of a long unit'))"
+    drawn = f"Math.round({canvas}.clientWidth * devicePixelRatio)"
+    with Tab(tmp_path / "browser") as tab:
+        tab.send("Page.navigate", url=f"{page.as_uri()}#t=1")
+        tab.wait(f"document.body?.dataset.t && {canvas}")
+        before = tab.run(f"{canvas}.clientWidth")
+        tab.run(f"document.querySelectorAll('.bar b'){longer}")
+        tab.wait(f"{canvas}.clientWidth < {before} && {canvas}.width === {drawn}")

@@ -265,7 +265,9 @@ function begin() {
   arrange();
   state.speed = usual;
   faster(1);
-  new ResizeObserver(resize).observe($("panels"));
+  // A picture becomes narrower where the numbers beside it become longer.
+  const sized = new ResizeObserver(resize);
+  for (const part of [$("panels"), ...[...panels, together].filter(Boolean).map(({canvas}) => canvas)]) sized.observe(part);
   addEventListener("hashchange", () => { const t = wanted(); if (t !== null) { pause(); seek(t); } });
   if (wanted() !== null) seek(wanted());
   else if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play();
