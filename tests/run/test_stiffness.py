@@ -178,6 +178,21 @@ def test_switches_are_located_by_the_stiff_method_too():
     assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
 
 
+@pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-7])
+def test_rows_within_the_first_step_after_a_switch(rtol):
+    """A fast motion begins at the switch at 1.8404; the row at 1.85 is in that step.
+
+    The errors of velocities are those of the tolerance with the motion's frequency, and
+    the local error adds up over some tens of steps.
+    """
+    found = run(RUBBING, method="radau", rtol=rtol)
+    explicit = run(RUBBING, method="dop853", rtol=1e-9)
+    for name in ("x_dot", "y_dot"):
+        assert (
+            np.max(np.abs(found[name] - explicit[name])) < 1e-4 * (rtol / 1e-5) ** 0.5
+        )
+
+
 @pytest.mark.slow
 def test_steps_that_shrink_for_another_reason_are_no_stiffness():
     # At rest the rows of this relation vanish: y' is rounding divided by rounding.
