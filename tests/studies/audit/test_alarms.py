@@ -42,8 +42,6 @@ FAILING = [
     ("gimbal", {"formulation": "full", "method": "dop853"}, [SINGULAR], "`phi`"),
     # Of spin and precession, which are one there, either may be told.
     ("sleeping-top", {}, [SINGULAR], "`phi`"),
-    # Whether a step ends so close to t = 6.2, where it lies flat again, that another
-    # solver goes on, is chance.
     ("parallelogram", {"duration": 5}, ["rank"], "left_x"),
     ("duplicate-row", {}, ["multipliers-not-unique", "redundant"], "twice"),
     # What asks for no alarm, since nothing fails any more.
@@ -67,7 +65,12 @@ def test_each_failing_scene_raises_its_alarm_in_any_unit(
     if units:
         model = CHANGES[units].put(document(model), None).text()
     found = run(model, **options)
-    assert {*codes(found)} - {"unused-parameter"} == {*expected}
+    aside = {"unused-parameter"}
+    if "rank" in expected:
+        # Whether the last step before the loss is one of another solver, is decided by
+        # rounding, which a singular configuration enlarges without bound.
+        aside |= {"nearly-dependent"}
+    assert {*codes(found)} - aside == {*expected}
     if not units:
         assert text in " ".join(caution.text for caution in cautions(found))
 
