@@ -250,8 +250,10 @@ class Run:
         for e in self.m.events:
             # An event's own act does not make its condition true; that of an event
             # after it does.
-            counts = e.equal is not None and e.name not in now.round
-            if counts and self._crossed(e.name, now, arc) is not None:
+            crossed = (
+                e.equal is not None and self._crossed(e.name, now, arc) is not None
+            )
+            if crossed and e.name not in now.round:
                 found.add(e.name)
             if e.at is None or e.name in now.acted:
                 continue
