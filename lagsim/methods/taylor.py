@@ -5,7 +5,7 @@ operation. The method for tight tolerances; it takes longer to compile than othe
 
 - **Code.** Straight-line code or, if that is long, a loop over the order with
   vectorised products.
-- **Order.** K follows from the tolerance: 15 from 1e-7 to the default.
+- **Order.** K follows from the tolerance: 15 at the default.
 - **Step.** It follows from the last four coefficients. The last two alone vanish at a
   symmetric start, and the error would then grow without a warning.
 - **Error.** The next step's series, which is needed anyway, gives the defect of the
@@ -67,10 +67,6 @@ LOCALIZED = True
 SWITCHES = True
 
 LEAST_ORDER = 4
-# Order per unit of the logarithm of 1/tolerance: if a step costs its series, and at
-# loose tolerances, up to ORDER (measured on seven models at 1e-8: order 15 takes 0.75
-# times the steps of order 12, 0.83 to 0.9 of the time with constraints, 0.9 to 1 else).
-PART, LARGER_PART = 0.5, 0.8
 # At tight tolerances steps of lower order, shorter and more of them, cost the same and
 # average more of what forces are rounded by.
 TIGHT_ORDER = 14
@@ -92,21 +88,10 @@ SHORTEST = 0.2
 
 
 def order_for(rtol: float) -> int:
-    """Return the order for a relative tolerance rtol.
-
-    The order is that of Jorba and Zou, (3-5), for which the cost of a step is that of
-    its series. At loose tolerances the other costs of a step, which do not depend on
-    the order, are larger, and a higher order with longer steps costs less.
-    """
-    decay = decay_for(rtol)
-    order = max(1.0 + PART * decay, min(1.0 + LARGER_PART * decay, ORDER))
+    """Return the order for a relative tolerance rtol (Jorba and Zou, (3-5))."""
+    order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
     most = TIGHT_ORDER if rtol < control.TIGHT else MOST_ORDER
-    return min(max(math.ceil(order), LEAST_ORDER), most)
-
-
-def decay_for(rtol: float) -> float:
-    """Return the natural logarithm of a state's size over the tolerance of a step."""
-    return -log(LOCAL * max(rtol, TINY))
+    return min(max(order, LEAST_ORDER), most)
 
 
 def amplification(z: complex) -> float:
@@ -126,8 +111,6 @@ def start(s: Taylor, p: Parameters) -> None:
     s.step_h = 0.0
     s.spared = 0.0
     s.alone = 0.0
-    shrink = decay_for(s.rtol) / (c[0] - 2.0)
-    s.shrink = min(MOST_SHRINK, shrink) / LN2
     s.held_error = exp((c[0] + 1.0) * log(safety(s) / FAILING))
     control.record_sizes(s, p)
     rates = c[1 + s.size :]
@@ -348,11 +331,9 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
 # And what Taylor's step keeps: the series at both its ends.
 
 MOST_ORDER = 18
-# Logarithm of the factor by which terms decrease from one to the next at the step that
-# costs least per unit of time, if a step costs its series (Jorba and Zou, proposition
-# 3.1). With an order that is higher for the tolerance they decrease by less.
-MOST_SHRINK = 2.0
-LN2 = 0.6931471805599453
+# Terms shrink by e^2 from one to the next at the step that costs least per unit of
+# time (Jorba and Zou, proposition 3.1).
+LOG2_SHRINK = 2.0 * 1.4426950408889634
 # Below this numbers are not normal.
 LEAST_NUMBER = 2.0**-1000
 # A priori bounds are met with this much room, or many steps fail the check (measured at
@@ -378,7 +359,6 @@ class Taylor(State):
     """Memory of two series, each its order K, then y_0 ... y_K, and a new state."""
 
     held_error: float  # of a step held by stability: more tolerances than this
-    shrink: float  # log2 of the factor by which terms decrease from one to the next
     which: float  # of the two series is the present one: 0 or 1
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array("size")
@@ -430,9 +410,9 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
 def chosen_step(s: Taylor, c: Floats, t: float) -> float:
     """Return a step from t, with the series c there, whose error is within tolerance.
 
-    If each of the last four terms is within its bound, and the terms decrease from one
-    to the next by the factor 2^shrink, so is the first omitted term. At most the length
-    of the arc; 0 if a coefficient is not finite.
+    If each of the last four terms is within its bound, and the terms decrease by e^2
+    from one to the next, so is the first omitted term. At most the length of the arc; 0
+    if a coefficient is not finite.
     """
     size = s.size
     order = int(c[0])
@@ -453,10 +433,10 @@ def chosen_step(s: Taylor, c: Floats, t: float) -> float:
     if not max(last, second, third, fourth) < OVERFLOW:
         return 0.0
     logarithm = min(
-        bound(fourth, 4.0 * s.shrink, order - 3),
-        bound(third, 3.0 * s.shrink, order - 2),
-        bound(second, 2.0 * s.shrink, order - 1),
-        bound(last, s.shrink, order),
+        bound(fourth, 4.0 * LOG2_SHRINK, order - 3),
+        bound(third, 3.0 * LOG2_SHRINK, order - 2),
+        bound(second, 2.0 * LOG2_SHRINK, order - 1),
+        bound(last, LOG2_SHRINK, order),
     )
     return min(safety(s) * rough_power_of_two(logarithm), float(arc))
 

