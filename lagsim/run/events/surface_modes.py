@@ -27,6 +27,9 @@ KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SI
 DIRECTIONS = 3
 # Change of a state, relative to its ranges, from which constancy is tested.
 ASIDE = 1e-3
+# Parts of it at which the rounding of a constant expression is sampled: a few values
+# may be exact by chance.
+PARTS = (1.0, 0.83, 0.61, 0.47, 0.31, 0.19)
 
 
 class Rows(NamedTuple):
@@ -288,14 +291,7 @@ class SurfaceModes:
 
     def keeps(self, k: int) -> bool:
         """Whether surface k's expression is constant around the state, and later."""
-        arc, seen, reach = self.arc, self.arc.seen, self.arc.ranges
-        later = arc.t + ASIDE * (arc.settings.end - arc.t)
-        reach = np.where(
-            reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
-        )
-        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
-        aside = parts * np.where(reach > 0.0, reach, 1.0)
-        here, there = self.rows(), self.rows(arc.y + aside, later)
+        here, there = self.rows(), self.rows(*self._displaced())
         if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
                 here.rates[k]
@@ -308,6 +304,29 @@ class SurfaceModes:
             and not np.any(here.J[k])
             and not np.any(there.J[k])
         )
+
+    def roundoff_around(self, k: int) -> float:
+        """Return the largest distance from its level of surface k, constant around it.
+
+        The distance is rounding: `phi - (abs(phi + b) - abs(phi - b))/2` is 0 exactly
+        at phi = 0, and 1e-17 beside it; `max(t - 1, 0)^3` is 0 exactly.
+        """
+        values = [self.values(t, y)[k] for y, t in map(self._displaced, PARTS)]
+        return float(np.max(np.abs(np.array(values) - self.levels[k])))
+
+    def _displaced(self, part: float = 1.0) -> tuple[Floats, float]:
+        """Return a state y (size,) and a time beside the present ones, and later.
+
+        part : the distance, as a part of the one by default.
+        """
+        arc, seen, reach = self.arc, self.arc.seen, self.arc.ranges
+        reach = np.where(
+            reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
+        )
+        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
+        aside = parts * np.where(reach > 0.0, reach, 1.0)
+        later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
+        return arc.y + part * aside, later
 
     def decisive(self) -> Floats:
         """Return 1 for each surface whose side decides another one's rest, shape (K,).

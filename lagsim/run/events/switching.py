@@ -62,6 +62,8 @@ SHORT = 16.0
 LEFT = 1e-4
 # Factor of the distance to a surface that was reached: it is known no better.
 TWICE = 2.0
+# Allowance for the rounding of a constant expression, in parts of sampled values.
+LARGER = 8.0
 # Steps towards a surface past which values are not finite end after the part AHEAD of
 # the distance. Where such a step fails it is shortened to the part BACK of its length,
 # MOST_APPROACHES times at most.
@@ -447,11 +449,13 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        # A constant expression that is 0 exactly leaves its level at any other value;
-        # where it has just left by rounding, within that alone.
-        for k in crossing.kept:
-            if k in modes.watched and k != crossing.hit and event_functions[k] == 0.0:
-                slack[k] = 0.0
+        # A constant expression that is at its level exactly leaves it at any other
+        # value, and one that is there to rounding at a larger one.
+        for k in modes.watched:
+            if k in crossing.kept:
+                if k != crossing.hit and event_functions[k] == 0.0:
+                    slack[k] = 0.0
+                slack[k] = max(slack[k], LARGER * modes.roundoff_around(k))
         led = [*modes.watched, *modes.carried]
         if led and arc.system.m:
             slack[led] += modes.drifts()[led]
