@@ -33,8 +33,9 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
     The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
     time, causes a motion without initial size, and one component may set the next in
-    motion. Where the terms of a rate cancel, by a symmetry that later motion breaks, a
-    small part of them counts.
+    motion. Where the terms of a state's rate cancel, by a symmetry that later motion
+    breaks, a small part of them counts; not of a velocity's, since a force that holds a
+    body at rest cancels others for as long as it rests.
 
     k : (size,), y' at the start.
     """
@@ -49,22 +50,22 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
             z[i] += instant * instant * accelerations[i]
         elif abs(k[i]) <= s.roundoff[i]:
             waiting += 1
-    cancelling = 0.0
+    first = n
     while waiting > 0:
-        if cancelling > 0.0:
+        if first > n:
             rounding(s.t + instant, z, p, slopes[n:])
             slopes[n : s.size] = FLOOR * slopes[n : s.size]
         else:
             derivative(s.t + instant, z, p, slopes)
             s.evaluations += 1.0
-        set_off = start_moving(s, k, instant)
+        set_off = start_moving(s, k, instant, first)
         waiting -= set_off
-        if set_off == 0 and cancelling > 0.0:
+        if set_off == 0 and (first > n or s.states == 0):
             return
-        cancelling = 1.0 if set_off == 0 else 0.0
+        first = s.velocities.stop if set_off == 0 else n
 
 
-def start_moving(s: Control, k: Floats, instant: float) -> int:
+def start_moving(s: Control, k: Floats, instant: float, first: int) -> int:
     """Set components at rest in motion at the rates `spare`; return their number.
 
     The state after the first instant in `work` and the sizes `foreseen` are updated;
@@ -72,10 +73,11 @@ def start_moving(s: Control, k: Floats, instant: float) -> int:
 
     k : (size,), y' at the start.
     instant : the length of the first instant.
+    first : the first of the components.
     """
     n, y, foreseen, z, slopes = s.n, s.y, s.foreseen, s.work, s.spare
     set_off = 0
-    for i in range(n, s.size):
+    for i in range(first, s.size):
         rate = abs(slopes[i])
         rests = abs(k[i]) <= s.roundoff[i] and foreseen[i] == 0.0
         if rests and s.roundoff[i] < rate and rate < OVERFLOW:
