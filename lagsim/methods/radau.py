@@ -247,7 +247,8 @@ def allow_roundoff(s: Radau, p: SparseNewton, h: float, sigma: float) -> bool:
     if limited:
         sample_roundoff(s, p, h)
         for i in range(s.n, s.size):
-            s.roundoff[i] = max(s.roundoff[i], s.disturbed[i] / h)
+            sampled = min(s.disturbed[i] / h, float(s.bounded[i]))
+            s.roundoff[i] = max(s.roundoff[i], sampled)
         s.rounding_known = control.MOST_WAYS
     control.adapt_to_roundoff(s, p, h, s.new, s.slope)
     return True
@@ -262,6 +263,7 @@ def limit_roundoff(s: Radau, h: float) -> bool:
     part = ASSUMED * LOCAL * s.rtol / h
     for i in range(s.n, s.size):
         most = part * abs(s.Z[2 * s.size + i])
+        s.bounded[i] = s.roundoff[i]
         if s.roundoff[i] > most:
             s.roundoff[i] = most
             limited = True
@@ -430,6 +432,7 @@ class Radau(State):
     last_slope: Floats = array("size")  # ... as the polynomial before has it
     z: Floats = array("size")
     disturbed: Floats = array("size")  # the effect of roundoff on the error estimate
+    bounded: Floats = array("size")  # roundoff bounds of rates before they are limited
     new: Floats = array("size")
     errors: Floats = array("size")
     dense: Floats = array(lambda s: 5 * s.size)  # y and four coefficients
