@@ -401,9 +401,11 @@ def keep(key, result):
 
     known = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     scenes = {r["key"]: {"measured": stamp(known)} | r for r in known.get("scenes", ())}
-    result["measured"] = stamp(document([], {}))
     others = {name: known[name] for name in OTHERS if name in known}
-    (others if key in OTHERS else scenes)[key] = result
+    if key in OTHERS:
+        others[key] = result
+    else:
+        scenes[key] = result | {"measured": stamp(document([], {}))}
     found = document([scenes[name] for name in EVERY if name in scenes], others)
     KEPT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     write(found)
