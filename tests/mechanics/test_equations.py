@@ -207,8 +207,8 @@ def test_native_motion_satisfies_the_equations(name):
         rates, q_ddot, lam = native.motion(values)
         n = len(q_ddot)
         assert list(rates[:n]) == [values[v] for v in native.equations.velocities]
-        # Columns compute sines of sums of angles from the sines of the angles, with a few
-        # units of rounding more.
+        # Columns compute sines of sums of angles from the sines of the angles, with a
+        # few units of rounding more.
         assert rates[n : 2 * n] == pytest.approx(q_ddot, rel=1e-13)
         solves(x, q_ddot, lam)
 
