@@ -38,10 +38,10 @@ def ring(t):
 
 def top(t):
     """Free body with moments of inertia 1, 1, 2, from w = (0.7, 0, 2)."""
+    # Quaternions of half angles, which are continuous from p0 = 1 at t = 0: no sign
+    # is chosen, as a single time (a crossing of a section) has no neighbour.
     turn = Rotation.from_rotvec(np.outer(t, [0.7, 0.0, 4.0]))
     q = (turn * Rotation.from_rotvec(np.outer(t, [0.0, 0.0, -2.0]))).as_quat()
-    signs = np.sign(np.sum(q[1:] * q[:-1], axis=1))  # q and -q are one rotation
-    q *= np.cumprod(np.concatenate([[np.sign(q[0, 3])], signs]))[:, None]
     names = ("p1$", "p2$", "p3$", "p0$")
     return {"x$": 0.1 + 0.3 * t, **dict(zip(names, q.T, strict=True))}
 
