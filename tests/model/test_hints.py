@@ -404,6 +404,8 @@ ADVISED = [
     ("  end: 2", "end: 2", "belongs below `simulation:`, indented", ""),
     ("  end: 2", "  end: 2\nfriction: 0.1",
      "belongs to an entry of `constraints`: constraints: {name: {friction: ...}}", ""),
+    ("forces:\n  x: -x_dot\n", "damping: x_dot^2/2\n",
+     "`dissipation` belongs below `energy:`, indented", "  dissipation: x_dot^2/2\n"),
     (LINK, "[[pivot, ball]]", "the points are `bob`, `pivot`", ""),
     ("  points:\n    bob: [s, c]\n    pivot: [0, 0]\n", "",
      "give it a place: points: ", "  points: {bob: [s, c], pivot: [0, 0]}\n"),

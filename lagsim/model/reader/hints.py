@@ -94,7 +94,7 @@ _KEYS = {
     "kinetic duration": "t ke ekin kinetic_energy",
     "potential": "v u pe epot potential_energy",
     "lagrangian": "l lagrange lagrange_function",
-    "dissipation": "d r rayleigh friction", "forces dissipation": "damping",
+    "dissipation": "d r rayleigh friction", "dissipation forces": "damping",
     "duration": "time tmax t_max length",
     "end": ("t_end tend tf t1 to tstop t_stop t_final tfinal final final_time "
         "stop_time end_time finish till"),
