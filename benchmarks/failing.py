@@ -58,7 +58,7 @@ class Motion:
         """
         run = Run(self.session.first_arc(), [])
         run.begin()
-        run.arc.state.ask_at = 0.0  # go on at the bound
+        run.arc.state.pause_at = 0.0  # go on at the bound
         found, s = [], run.arc.state
         while len(found) < most and run.t < self.case.settings.end:
             run.arc.advance(len(run.arc.runner.block), 1)

@@ -92,7 +92,7 @@ def command(
             found = branches.follow(starts, interrupt, progress)
         document = rest.document_of(search.setting, found, search.tried or starts)
         _print_warnings(rest.not_linear_about(search.setting, found))
-        document["complete"] = not interrupt.asked
+        document["complete"] = not interrupt.requested
         cells = rest.tables(found)
         if branches is not None:
             document |= branches.record

@@ -119,7 +119,7 @@ def command(
                 outcomes.append(CaseResult(name, path, answer.seconds, *answer.why))
                 if answer.lines and not as_json and not (quiet and not answer.code):
                     print_stdout("\n".join(answer.lines))
-        if interrupt.asked:
+        if interrupt.requested:
             raise exception_of(interrupt.signal)
         if junit is not None:
             put_file(junit, junit_document(SUITE, outcomes), folders=True)

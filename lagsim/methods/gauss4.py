@@ -258,7 +258,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
         place(s, stage, h, s.z)
         t = s.t + s.nodes[stage] * h
         lagrangian_slopes(t, s.z, p, s.slopes[stage * block :])
-    newton.take_finite(stages * block, s.slopes)
+    newton.zero_nonfinite(stages * block, s.slopes)
     s.factorisations += 1.0
     s.factored_h = h
     for i in range(stages):

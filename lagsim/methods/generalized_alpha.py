@@ -245,7 +245,7 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     velocities = part * h * weight(radius)
     jacobian(after, s.new, p, J)
     width = s.dynamic.stop
-    newton.take_finite(n * width, J)
+    newton.zero_nonfinite(n * width, J)
     s.factorisations += 2.0
     s.factored_h = h
     for i in range(n):

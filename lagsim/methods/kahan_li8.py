@@ -125,7 +125,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
     row = s.row_start + s.row * s.row_step
     extra = s.extras > 0.0 and s.extra < s.t
     if s.located > 0.0 or extra or (row < s.row_limit and row < s.t):
-        look_within(s, p)
+        store_residuals(s, p)
         for i in range(n):
             for m in unrolled(4):
                 some = total(
@@ -134,7 +134,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
                 s.r[m * size + i] = some
         correct(s, s.velocities.start, s.velocities.stop)
         if size > s.quadratures.start:
-            look_at_power(s, p)
+            store_rate_residuals(s, p)
             correct(s, s.quadratures.start, size)
 
 
@@ -152,7 +152,7 @@ def quintic(s: Composition) -> None:
         s.c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
 
 
-def look_within(s: Composition, p: Parameters) -> None:
+def store_residuals(s: Composition, p: Parameters) -> None:
     """Store the residuals of the equations on the dense output at four points.
 
     The residuals (4, size) are h^2 q'' less the second derivative of the quintics for
@@ -173,7 +173,7 @@ def look_within(s: Composition, p: Parameters) -> None:
             rates[first + i] = h * a[i] - steepness(s, first + i, x)
 
 
-def look_at_power(s: Composition, p: Parameters) -> None:
+def store_rate_residuals(s: Composition, p: Parameters) -> None:
     """Store h times the rates of the quadratures, less the slopes of their cubics.
 
     The cubics are Hermite polynomials, see `steepness`. The differences at the four

@@ -89,7 +89,7 @@ def start(s: Radau, p: SparseNewton) -> None:
     control.record_sizes(s, p)
     s.h = first_step(s, p, 4, slope)
     if CONSTRAINED:
-        s.h = constraints.leave_loss(s, p, s.h)
+        s.h = constraints.step_past_loss(s, p, s.h)
 
 
 def step(s: Radau, p: SparseNewton) -> int:
@@ -462,7 +462,7 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
         count = s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop
-        newton.take_finite(count, s.J)
+        newton.zero_nonfinite(count, s.J)
         s.factorisations += 1.0
         s.jacobian = 2.0
         s.factored_h = 0.0

@@ -129,7 +129,7 @@ def start(s: Taylor, p: Parameters) -> None:
         if s.h > SETTLED * before:
             break
     if CONSTRAINED:
-        s.h = constraints.leave_loss(s, p, s.h)
+        s.h = constraints.step_past_loss(s, p, s.h)
 
 
 def step(s: Taylor, p: Parameters) -> int:

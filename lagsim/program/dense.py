@@ -34,12 +34,12 @@ from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import columns, of_model
 from lagsim.program import mass
 from lagsim.program.laws import (
+    clear_open_rows,
     correct,
     drive,
-    hold,
+    factor_held,
     own_place,
     respond,
-    take_out,
 )
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
@@ -53,7 +53,7 @@ def spread(p: Parameters) -> None:
     """Compute the scaled rows L^-1 A_i in p.Y (m, n), and the scales in p.scales (m,).
 
     A row is scaled by the largest length that the row has had in the arc, so that a
-    vanishing row is detected; see `keep_lengths`.
+    vanishing row is detected; see `update_lengths`.
     """
     n = p.n
     for i in range(p.m):
@@ -65,7 +65,7 @@ def spread(p: Parameters) -> None:
         row[:n] *= p.scales[i]
 
 
-def keep_lengths(p: Parameters) -> None:
+def update_lengths(p: Parameters) -> None:
     """Update p.lengths (m,), the largest length |L^-1 A_i| of each row in the arc.
 
     Called at accepted states only: stages and rejected states may lie anywhere.
@@ -395,7 +395,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     reaction = out[p.size :]
     solve_motion(t, y, p)
     if LAWS:
-        take_out(p)
+        clear_open_rows(p)
     gather(p, reaction)
     force_rounding(t, y, p, out)
     p.f[:] = out[:n]
@@ -605,7 +605,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     out[p.n + 1] = p.sigma
     out[p.n + 2] = residual_left(p.m, t, y, p, out)
     if not LAWS:
-        keep_lengths(p)
+        update_lengths(p)
         p.reference = max(p.reference, p.sigma)
 
 
@@ -637,7 +637,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
     residuals, sizes : (m,), the residuals of the rows, and the sizes of their terms.
     """
     if LAWS:
-        hold(p)
+        factor_held(p)
     else:
         factor_rows(p)
     largest = 0.0
@@ -674,7 +674,7 @@ def solve_terms(p: Parameters) -> None:
     The terms are M, A, f and b.
     """
     if LAWS:
-        hold(p)
+        factor_held(p)
         respond(p)
         return
     factor_rows(p)

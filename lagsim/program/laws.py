@@ -108,7 +108,7 @@ def note_column(p: Parameters, k: int, i: int) -> None:
 def note_still(p: Parameters) -> None:
     """Store row, column and element of held rows of laws with a single element.
 
-    See `keep_still`.
+    See `set_exact_accelerations`.
     """
     first, count = p.m - p.laws, 0
     for k in range(int(p.ranked)):
@@ -400,12 +400,12 @@ def share_by(p: Parameters, count: int, y: Floats) -> float:
     laws = p.laws
     found = 0.0
     for k in range(laws):
-        p.share_asked[k] = 0.0
+        p.share_target[k] = 0.0
         for i in range(count):
-            p.share_asked[k] += y[i] * p.free[i * laws + k]
+            p.share_target[k] += y[i] * p.free[i * laws + k]
     for k in range(laws):
-        p.share_found[k] = p.share_asked[k] * kept_part(p, k)
-        found += (p.share_asked[k] - 0.5 * p.share_found[k]) * p.share_found[k]
+        p.share_found[k] = p.share_target[k] * kept_part(p, k)
+        found += (p.share_target[k] - 0.5 * p.share_found[k]) * p.share_found[k]
     for i in range(count):
         found -= p.diagonal[i] * y[i]
     return found
@@ -418,23 +418,23 @@ def kept_part(p: Parameters, k: int) -> float:
     else bound over size.
     """
     if is_one_sided(p, k):
-        return 1.0 if p.share_asked[k] > 0.0 else 0.0
-    size = asked_size(p, k)
+        return 1.0 if p.share_target[k] > 0.0 else 0.0
+    size = unprojected_size(p, k)
     return 1.0 if size <= p.law_statics[k] else float(p.law_statics[k] / size)
 
 
-def asked_size(p: Parameters, k: int) -> float:
+def unprojected_size(p: Parameters, k: int) -> float:
     """Return the size of multiplier k of a limited row before the projection P.
 
     For a row of a disc it is the norm of the multipliers of both rows.
     """
-    x = p.share_asked[k]
-    z = p.share_asked[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
+    x = p.share_target[k]
+    z = p.share_target[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
     return sqrt(x * x + z * z)
 
 
 def unshared(p: Parameters, count: int) -> float:
-    """Store the gradient (count,) of the convex function in p.share_left.
+    """Store the gradient (count,) of the convex function in p.share_gradient.
 
     The gradient is A_h A^T P(...) less A_h A^T lambda: the forces that the bounded
     multipliers lack. Return its largest component relative to the sizes of its terms.
@@ -448,7 +448,7 @@ def unshared(p: Parameters, count: int) -> float:
         for k in range(laws):
             missed += row[k] * p.share_found[k]
             size += abs(row[k] * p.share_found[k])
-        p.share_left[i] = missed
+        p.share_gradient[i] = missed
         if size > 0.0:
             most = max(most, abs(missed) / size)
     return most
@@ -471,9 +471,9 @@ def newton_step(p: Parameters, count: int) -> float:
         size = max(size, mass.product(laws, row, row))
     for i in range(count):
         p.S[i * count + i] += REGULAR * size
-        p.share_step[i] = -p.share_left[i]
+        p.share_step[i] = -p.share_gradient[i]
     solve_in_place(count, count, p.S, p.factors, p.share_step)
-    return -mass.product(count, p.share_left, p.share_step)
+    return -mass.product(count, p.share_gradient, p.share_step)
 
 
 def share_slope(p: Parameters, k: int, change: Floats) -> float:
@@ -486,12 +486,12 @@ def share_slope(p: Parameters, k: int, change: Floats) -> float:
     found = part * change[k]
     if is_one_sided(p, k) or part == 1.0:
         return float(found)
-    size = asked_size(p, k)
-    along = p.share_asked[k] * change[k]
+    size = unprojected_size(p, k)
+    along = p.share_target[k] * change[k]
     if p.law_pair[k] >= 0.0:
         other = int(p.law_pair[k])
-        along += p.share_asked[other] * change[other]
-    return float(found - part * p.share_asked[k] * along / (size * size))
+        along += p.share_target[other] * change[other]
+    return float(found - part * p.share_target[k] * along / (size * size))
 
 
 def weigh(p: Parameters) -> None:
@@ -559,7 +559,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
     """Store q'' (n,) and lambda (m,) in p.motion, see `dense`."""
 
 
-def take_out(p: Parameters) -> None:
+def clear_open_rows(p: Parameters) -> None:
     """Set the rows in p.A of laws that do not hold to 0."""
     first = p.m - p.laws
     for k in range(p.laws):
@@ -578,7 +578,7 @@ def correct(p: Parameters) -> None:
     impress(p)
 
 
-def hold(p: Parameters) -> None:
+def factor_held(p: Parameters) -> None:
     """Factor M, and store the indices of the rows that hold in p.order, by groups.
 
     p.ranked is their number. If the same rows hold as at the last call, their groups
@@ -750,7 +750,7 @@ def respond(p: Parameters) -> None:
     p.u[:] = p.v
     impress(p)
     mass.backward_mass(p, p.u, p.motion)
-    keep_still(p)
+    set_exact_accelerations(p)
     if p.least_pivot < REFINED:
         refine(p)
     share_out(p)
@@ -778,7 +778,7 @@ def refine(p: Parameters) -> None:
         impress(p)
         mass.backward_mass(p, p.u, p.v)
         p.motion[: p.n] += p.v[: p.n]
-        keep_still(p)
+        set_exact_accelerations(p)
         change = 0.0
         size = 0.0
         for k in range(count):
@@ -790,7 +790,7 @@ def refine(p: Parameters) -> None:
     p.w[:count] = found[:count]
 
 
-def keep_still(p: Parameters) -> None:
+def set_exact_accelerations(p: Parameters) -> None:
     """Set q'' of each coordinate that a single law's row determines to the exact b / A.
 
     By the rounding of the solution the coordinate would pass a switch at which it
@@ -815,11 +815,11 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
         if p.law_place[k] >= 0.0:  # a slider
             continue
         if mode[k] == HELD:
-            out[k] = hold_left(p, k)
+            out[k] = hold_margin(p, k)
             if p.law_weakens[k] > 0.0:  # ends where static < sliding
                 out[k] = min(out[k], p.law_statics[k] - p.law_bounds[k])
         elif mode[k] == SLIDING:
-            out[k] = slide_left(t, p, k, out[k])
+            out[k] = slide_margin(t, p, k, out[k])
             if p.law_varies[k] > 0.0:  # it may not become negative
                 out[k] = min(out[k], p.law_bounds[k])
         elif mode[k] == REDUNDANT or not is_one_sided(p, k):
@@ -836,14 +836,14 @@ def is_bounded(p: Parameters, k: int) -> bool:
     return float(p.law_high[k]) < OVERFLOW
 
 
-def hold_left(p: Parameters, k: int) -> float:
+def hold_margin(p: Parameters, k: int) -> float:
     """Return the event function of held law k, the margin of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
     return grip(p, k) if is_bounded(p, k) else ENDLESS
 
 
-def slide_left(t: float, p: Parameters, k: int, speed: float) -> float:
+def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
     """Return the event function of sliding law k: its speed in the sliding direction.
 
     Two slips on a disc have one event function, stored for the first; the function also

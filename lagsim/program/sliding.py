@@ -69,7 +69,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         # instants.
         if not slides[k] > 0.0 and t != p.settled[k]:
             p.floor[k] = 0.0
-    take_cells(t, y, p)
+    set_cells(t, y, p)
     combine(t, y, p)
     p.gain = gain
     a = p.side_fields[p.velocities]
@@ -123,7 +123,7 @@ def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED and not p.share[k] < 1.0:
-            take_side(k, p.high, p)
+            set_side(k, p.high, p)
     columns(t, y, p, out)
     if p.sliding == 0.0:
         return
@@ -132,15 +132,15 @@ def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     base[:width] = out[:width]
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED and 0.0 < p.share[k] < 1.0:
-            take_side(k, p.high, p)
+            set_side(k, p.high, p)
             columns(t, y, p, p.shown)
-            take_side(k, p.low, p)
+            set_side(k, p.low, p)
             for i in range(width):
                 if p.shown[i] != base[i]:
                     out[i] += p.share[k] * (p.shown[i] - base[i])
 
 
-def take_cells(t: float, y: Floats, p: Parameters) -> None:
+def set_cells(t: float, y: Floats, p: Parameters) -> None:
     """Set the cell of each table at the state, for tables whose points end no step.
 
     A cell is the interval between neighbouring points of a linear table. A table along
@@ -162,7 +162,7 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     if p.sliding > 0.0:
         combine(t, y, p)
     if p.ends_above > 0.0:
-        look_above(t, y, p)
+        store_margins_above(t, y, p)
     surfaces(t, y, p, out)
     for k in range(p.surfaces):
         low = out[k] - p.least[k]
@@ -177,7 +177,7 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         law_event_functions(t, y, p, out[p.surfaces :])
 
 
-def look_above(t: float, y: Floats, p: Parameters) -> None:
+def store_margins_above(t: float, y: Floats, p: Parameters) -> None:
     """Store in p.margin_above the margins of carried surfaces, above their leaders.
 
     The margin of a carried surface is the distance of its expression from the nearer
@@ -186,9 +186,9 @@ def look_above(t: float, y: Floats, p: Parameters) -> None:
     """
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
-            take_side(k, p.high, p)
+            set_side(k, p.high, p)
             surfaces(t, y, p, p.rows)
-            take_side(k, p.low, p)
+            set_side(k, p.low, p)
             for i in range(p.surfaces):
                 if int(p.leader[i]) == k + 1:
                     low = p.rows[i] - p.least_above[i]
@@ -267,9 +267,9 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
                     field(t, y, p, other)
                     p.push[k] = 0.0
                 else:
-                    take_side(k, p.high, p)
+                    set_side(k, p.high, p)
                     field(t, y, p, other)
-                    take_side(k, p.low, p)
+                    set_side(k, p.low, p)
                 other[:width] -= fields[:width]
         share_out(sliding, p)
         if p.corners > 0:
@@ -287,9 +287,9 @@ def jumps_at_corners(t: float, y: Floats, p: Parameters) -> None:
     corner_levers(t, y, p, p.levers)
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED and p.corner[k] > 0.0:
-            take_side(k, p.high, p)
+            set_side(k, p.high, p)
             corner_levers(t, y, p, p.levers_above)
-            take_side(k, p.low, p)
+            set_side(k, p.low, p)
             for i in range(k * width, (k + 1) * width):
                 p.levers[i] = p.levers_above[i] - p.levers[i]
 
@@ -315,7 +315,7 @@ def share_corners(p: Parameters) -> None:
                 p.share[k] = 0.5
 
 
-def take_side(k: int, which: Floats, p: Parameters) -> None:
+def set_side(k: int, which: Floats, p: Parameters) -> None:
     """Set the sides of surface k, and of surfaces carried by k, to values in `which`.
 
     which : p.low or p.high, the values of the lower or upper side of each surface.
@@ -341,7 +341,7 @@ def share_out(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             roundoff = p.roundoff[k]
             right[3 * i] = above(
-                p.asked[k] - product(k, p, p.side_fields[p.driven]), roundoff
+                p.required[k] - product(k, p, p.side_fields[p.driven]), roundoff
             )
             right[3 * i + 1] = p.least[k] - p.residuals[k]
             right[3 * i + 2] = p.most[k] - p.rates[k]
@@ -351,7 +351,7 @@ def share_out(sliding: int, p: Parameters) -> None:
             even_out(B[i * sliding :], sliding, right[3 * i :])
             i += 1
     solve(sliding, B, right)
-    take_shares(sliding, p)
+    store_shares(sliding, p)
 
 
 def even_out(row: Floats, count: int, right: Floats) -> None:
@@ -372,7 +372,7 @@ def above(x: float, roundoff: float) -> float:
     return 0.0 if abs(x) <= roundoff else x
 
 
-def take_shares(sliding: int, p: Parameters) -> None:
+def store_shares(sliding: int, p: Parameters) -> None:
     """Store the shares in p.share, and add sum_k w_k (f_k - f0) to the field.
 
     A share whose combined field does not stay on its surface, beyond rounding, is set
@@ -387,7 +387,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
             p.share[k] = p.right[3 * i]
-            p.B[i] = abs(p.asked[k]) + extent(k, p, forced)
+            p.B[i] = abs(p.required[k]) + extent(k, p, forced)
             for j in range(sliding):
                 change = fields[(j + 1) * width :]
                 p.B[i] += abs(p.right[3 * j]) * extent(k, p, change[p.driven])
@@ -398,7 +398,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
             size = p.B[i] + extent(k, p, forced)
-            left = product(k, p, forced) - p.asked[k]
+            left = product(k, p, forced) - p.required[k]
             if not abs(left) <= COMPUTED_ZERO * size + p.roundoff[k]:
                 p.share[k] = -1.0
             i += 1
@@ -437,7 +437,7 @@ def solve(size: int, B: Floats, right: Floats) -> None:
     """
     rank = 0
     for k in range(size):
-        found = take_pivot(size, rank, k, B, right)
+        found = exchange_rows(size, rank, k, B, right)
         for i in range(rank + found, size):
             if found > 0:
                 factor = B[i * size + k] / B[rank * size + k]
@@ -488,7 +488,7 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
         right[3 * k] = shares[k]
 
 
-def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
+def exchange_rows(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
     """Exchange rows so that the largest element of column k is in row `row`.
 
     Return 0 if the element is 0 within rounding, or if there is no such row; else 1.

@@ -80,7 +80,7 @@ _ADVANCE = (
 )
 # Kernels that a run calls at an instant: of sections, and of conditions.
 _SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    crossings.meet_instant: (None, (_POINTER, _POINTER)),
+    crossings.update_relations: (None, (_POINTER, _POINTER)),
     crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
 }
 _CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
@@ -88,7 +88,7 @@ _CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
     truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.decide_before: (None, (_POINTER, _POINTER, ctypes.c_int64)),
-    truth.meet: (ctypes.c_int64, (_POINTER, _POINTER)),
+    truth.mark_satisfied: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.mark_true: (None, (_POINTER, _POINTER)),
     truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
@@ -365,10 +365,10 @@ class System:
             see `fits`.
         """
         new = copy(self)
-        new.take_values(model, plan)
+        new.set_model(model, plan)
         return new
 
-    def take_values(self, model: Model, plan: Plan) -> None:
+    def set_model(self, model: Model, plan: Plan) -> None:
         """Replace model, plan and values of parameters; allocate new working memory."""
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
@@ -576,7 +576,7 @@ class System:
         """
         self.p.branches[slice(None) if which is None else which] = values
 
-    def take_modes(self, other: System) -> None:
+    def copy_modes(self, other: System) -> None:
         """Copy all modes of an arc, and the knots ahead, from `other`.
 
         other : a system of the same model, by another plan.
@@ -826,9 +826,9 @@ class Runner:
         )
         return code
 
-    def meet_instant(self, state: State) -> None:
+    def update_relations(self, state: State) -> None:
         """Evaluate sections at the time reached, before an event changes the state."""
-        self.at_instants["meet_instant"](state.address, self.system.p.address)
+        self.at_instants["update_relations"](state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the states of sections crossed at a run's end; see `crossings.finish`.

@@ -22,7 +22,7 @@ and a custom section "lagsim", JSON in UTF-8:
     codes         results of `advance`: BLOCK_FULL and PAUSED, the run continues; DONE
                   and EVENT_FOUND (`until`), the last row is the state, from word `y` on
                   at time `t`; STIFF, after as many steps limited by stability as word
-                  `ask_at` says (0: never); all other codes are failures
+                  `pause_at` says (0: never); all other codes are failures
 
 Rows have 1 + size numbers, the time and the state; word `emitted` is the number of rows
 written. A change of parameters does not change the start: the caller sets initial

@@ -236,7 +236,7 @@ class Arc(NamedTuple):
         return y
 
     @property
-    def is_looked_at(self) -> bool:
+    def checks_approach(self) -> bool:
         """Whether the run tests, after the current step, if a surface is approached.
 
         The test is made every NEAR steps, in models with surfaces.
@@ -395,7 +395,7 @@ class Arc(NamedTuple):
         runner = system.link(plan.method)
         if system is not self.system:
             system.begin(self.start)
-            system.take_modes(self.system)
+            system.copy_modes(self.system)
             runner.prepare()
         state = taken_over(self.state, runner, self.settings.options)
         if plan.elimination is not self.plan.elimination:
@@ -427,7 +427,7 @@ def first_arc(
     state.atol = -1.0 if plan.atol is None else plan.atol
     state.fixed_step = plan.step or 0.0
     state.longest = longest_step
-    state.ask_at = AT_BOUND
+    state.pause_at = AT_BOUND
     state.sigma = 1.0
     _set_watch(state, plan)
     state.equation[:] = [x.equality for x in equations.model.located]

@@ -261,7 +261,7 @@ class Run:
         self.deciders = _deciders(self.arc, self.sources)
         # Most sources have no such function of their own; these are called at each arc.
         self.timed = _with_own("times", self.sources)
-        self.asking = _with_own("ask_at", self.sources)
+        self.pausing = _with_own("pause_at", self.sources)
         self.passing = _with_own("passed", self.sources)
         self.preparing = _with_own("set_out", self.sources)
         self.recorder = Recorder(observers, listed)
@@ -347,8 +347,8 @@ class Run:
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
         if left <= 0:
             return Ending(Outcome.TOO_MANY_STEPS)
-        asked = min(source.ask_at(arc) for source in self.asking)
-        asked = min(asked, self._horizon.ask_at) - arc.steps
+        asked = min(source.pause_at(arc) for source in self.pausing)
+        asked = min(asked, self._horizon.pause_at) - arc.steps
         budget = min(self.pace.steps, left, asked)
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
@@ -357,7 +357,7 @@ class Run:
         if ending is not None:
             return ending
         for source in self.passing:
-            self._take(source.passed(arc))
+            self._carry_out(source.passed(arc))
         if not np.isfinite(arc.y[arc.state.dynamic]).all():
             return self._cut(arc.observed())
         if self._is_stopped(code):
@@ -413,7 +413,7 @@ class Run:
         False without an interrupt, where the run ends anyway (at its end time, by
         `until`), and while the last step is still to be cut.
         """
-        if self.interrupt is None or not self.interrupt.asked:
+        if self.interrupt is None or not self.interrupt.requested:
             return False
         arc = self.arc
         # The run continues after events that act; it ends after `until`.
@@ -456,7 +456,7 @@ class Run:
         if code in LOCATED:
             self._meet(code)
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
-            arc.runner.meet_instant(arc.state)
+            arc.runner.update_relations(arc.state)
         before = self._before(code)
         corner = self._corner(code)
         decision = self._decision(code)
@@ -535,7 +535,7 @@ class Run:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
-        ends |= code == at.PAUSED and arc.is_looked_at
+        ends |= code == at.PAUSED and arc.checks_approach
         # Unilateral constraints store the state before their own events.
         breaks = self.deciders.breaks
         meets = breaks is not None and breaks.is_at(arc)
@@ -586,7 +586,7 @@ class Run:
         corner : columns just before the event, see `_corner`.
         """
         if decision.ending is not None or decision.turn is not Turn.SETTLE:
-            self._take(decision)
+            self._carry_out(decision)
         if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending
         if decision.turn is Turn.SETTLE:
@@ -602,7 +602,7 @@ class Run:
         self._set_out(decision.ahead)
         return None
 
-    def _take(self, decision: Decision) -> None:
+    def _carry_out(self, decision: Decision) -> None:
         """Carry out a decision on the arc; store its events, cautions and choices."""
         if decision is GO_ON:
             return
@@ -626,7 +626,7 @@ class Run:
             self.record = new_record(self.arc)
         self.arcs += 1
         for source in self.preparing:
-            self._take(source.set_out(self.arc))
+            self._carry_out(source.set_out(self.arc))
 
     def _row(self) -> Floats:
         """Return the columns (1, k) of the current state."""

@@ -219,7 +219,7 @@ class Unmet(Source):
     def __init__(self) -> None:
         self._looks = 0
 
-    def ask_at(self, arc: Arc) -> int:
+    def pause_at(self, arc: Arc) -> int:
         """Return the number of steps at which the next check is due."""
         return (arc.steps // APART + 1) * APART
 
@@ -272,7 +272,7 @@ STIFF = "radau"
 DIED_OUT = f"`--method {STIFF}` has longer steps where fast motion has died out"
 EXPLICIT = "dop853"
 # Factor of the number of steps at the bound from one test for stiffness to the next.
-ASKED_AGAIN = 4.0
+CHECK_GROWTH = 4.0
 # The eigenvalues confirm the bound if they reach this part of it.
 CLOSE = 0.25
 # An eigenvalue is fast if it exceeds this part of the largest, and oscillates if its
@@ -323,7 +323,7 @@ class Stiffness(Source):
         self._review_at = LONG if series else MOST_STEPS
         self._reviewed = arc.state
 
-    def ask_at(self, arc: Arc) -> int:
+    def pause_at(self, arc: Arc) -> int:
         """Return the number of steps at which the current method is reviewed next."""
         another = arc.plan.method in (SERIES, STIFF)
         return self._review_at if another else MOST_STEPS
@@ -335,7 +335,7 @@ class Stiffness(Source):
         """
         if code == at.STIFF:
             return self._considered(arc)
-        if code != at.PAUSED or arc.steps < self.ask_at(arc):
+        if code != at.PAUSED or arc.steps < self.pause_at(arc):
             return None
         if arc.plan.method == SERIES:
             return self._series_reviewed(arc)
@@ -346,7 +346,7 @@ class Stiffness(Source):
 
         The decision is a change of the method, a caution, or `GO_ON`.
         """
-        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
+        asked = {"at_bound": 0.0, "pause_at": CHECK_GROWTH * arc.state.pause_at}
         # Forces of elements have no Jacobian.
         gathers = bool(arc.system.equations.graph.of((ELEMENTS,)))
         considered = self._of_elements if gathers else self._considered_once
@@ -420,7 +420,7 @@ class Stiffness(Source):
         accuracy is close to its stability bound, so the steps do not show whether the
         bound limits them.
         """
-        self._review_at = int(ASKED_AGAIN) * arc.steps
+        self._review_at = int(CHECK_GROWTH) * arc.steps
         state, equations = arc.state, arc.system.equations
         if equations.quadratures:
             return GO_ON
@@ -568,7 +568,7 @@ def _trial(arc: Arc) -> tuple[State, State]:
     """
     state, p = arc.state.copy(), arc.system.p
     state.row_limit = state.arc_rows = -np.inf
-    state.extras = state.ask_at = 0.0
+    state.extras = state.pause_at = 0.0
     before, passed = state.copy(), p.passed
     with TrialModes(arc):  # the kernel passes knots and levels of tables
         if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:

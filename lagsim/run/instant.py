@@ -64,7 +64,7 @@ class InstantRecord:
         Whether velocities have jumped since sides were decided.
     rows : tuple of ndarray, shape (1, k)
         Rows of jumps that are to be written.
-    looked_at : bool
+    stored_truth : bool
         Whether the truth of the conditions just before the instant is stored.
     after : ndarray, shape (1, k), or None
         The row after the last jump, which is written once time has advanced.
@@ -89,7 +89,7 @@ class InstantRecord:
     admissible: LawState | None = None
     jumped: bool = False
     rows: tuple[Floats, ...] = ()
-    looked_at: bool = False
+    stored_truth: bool = False
     after: Floats | None = None
     events: tuple[Event, ...] = ()
     cautions: tuple[Caution, ...] = ()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOST_STEPS = STEPS
 # Number of steps before the first prediction of a run's end, doubled after each one;
 # and number of times that are compared.
-ASKED, COMPARED = 1 << 13, 6
+FIRST_CHECK, COMPARED = 1 << 13, 6
 # Largest ratio of the times covered by successive doublings of the steps that counts as
 # no progress: the ratio is larger if the steps grow as a power of the time below 4.
 SLOWER = 1.2
@@ -43,12 +43,12 @@ class Horizon:
 
     Attributes
     ----------
-    ask_at : int
+    pause_at : int
         Number of steps at which the next prediction is due.
     """
 
     def __init__(self) -> None:
-        self.ask_at = ASKED
+        self.pause_at = FIRST_CHECK
         self._times: list[float] = []
         self._rejected = 0
 
@@ -66,9 +66,9 @@ class Horizon:
         most : int
             Largest number of steps of the run.
         """
-        if steps < self.ask_at:
+        if steps < self.pause_at:
             return None
-        self.ask_at *= 2
+        self.pause_at *= 2
         mostly = rejected - self._rejected > REJECTED * 0.5 * steps
         self._rejected = rejected
         self._times = [*self._times[1 - COMPARED :], t]
@@ -116,7 +116,7 @@ class Interrupt:
         self._raises = False
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Whether an end has been requested."""
         return self._stopped or self.signal is not None
 
@@ -163,7 +163,7 @@ class Interrupt:
         KeyboardInterrupt, Terminated
             On entry, if an end has been requested before.
         """
-        if self.asked:
+        if self.requested:
             raise exception_of(self.signal)
         before, self._raises = self._raises, True
         try:
@@ -180,7 +180,7 @@ class Interrupt:
             with self.raised():
                 work()
         except (KeyboardInterrupt, Terminated):
-            if not self.asked:
+            if not self.requested:
                 raise
             return False
         return True

@@ -303,7 +303,7 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     located, arc = now.located, now.arc
     with TrialModes(arc) as trial:
         if located.surface >= 0:
-            found = by.switching.meet(arc, now.surfaces, now.laws, located.surface)
+            found = by.switching.select_at(arc, now.surfaces, now.laws, located.surface)
         else:
             found = by.switching.select(arc, now.surfaces, now.laws)
     now = now.but(located=NOWHERE, admissible=None, jumped=False)
@@ -448,11 +448,13 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
         return now if now.due is NOTHING else now.but(due=NOTHING)
     struck, acted = now.impacts, now.acts
     with TrialModes(now.arc) as trial:
-        due = by.transitions.due_after(now.arc, struck=struck, looked_at=now.looked_at)
+        due = by.transitions.due_after(
+            now.arc, struck=struck, stored_truth=now.stored_truth
+        )
     acted = acted._replace(rounds=()) if struck else acted
     return carried_out(
         now, GO_ON, modes=trial.found,
-        due=due, acts=acted, impacts=False, looked_at=due.acts,
+        due=due, acts=acted, impacts=False, stored_truth=due.acts,
     )  # fmt: skip
 
 
@@ -549,7 +551,7 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     with TrialModes(now.arc) as trial:
         due = by.transitions.due(now.arc, rests)
-    return carried_out(now, GO_ON, modes=trial.found, due=due, looked_at=True)
+    return carried_out(now, GO_ON, modes=trial.found, due=due, stored_truth=True)
 
 
 def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
@@ -574,9 +576,9 @@ def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
     if by.transitions is not None and now.ending is None:
         struck = values if now.impacts else None
         with TrialModes(arc) as trial:
-            due = by.transitions.look_at_start(arc, struck)
+            due = by.transitions.decide_at_start(arc, struck)
         now = carried_out(
-            now, GO_ON, modes=trial.found, due=due, impacts=False, looked_at=True
+            now, GO_ON, modes=trial.found, due=due, impacts=False, stored_truth=True
         )
         if now.due != NOTHING:
             return settle(now, by)
@@ -600,7 +602,7 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     with TrialModes(arc) as trial:
         found = transitions.start(arc, corners_at(at_rest, by) if kicked else None)
         if kicked and by.switching is not None:
-            by.switching.let_go(arc)
+            by.switching.release(arc)
     return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
 
 

@@ -304,7 +304,7 @@ class Source:
         """Return a decision with the events that the kernel passed without a return."""
         return GO_ON
 
-    def ask_at(self, arc: Arc) -> int:  # noqa: ARG002
+    def pause_at(self, arc: Arc) -> int:  # noqa: ARG002
         """Return the number of steps after which `decide` is called next."""
         return MOST_STEPS
 

@@ -598,14 +598,14 @@ class Attempts:
         the finding on.
         """
         first = self._made(session)
-        finding = None if self.interrupt.asked else audit(first)
+        finding = None if self.interrupt.requested else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
             return first
         others = self._others(first, finding) if self.replaces else None
         if others is None:
             return self._judged(first, finding)
         second = self._made(others)
-        if self.interrupt.asked:
+        if self.interrupt.requested:
             return second
         if second.trajectory.outcome.complete:
             return self._judged(second, audit(second))
@@ -692,7 +692,7 @@ class Attempts:
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not requested"
-        if self.interrupt.asked:
+        if self.interrupt.requested:
             return "the run was cut short"
         with self.progress("error bar") as progress:
             bar = self.repeated(made, progress)

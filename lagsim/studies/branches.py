@@ -384,7 +384,7 @@ class RestCurve:
         if self._leaves(first):
             return
         for count in range(MOST):
-            if interrupt is not None and interrupt.asked:
+            if interrupt is not None and interrupt.requested:
                 return
             there, iterations = self._next(here, step)
             if there is None:
@@ -532,7 +532,7 @@ class Branches:
         values = dict.fromkeys([min(max(own[self.name], low), high), low, high])
         rests: list[Equilibrium] = []
         for k, value in enumerate(values):
-            if interrupt is not None and interrupt.asked:
+            if interrupt is not None and interrupt.requested:
                 break
             model = self.model.bind({}, None, **{self.name: value})
             search = Search(setting_of(model))
@@ -570,7 +570,7 @@ class Branches:
             self._add(curve, places)
             self._cross(curve, interrupt)
         while self._waiting and len(self.branches) < MOST_BRANCHES:
-            if interrupt is not None and interrupt.asked:
+            if interrupt is not None and interrupt.requested:
                 return
             curve, place, aside = self._waiting.pop(0)
             for way in (aside, -aside):

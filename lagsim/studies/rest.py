@@ -667,7 +667,7 @@ class Search:
             self.tried = (k + 1) // 2
             if progress is not None:
                 progress((k + 1) / (2 * starts + 1))
-            if self._spent or (interrupt is not None and interrupt.asked):
+            if self._spent or (interrupt is not None and interrupt.requested):
                 break
         held = self._held_at_start()
         if held is not None:

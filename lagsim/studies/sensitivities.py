@@ -420,7 +420,7 @@ class Sensitivities:
         return [one.derivative() for one in searches]
 
     def _stopped(self) -> bool:
-        return self.interrupt is not None and self.interrupt.asked
+        return self.interrupt is not None and self.interrupt.requested
 
     def _begun(
         self, name: str, scale: float | None = None, first: float = FIRST,

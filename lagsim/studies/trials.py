@@ -214,9 +214,9 @@ class _Ended(Interrupt):
         self.other = other
 
     @property
-    def asked(self) -> bool:
+    def requested(self) -> bool:
         """Whether an end has been requested."""
-        return super().asked or (self.other is not None and self.other.asked)
+        return super().requested or (self.other is not None and self.other.requested)
 
 
 def tried(
@@ -555,7 +555,7 @@ class Trials:
     ) -> Iterator[Sequence[Trial]]:
         for _, variant in items:
             found = self.run(variant, interrupt=interrupt)
-            if interrupt.asked:
+            if interrupt.requested:
                 return
             yield [found]
 

@@ -233,7 +233,7 @@ def completed_pieces(
     """
     left = deque(enumerate(pieces))
     if most == 1 and hired is processes:
-        while left and not interrupt.asked:
+        while left and not interrupt.requested:
             number, piece = left.popleft()
             yield number, work(piece, interrupt)
         return
@@ -241,12 +241,12 @@ def completed_pieces(
     lost: set[int] = set()
     stopped = False
     with hired(min(most, len(left))) as crew:
-        while out or (left and not interrupt.asked):
-            while left and not interrupt.asked and len(out) < crew.most:
+        while out or (left and not interrupt.requested):
+            while left and not interrupt.requested and len(out) < crew.most:
                 number, piece = left.popleft()
                 out[crew.submit(_done, work, piece)] = number, piece
             done, _ = wait(out, GLANCE_SECONDS, FIRST_COMPLETED)
-            if interrupt.asked and not stopped:
+            if interrupt.requested and not stopped:
                 crew.stop()
                 stopped = True
             for future in done:
@@ -254,7 +254,7 @@ def completed_pieces(
                 try:
                     yield number, future.result()
                 except (BrokenExecutor, CancelledError):
-                    if number in lost and not interrupt.asked:
+                    if number in lost and not interrupt.requested:
                         yield number, Died()
                     else:
                         lost.add(number)
@@ -306,7 +306,7 @@ def in_batches(
         if others and (worth or wanted):
             break
     left = items[done:]
-    if left and not interrupt.asked:
+    if left and not interrupt.requested:
         size = min(PIECE_SECONDS * done / lasted, len(left) / (PIECES * others))
         yield from _by_others(made, left, max(1, int(size)), others, interrupt, hired)
 

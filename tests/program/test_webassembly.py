@@ -100,7 +100,7 @@ def by_wasmtime(module, **values):
         code = about["codes"][str(advance(store, *given, 1000))]
         tabulated(int(s[words["emitted"]]))
         if code == "STIFF":
-            s[words["ask_at"]] = 0.0
+            s[words["pause_at"]] = 0.0
     last = numbers(at["rows"], 1 + size)
     last[0], last[1:] = s[words["t"]], s[words["y"] :][:size]
     tabulated(1)

@@ -110,7 +110,7 @@ def test_steps_that_are_rejected_once_each_end_a_run(rejected, found):
     # Equal steps of 1e-8: 2^23 of these do not reach the end.
     horizon, ends = Horizon(), []
     for _ in range(8):
-        n = horizon.ask_at
+        n = horizon.pause_at
         ends.append(horizon.before(1.0, 1e-8 * n, n, int(rejected * n), 2**23))
     assert ends[-1] == found
     assert ends[0] is None

@@ -26,9 +26,9 @@ def squared(x, _interrupt):
 def waited(x, interrupt):
     """Wait for a requested end; the first piece does not wait."""
     began = time.monotonic()
-    while x and not interrupt.asked and time.monotonic() - began < LONG:
+    while x and not interrupt.requested and time.monotonic() - began < LONG:
         time.sleep(0.01)
-    return x, interrupt.asked
+    return x, interrupt.requested
 
 
 def alive(pid):

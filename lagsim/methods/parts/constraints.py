@@ -329,7 +329,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     return ahead
 
 
-def leave_loss(s: Rank, p: Parameters, h: float) -> float:
+def step_past_loss(s: Rank, p: Parameters, h: float) -> float:
     """Return a first step, h or longer, whose end is far from a loss of rank.
 
     If a step over the loss is to be repeated with another solver (`needs_loops`),

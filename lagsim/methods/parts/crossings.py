@@ -121,7 +121,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
             wait(s, j, shown_time(s, s.step_t), s.point)
 
 
-def know_bands(s: Crossings, p: Parameters) -> None:
+def compute_bands(s: Crossings, p: Parameters) -> None:
     """Compute the bands of the sections for the last step, if not yet computed."""
     if s.banded == 0.0:
         s.banded = 1.0
@@ -153,12 +153,12 @@ def crossed_within(s: Crossings, p: Parameters, half: int) -> float:
 
     half : 0 before the middle point, 1 after it.
     """
-    if keep_sides(s, half):
+    if sides_unchanged(s, half):
         return 0.0
     for j in range(s.sections):
         s.roots[j] = inf
         if s.sides[j] == 0.0:
-            s.roots[j] = leave(s, p, j, half)
+            s.roots[j] = exit_fraction(s, p, j, half)
         else:
             bracket(s, p, j, half)
     while True:
@@ -167,12 +167,12 @@ def crossed_within(s: Crossings, p: Parameters, half: int) -> float:
             root = min(root, s.roots[j])
         if root == inf:
             return 0.0
-        past = take_crossings(s, p, root, s.places[half + 1])
+        past = decide_crossings(s, p, root, s.places[half + 1])
         if past > 0.0:
             return past
 
 
-def keep_sides(s: Crossings, half: int) -> bool:
+def sides_unchanged(s: Crossings, half: int) -> bool:
     """Whether all relations provably keep their sides in half of the stretch."""
     for j in range(s.sections):
         least = lowest(1.0, s, relations(s) + j, half)
@@ -181,13 +181,13 @@ def keep_sides(s: Crossings, half: int) -> bool:
     return True
 
 
-def leave(s: Crossings, p: Parameters, j: int, half: int) -> float:
+def exit_fraction(s: Crossings, p: Parameters, j: int, half: int) -> float:
     """Return the fraction in half of the stretch at which the motion leaves section j.
 
     The result is inf if the motion does not leave the section there. Since it may
     return to the section very soon, the start of an arc is sampled densely.
     """
-    know_bands(s, p)
+    compute_bands(s, p)
     near = x = float(s.places[half + 1])
     if s.places[half] == 0.0 and s.step_t == s.arc_start:
         near = NEXT * BESIDE / POINTS
@@ -219,7 +219,7 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
         s.beyond[j] = least
     if b >= 0.0 and s.beyond[j] == x:
         if s.waits[j] > 0.0:
-            know_bands(s, p)
+            compute_bands(s, p)
             s.waits[j] = 1.0 if b <= s.bands[j] else 0.0
         return
     s.roots[j] = low
@@ -230,7 +230,7 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
         s.roots[j] = end_of(CROSSING, s, p, k, 0.0, max(0.0, low - AROUND), low)
 
 
-def take_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
+def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> float:
     """Decide the crossings at the fraction `root` of the step, in a stretch up to x.
 
     A relation that is past its band at the end x of the stretch has crossed its
@@ -392,7 +392,7 @@ def band(s: Crossings, j: int) -> float:
     return float(found) if found < OVERFLOW else 0.0
 
 
-def meet_instant(s: Crossings, p: Parameters) -> None:
+def update_relations(s: Crossings, p: Parameters) -> None:
     """Update the sides of relations by the state just before the acts at this time.
 
     A jump of a relation itself is no crossing. All acts at one time count together: a

@@ -68,7 +68,7 @@ class State(Crossings):
     speed: float  # about how fast the fastest motion is, for explicit methods
     at_bound: float  # steps held by stability ...
     off_bound: float  # ... since when so many were not
-    ask_at: float  # at so many the kernel returns; 0: never
+    pause_at: float  # at so many the kernel returns; 0: never
 
     # Of each inertia: the largest, the smallest, its time, and the state there.
     inertia_largest: Floats = array("inertias")
@@ -93,12 +93,12 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         code = arrived(s, p)
         if code != NOWHERE:
             return code
-        if s.ask_at > 0.0 and s.at_bound >= s.ask_at:
+        if s.pause_at > 0.0 and s.at_bound >= s.pause_at:
             return at.STIFF
         if made >= budget:
             return at.PAUSED
         if SWITCHES or ADAPTIVE:
-            missed.keep_extents(s)
+            missed.store_extents(s)
         s.satisfied = 0.0
         code = step(s, p)
         if code != at.DONE:
@@ -132,7 +132,7 @@ def arrived(s: State, p: Parameters) -> int:
     A step that has been cut is ended first; knots at the time reached are passed.
     """
     if s.cut > 0.0:
-        take_cut(s, p)
+        end_at_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:
             s.fresh = 1.0
             s.arc_start = s.t
@@ -355,7 +355,7 @@ def inspect(s: State, p: Parameters) -> None:
         note_inertias(s, p, s.work)
 
 
-def take_cut(s: State, p: Parameters) -> None:
+def end_at_cut(s: State, p: Parameters) -> None:
     """End the last step early: set the state to its value at the fraction `cut`."""
     interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]

@@ -158,7 +158,7 @@ def start(s: Embedded, p: Parameters) -> None:
     s.at_bound = 0.0
     if CONSTRAINED:
         s.early = PAIR.early
-        s.h = constraints.leave_loss(s, p, s.h)
+        s.h = constraints.step_past_loss(s, p, s.h)
 
 
 def step(s: Embedded, p: Parameters) -> int:

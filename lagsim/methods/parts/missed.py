@@ -589,7 +589,7 @@ def differs(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
     return exceeds(s, most, s.far_before)
 
 
-def keep_extents(s: SearchTable) -> None:
+def store_extents(s: SearchTable) -> None:
     """Store the sizes and ranges of the state's components before a step.
 
     They are restored if the step is shortened to end at an event.

@@ -42,7 +42,7 @@ def progress(iteration: int, change: float, previous: float) -> int:
     return RENEW if rate > SLOW else GO_ON
 
 
-def take_finite(count: int, slopes: Floats) -> None:
+def zero_nonfinite(count: int, slopes: Floats) -> None:
     """Set elements of slopes (count,) that are not finite to 0, for Newton's method.
 
     The force |v| v has the slope 0 at v = 0, but its derivative written with a root is

@@ -223,8 +223,8 @@ class Surfaces(ModeWords):
     rows: Floats = array(lambda p: 4 * p.surfaces + p.elements)
     residuals: Floats = part("rows", "surfaces")
     rates: Floats = after("residuals", "surfaces")
-    asked: Floats = after("rates", "surfaces")
-    surface_scales: Floats = after("asked", "surfaces")
+    required: Floats = after("rates", "surfaces")
+    surface_scales: Floats = after("required", "surfaces")
     J: Floats = part("rows", "elements", lambda p: 4 * p.surfaces)
     # The fields on both sides, the equations for the shares, a state.
     side_fields: Floats = array(
@@ -248,11 +248,11 @@ class Laws(Surfaces):
     law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
     # Target of each row that shares a load, and its share; the Newton step of the
     # shares.
-    share_asked: Floats = array("laws")
+    share_target: Floats = array("laws")
     share_found: Floats = array("laws")
     share_step: Floats = array("laws")
     share_next: Floats = array("laws")
-    share_left: Floats = array("laws")
+    share_gradient: Floats = array("laws")
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
     # The only coordinate on which a row acts; or -1.

@@ -214,7 +214,7 @@ def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
         if not row_is_known(kind, s, p, k):
             if kind == EVENT or s.banded > 0.0:
                 return False
-            crossings.know_bands(s, p)
+            crossings.compute_bands(s, p)
             if not row_is_known(kind, s, p, k):
                 return False
     return True
@@ -275,7 +275,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
     """
     t = s.t
     if UNTIL:
-        follow_true(s, p)
+        prepare_true(s, p)
     search(EVENT, s, p, 0.0, 1.0)
     while UNTIL and s.event > 0.0:
         passed = int(s.event) - 1
@@ -309,13 +309,13 @@ def find_end(s: Crossings, p: Parameters) -> None:
 def mode_ends(s: Crossings, p: Parameters, x: float) -> bool:
     """Whether a mode of a surface or a law has ended at the fraction x of the step."""
     over = False
-    keep_values(s, p, x)
+    store_values(s, p, x)
     for k in range(s.surfaces):
         over = over or ends(s, p, k, s.kept[k], x)
     return over
 
 
-def keep_values(s: SearchTable, p: Parameters, x: float) -> None:
+def store_values(s: SearchTable, p: Parameters, x: float) -> None:
     """Store all event functions at the fraction x of the last step in s.kept."""
     rows_at(EVENT, s, p, x)
     s.kept[:] = s.values[: events(s)]
@@ -338,7 +338,7 @@ def goes_on(s: Crossings, p: Parameters, k: int) -> bool:
     return True
 
 
-def follow_true(s: SearchTable, p: Parameters) -> None:
+def prepare_true(s: SearchTable, p: Parameters) -> None:
     """Prepare the search for conditions that are true at the start of the last step.
 
     Inequalities are located when they end. Equations are armed once their roots are
@@ -489,7 +489,7 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
     first = events(s)
     s.event = 0.0
     s.switched = 0.0
-    keep_values(s, p, high)
+    store_values(s, p, high)
     for k in range(events(s)):
         if ends(s, p, k, s.kept[k], high):
             first = k
@@ -503,7 +503,7 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
                 middle = 0.5 * (low + high)
                 if value_at(EVENT, s, p, k, middle) > p.slack[k]:
                     high = end_of(EVENT, s, p, k, -float(p.band[k]), middle, high)
-            keep_values(s, p, high)
+            store_values(s, p, high)
     if UNTIL and first >= s.surfaces:
         s.event = first - s.surfaces + 1.0
     else:

@@ -132,7 +132,7 @@ class SearchTable(Rank):
     low_before: Floats = array("size")
     high_before: Floats = array("size")
 
-    # All event functions at one fraction of the step, see `keep_values`.
+    # All event functions at one fraction of the step, see `store_values`.
     kept: Floats = array(lambda s: s.surfaces + s.conditions)
     event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0

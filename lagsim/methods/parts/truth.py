@@ -4,10 +4,10 @@
 and `leeway` store on which side of 0 the value of each condition is. At an instant the
 state, its rates and the modes of the file may jump, and rounding leaves values of
 either sign where the exact value is 0. Therefore the truth of each condition is decided
-and stored here, first from the state just before the instant (`decide_before`, `meet`)
-and then from the state just after all acts, impacts and changes of modes (`change`,
-`settle`). A value within its rounding of 0 counts as on the side that its rate leads
-to, until the value has left the rounding.
+and stored here, first from the state just before the instant (`decide_before`,
+`mark_satisfied`) and then from the state just after all acts, impacts and changes of
+modes (`change`, `settle`). A value within its rounding of 0 counts as on the side to
+which its rate leads, until the value has left the rounding.
 
 Just before an instant a condition is false where its value is below 0, or is 0 and
 falls. It is satisfied by the motion where its value has reached 0, or would reach 0
@@ -187,7 +187,7 @@ def is_calm(s: SearchTable, k: int, least: float) -> bool:
     return value > least and s.equation[k] == 0.0
 
 
-def meet(s: SearchTable, p: Parameters) -> int:
+def mark_satisfied(s: SearchTable, p: Parameters) -> int:
     """Find the conditions that the motion satisfies at the instant; return the count.
 
     `marked` is 1 for these conditions. A condition that is about to become false at
@@ -199,7 +199,7 @@ def meet(s: SearchTable, p: Parameters) -> int:
     if s.calm > 0.0:
         return 0
     count = mark(s)
-    leave(s)
+    record_falsified(s)
     choose_sides(s, p)
     return count
 
@@ -355,11 +355,11 @@ def become(s: SearchTable, rated: int) -> int:
         if true and side != 0.0:
             s.marked[k] = 1.0
             count += 1
-    leave(s)
+    record_falsified(s)
     return count
 
 
-def leave(s: SearchTable) -> None:
+def record_falsified(s: SearchTable) -> None:
     """Store the sides of conditions that were true and have become false."""
     for k in range(s.conditions):
         value = float(s.worth[k])

@@ -252,7 +252,7 @@ class File:
         self.states, self.definitions, self.tables = others
         self.constraints = declared_constraints(top.value("constraints"), x)
         self._check_names()
-        names.reactions += runs.asked_reactions(top.value("output"))
+        names.reactions += runs.listed_reactions(top.value("output"))
         self.initial = top.found.get("initial")
         names.started |= {key.text for key, _ in entries_of(top.value("initial"))}
         self.simulation = top.below("simulation", SIMULATION)

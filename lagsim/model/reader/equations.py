@@ -141,7 +141,7 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
             text = f"the rate of the state `{key.text}` depends on itself"
             x.faults.add(CYCLE, text, key)
     if given:
-        x.take_states(rates)
+        x.replace_rates(rates)
     return tuple(s._replace(rate=rates[name]) for name, s in found.items())
 
 

@@ -507,7 +507,7 @@ class Expressions:
         assert node is not None
         return node
 
-    def take_states(self, rates: dict[str, int]) -> None:
+    def replace_rates(self, rates: dict[str, int]) -> None:
         """Replace the variables `s_dot` in definitions by the rates of states.
 
         rates : name of a state -> graph node of its rate.

@@ -336,7 +336,7 @@ def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterato
             yield part.text
 
 
-def asked_reactions(section: Node | None) -> list[str]:
+def listed_reactions(section: Node | None) -> list[str]:
     """Return the names in the list `reactions` of `output`, valid or not.
 
     The names are needed before definitions are read.

@@ -160,7 +160,7 @@ class Running {
       const y = numbers.subarray(word("y"), word("y") + this.model.dynamic);
       if (!y.every(Number.isFinite)) code = "NOT_FINITE";
       else if (!(numbers[word("projected")] <= this.model.largestShift)) code = "STATE_JUMPS";
-      if (code === "STIFF") { numbers[word("at_bound")] = 0; numbers[word("ask_at")] *= 4; }
+      if (code === "STIFF") { numbers[word("at_bound")] = 0; numbers[word("pause_at")] *= 4; }
       if (performance.now() - since > MOMENT) {
         await breath();
         since = performance.now();

@@ -99,7 +99,7 @@ class Truth:
         self.run("choose_sides")
         true &= state.orientation == 0.0
         if true.any() and self.arc.equations.model.constraints:
-            give_leeway(self.arc, values, true)
+            raise_leeway(self.arc, values, true)
 
     def become_at_start(self, before: Floats | None) -> set[int]:
         """Return indices of the conditions that become true at the start; mark them.
@@ -172,7 +172,7 @@ class Truth:
 
         A condition that is about to become false at that time counts as false.
         """
-        return self._marked(self.run("meet"))
+        return self._marked(self.run("mark_satisfied"))
 
     def jumped(self, met: Iterable[int]) -> frozenset[int]:
         """Return the conditions among `met` whose values have jumped past 0.
@@ -229,13 +229,13 @@ class Truth:
         """
         state = self.state
         if state.any_stays > 0.0 and self.arc.equations.model.constraints:
-            give_leeway(self.arc, state.worth, state.stays > 0.0)
+            raise_leeway(self.arc, state.worth, state.stays > 0.0)
         if not count:
             return set()
         return {k for k, due in enumerate(state.marked.tolist()) if due}
 
 
-def give_leeway(arc: Arc, values: Floats, which: Flags) -> None:
+def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     """Raise the leeway of some true conditions to the tolerance of their values.
 
     Where a constraint keeps the value of a condition at 0, as the ground does that of

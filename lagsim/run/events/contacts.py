@@ -36,11 +36,11 @@ from lagsim.run.events.law_modes import (
     changes,
     chosen_modes,
     kept_on_by,
-    put_modes,
     set_floors,
     set_slack,
     steady_laws,
     that_could_act,
+    write_modes,
 )
 from lagsim.run.events.records import LawsAt, LawState
 from lagsim.run.events.sliders import select_sliding
@@ -321,7 +321,7 @@ class Contacts(Source):
             chosen = chosen_modes(here, decided, laws.left, stay)
         else:
             chosen = Chosen.of(here, *laws.shared)
-        put_modes(arc, chosen)
+        write_modes(arc, chosen)
         set_floors(here, chosen, slid)
         set_slack(here, chosen)
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves

@@ -26,7 +26,7 @@ from lagsim.mechanics.algebra import multiple_of
 from lagsim.run.events.curve_ends import REACH
 from lagsim.run.events.filippov import FilippovCone
 from lagsim.run.events.kinematics import Kinematics
-from lagsim.run.events.law_modes import Chosen, ahead_of, put_modes, that_could_act
+from lagsim.run.events.law_modes import Chosen, ahead_of, that_could_act, write_modes
 from lagsim.run.events.surface_modes import (
     ABOVE,
     BELOW,
@@ -410,7 +410,7 @@ class Crossing:
         if self.loose:  # loose surfaces have the side of their leader, or follow it
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
         before = self.modes.value.copy(), self.modes.kind.copy()
-        self._take(found or now, cone.shares)
+        self._store_modes(found or now, cone.shares)
         if found is not None and cone.resting is not None:
             self._rest(cone.resting, *before)
 
@@ -435,7 +435,7 @@ class Crossing:
         carried, watched = modes.carried, modes.watched
         modes.carried, modes.watched = {}, []
         modes.restore(value, kind)
-        self._take(rest.mode, rest.w)
+        self._store_modes(rest.mode, rest.w)
         modes.write()
         if np.array_equal(arc.observed(), shown, equal_nan=True):
             modes.carried, modes.watched = carried, watched
@@ -466,7 +466,7 @@ class Crossing:
             rates = modes.rates
         else:  # shares of followed surfaces change in time
             former = modes.value.copy(), modes.kind.copy()
-            self._take(np.where(along, SLIDING, w).astype(int).tolist(), w)
+            self._store_modes(np.where(along, SLIDING, w).astype(int).tolist(), w)
             modes.write()
             rates = arc.rates
         if self.beside is not None:
@@ -504,7 +504,7 @@ class Crossing:
             step *= LONGER
         return None
 
-    def _take(self, sides: Sequence[int], shares: Floats) -> None:
+    def _store_modes(self, sides: Sequence[int], shares: Floats) -> None:
         """Store the modes of open surfaces, and of the surfaces carried along.
 
         Loose and hanging surfaces are carried by open surfaces that the motion follows.
@@ -601,7 +601,7 @@ class Crossing:
         found : the modes of rows, the rows of the laws first.
         """
         here = Kinematics(self.modes.arc, self.modes.arc.y)
-        put_modes(here.arc, Chosen.of(here, self.laws, found))
+        write_modes(here.arc, Chosen.of(here, self.laws, found))
 
     def _acting(
         self, left: Mapping[int, int], corner: Sequence[int]

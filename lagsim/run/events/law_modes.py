@@ -38,7 +38,7 @@ LATER = 10.0
 FEW = 8
 
 
-def put_modes(arc: Arc, chosen: Chosen) -> None:
+def write_modes(arc: Arc, chosen: Chosen) -> None:
     """Write the modes of laws in `chosen` to the memory that the kernels read."""
     p = arc.system.p
     own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`

@@ -134,7 +134,7 @@ class Switching(Source):
         """Mask (K,) of the surfaces that the motion follows."""
         return self.modes.slides
 
-    def ask_at(self, arc: Arc) -> int:
+    def pause_at(self, arc: Arc) -> int:
         """Return the number of steps at which approaches are checked next.
 
         Approaches are those to surfaces, see `decide`.
@@ -210,14 +210,14 @@ class Switching(Source):
             hit = int(arc.state.switched) - 1
             return self._reached(arc, hit) if hit < self.modes.count else None
         if code == at.PAUSED:
-            asked = arc.is_looked_at and arc.t != self.passed_at
+            asked = arc.checks_approach and arc.t != self.passed_at
             return self._stuck(arc) if asked else None
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 
     # The modes at an instant
 
-    def let_go(self, arc: Arc) -> None:
+    def release(self, arc: Arc) -> None:
         """Set all surfaces that the motion follows to their lower sides, on trial."""
         self.modes.begin(arc)
         self.modes.forget()
@@ -500,7 +500,7 @@ class Switching(Source):
         if hit is not None and before[hit] == holds[hit] == self.slides[hit]:
             yield Event(time, "switch", switch=self.sides[hit].text)
 
-    def meet(
+    def select_at(
         self, arc: Arc, surfaces: SurfacesAt, laws: LawsAt | None, k: int
     ) -> SidesFound:
         """Select the modes at surface k, which the motion has just reached.

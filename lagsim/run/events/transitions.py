@@ -102,7 +102,7 @@ class Transitions(Source):
         """Return the decisions of the truth of the conditions."""
         return Truth(arc, set_by_modes=self.set_by_modes)
 
-    def look_at_start(self, arc: Arc, before: Floats | None) -> Due:
+    def decide_at_start(self, arc: Arc, before: Floats | None) -> Due:
         """Decide which conditions are true at the start, after all modes are set.
 
         Return the conditions that become true there, see
@@ -145,17 +145,17 @@ class Transitions(Source):
         truth.wait(waiting)
         return Due(periodic, met - waiting, bool(waiting))
 
-    def due_after(self, arc: Arc, *, struck: bool, looked_at: bool) -> Due:
+    def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
         """Return the events that are due by the state after all acts.
 
         struck : whether velocities have jumped since the conditions were decided.
-        looked_at : whether the truth of the conditions just before the instant is
+        stored_truth : whether the truth of the conditions just before the instant is
             stored; if not, it is evaluated here.
         """
         if not len(arc.state.orientation):
             return NOTHING
         truth = self._truth(arc)
-        if not looked_at:
+        if not stored_truth:
             truth.decide_before()
         found = truth.settled(struck=struck)
         return Due(conditions=frozenset(found)) if found else NOTHING

@@ -282,7 +282,7 @@ class Explorer:
             wanted = tuple(dict.fromkeys((*table, *shown)))
             frames = Frames(names, wanted, MOST_ROWS)
             ended = session.run([frames], interrupt=interrupt)
-            if interrupt.asked:
+            if interrupt.requested:
                 raise SupersededError
             columns = dict(zip(wanted, frames.table.T, strict=True))
             about = units(session.equations, session.columns.of_table)
@@ -331,7 +331,7 @@ class Explorer:
             first, last = sorted((settings.start, settings.start + settings.duration))
             times = np.array([min(max(t, first), last)])
             found = tried(session, times, interrupt=interrupt)
-            if interrupt.asked:
+            if interrupt.requested:
                 raise SupersededError
             row = found.rows[0] if len(found.rows) else np.full(1, math.nan)
             if not math.isfinite(row[0]):
@@ -614,7 +614,7 @@ class _Alone:
             if before is not None:
                 before.stop()
         self._lock.acquire()
-        if self._own.asked:
+        if self._own.requested:
             self._lock.release()
             raise SupersededError
         return self._own

@@ -373,7 +373,7 @@ class Fit:
         return Recording(self.setup, values, at, interrupt=self.interrupt)
 
     def _stop_if_asked(self) -> None:
-        if self.interrupt is not None and self.interrupt.asked:
+        if self.interrupt is not None and self.interrupt.requested:
             raise StoppedError
 
     def raw(self, x: Floats) -> Floats:

@@ -205,7 +205,7 @@ class Team:
             )
         began, found = time.process_time(), list[Derivative]()
         for k, task in enumerate(tasks):
-            if interrupt is not None and interrupt.asked:
+            if interrupt is not None and interrupt.requested:
                 break
             one = known.get(k, Died())
             if isinstance(one, Died):

@@ -30,7 +30,7 @@ from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.program.localized import names_in_exponents
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run, statistics_of
-from lagsim.run.interrupt import ASKED
+from lagsim.run.interrupt import FIRST_CHECK
 from lagsim.run.observers import Extremes, Measures, extremes_of
 from lagsim.run.observers.monitors import MOST_ROWS, energy_in_play, energy_parts
 from lagsim.run.session import wanted
@@ -256,7 +256,7 @@ class Batch:
             run = judge.run(k, starts[k]) if clear[k] else None
             row = SweepRow(tuple(own), DONE, True, None, "", NOTHING, form)
             found.append(run and row._replace(error=run.error, numbers=run.cells))
-            if interrupt.asked:
+            if interrupt.requested:
                 break
         return found
 
@@ -466,7 +466,7 @@ class Ensemble:
             while code == BLOCK_FULL:
                 codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
             rows[k] = arc.runner.tabulate(np.concatenate([first, arc.row()]))
-            if interrupt is not None and interrupt.asked:
+            if interrupt is not None and interrupt.requested:
                 return None
         return Ends(codes, rows[:, 0], rows[:, 1])
 
@@ -483,15 +483,15 @@ class Ensemble:
         state, runner = self.arc.state, self.arc.runner
         state.longest = longest
         code, filled = BLOCK_FULL, 0
-        while code == BLOCK_FULL and state.steps < ASKED:
-            code = runner.advance(state, LONG, ASKED)
+        while code == BLOCK_FULL and state.steps < FIRST_CHECK:
+            code = runner.advance(state, LONG, FIRST_CHECK)
             count = int(state.emitted)
             if code == ENDED and count < len(runner.block):
                 runner.block[count, 0], runner.block[count, 1:] = state.t, state.y
                 count += 1
             runner.shown(count, self._room(filled, count))
             filled += count
-        if code != ENDED or state.steps >= ASKED:
+        if code != ENDED or state.steps >= FIRST_CHECK:
             return None
         if self._table[filled - 1, 0] < state.t:
             self._room(filled, 1)[:] = runner.tabulate(self.arc.row())

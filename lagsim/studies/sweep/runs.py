@@ -95,7 +95,7 @@ class Runs:
         numbers : indices of the runs.
         """
         left = numbers
-        while left and not interrupt.asked:
+        while left and not interrupt.requested:
             # The first run shows how the others are made.
             size = self.batch.size if self.batch is not None else 1
             rows = self._rows(left[:size], interrupt)

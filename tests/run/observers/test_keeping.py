@@ -39,7 +39,7 @@ def test_others_get_the_rows_that_are_stored():
     assert np.array_equal(store.table, rows[:7])
     assert np.array_equal(other.table, rows[:7])
     assert relay.fault.errno == errno.ENOSPC
-    assert interrupt.asked
+    assert interrupt.requested
     assert interrupt.signal is None  # nobody has sent one
     assert relay.seconds > 0.0
 
