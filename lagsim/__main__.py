@@ -3,8 +3,8 @@
 import os
 import sys
 
-# `-m` has Python look for modules in the working directory first, which may be a
-# stranger's. Where lagsim itself is there, it is last.
+# With `-m` Python searches the working directory first, which may belong to somebody
+# else. If lagsim itself is there, the directory is searched last.
 if not sys.flags.safe_path:
     here = sys.path.pop(0)
     if __file__ == f"{here}{os.sep}lagsim{os.sep}__main__.py":

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lagsim.codes.known import ErrorCode
 
 
-# A source line longer than this is shown around the fault only.
+# A source line longer than this is shown in part, around the fault.
 WINDOW = 160
 # Control characters of terminals, marks of the direction of text, invisible letters:
 # controls but for tab and line feed, marks of direction, blanks without width.
@@ -241,7 +241,8 @@ class InputError(LagsimError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problem.whole for problem in problems)
         self.code = self.problems[0].code
-        super().__init__(self.problems)  # pickling restores it from these
+        # pickling restores the exception from its problems
+        super().__init__(self.problems)
 
     def __repr__(self) -> str:
         first, more = self.problems[0], len(self.problems) - 1

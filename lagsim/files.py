@@ -107,7 +107,8 @@ def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
     try:
         return _regular(path, flags | _NO_LINK, rights)
     except OSError as error:
-        if error.errno in (errno.ELOOP, errno.ENXIO):  # a link; a pipe nobody reads
+        # a link, or a pipe without a reader
+        if error.errno in (errno.ELOOP, errno.ENXIO):
             text = f"{os.fspath(path)} is a link or a pipe, and no regular file"
             raise OSError(error.errno, text) from None
         raise
@@ -125,7 +126,7 @@ def begin(path: Path, rights: int = 0o666) -> int:
     try:
         return held(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, rights)
     except OSError:
-        stays(path)  # it is another's
+        stays(path)  # another process owns the path
         raise
 
 

@@ -98,7 +98,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
         found += [(op, term) for op, term in entering if term]
     texts = [scalar.text for scalar in model.stated.texts().values()]
     for parsed in _parsed([*given, *texts]):
-        # sin(20), of which graphs have only the value
+        # sin(20), of which the graph has only the value
         signless = (x for x in parsed.postfix if x[0] != "neg")
         for (kind, value, _), (op, *_) in pairwise(signless):
             if kind == "number" and op in _OF_ANGLES and _is_of_degrees(float(value)):
@@ -116,7 +116,8 @@ def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
     """
     for text in texts:
         for side in re.split("[<>]?=", text) if _NAMED.search(text) else ():
-            with suppress(ExpressionError):  # what is given instead is none
+            # the other value of the name has a fault itself
+            with suppress(ExpressionError):
                 yield parse(side)
 
 
@@ -139,8 +140,8 @@ def _terms(
     values = {p.name: (p.value, "is") for p in model.parameters}
     values |= {start.name: (start.value, "starts at") for start in starts}
     terms: dict[int, _Term] = {}
-    others: set[int] = set()  # no angles
-    for node in g.cone(arguments):  # each after what it is made of
+    others: set[int] = set()  # nodes that are no angles
+    for node in g.cone(arguments):  # in topological order
         leaf = str(g.payload(node)) if g.ops[node] == VARIABLE else ""
         own = leaf, units.get(leaf, "")
         name, unit = own if own[1] in IN_DEGREES else defined.get(node, own)
@@ -298,7 +299,7 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
 
     for name, node in reactions(equations).items():
         if node == g.zero:
-            # Nothing is written with the definition.
+            # A reaction that is 0 throughout is not written with the definition.
             text = f"`reaction.{name}` is 0 throughout: no energy, no force and no "
             yield Caution(REACTION_ZERO, f"{text}constraint uses `{name}`")
 

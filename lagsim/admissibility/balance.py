@@ -268,7 +268,7 @@ def _downhill(rest: Rest) -> Floats | None:
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
             return None
         if np.any(np.abs(push + slope) > SAME_RESULT * np.max(np.abs(push))):
-            return None  # forces that are no slopes of an energy
+            return None  # the forces have no potential
         Y, lengths = rows_of_length_one(J[:m, :k] / sizes, np.eye(k))
         H, N = -J[own, :k] / sizes / sizes[:, None], null_space(Y)
         back = least_squares(Y, -r[:m] / lengths)
@@ -277,7 +277,7 @@ def _downhill(rest: Rest) -> Floats | None:
         w = np.maximum(np.abs(w), FLAT * np.max(np.abs(w), initial=0.0))
         w = np.maximum(w, np.linalg.norm(along) / farthest)
         if not np.all(w):
-            return None if np.any(along) else x  # a straight energy has no minimum
+            return None if np.any(along) else x  # a linear energy has no minimum
         down = N @ (U @ (along / w))
         step = np.pad((back + down) / sizes, (0, len(x) - k))
         if np.linalg.norm(sizes * step[:k]) <= SAME_RESULT * moved:
@@ -331,13 +331,14 @@ def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> 
 
 
 class Way(Enum):
-    """Way from a guess to a rest.
+    """Algorithm of the search for a rest from a guess.
 
-    NEAR: Newton's method where it contracts, else downhill. CONTRACTED: Newton's method
-    where it contracts, else no result. FAR: as NEAR, then from other starts around the
-    guess. DOWN: descent of the energy (`_downhill`). ROOT: damped steps, which may end
-    at a saddle of the energy. CORNER: from surface to surface, to a corner of forces or
-    of equalities.
+    - NEAR: Newton's method if it contracts, otherwise descent of the energy.
+    - CONTRACTED: Newton's method if it contracts, otherwise no result.
+    - FAR: as NEAR, then from other starts around the guess.
+    - DOWN: descent of the energy (`_downhill`).
+    - ROOT: damped Newton steps, which may end at a saddle of the energy.
+    - CORNER: from surface to surface, to a kink of the forces or of equalities.
     """
 
     NEAR, CONTRACTED, FAR, DOWN, ROOT, CORNER = range(6)

@@ -1,4 +1,8 @@
-"""Equality constraints at a corner of their residual: both branches act as rows."""
+"""Rank of equality constraints at a state where the residual has a kink.
+
+At a kink, as of `abs(u)` at u = 0, the rows of both branches are in force unless the
+equations of one branch lead away from it.
+"""
 
 from __future__ import annotations
 

@@ -505,7 +505,8 @@ class _Examiner:
         Return the solved point, and the reason of a failure or "".
         """
         point, warnings = self.stated, self.warnings
-        # Velocities that relations give may depend on states, and these on them.
+        # Velocities that relations determine may depend on states, and these states on
+        # velocities.
         again = (1, 2) * OTHER_STARTS if all(self.free[1:]) else ()
         for block in (0, 1, 2, *again):
             free = self.free[block]
@@ -645,7 +646,7 @@ class _Examiner:
         J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
         if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < k:
-            return found  # a family of roots: the nearest of them has been found
+            return found  # a family of roots: its nearest root has been found
         random = np.random.default_rng(3)  # the same starts each time
         size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
         size[size == 0] = 1.0
@@ -802,7 +803,7 @@ class _Examiner:
 
 def _spread(relations: Relations, x: Floats) -> Floats:
     """Return distances (k,) from a root x within which further roots are searched."""
-    if relations.velocities:  # 0 may be found as 1e-60
+    if relations.velocities:  # the exact value 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)
     return np.asarray(lengths.spread[relations.free])

@@ -86,7 +86,7 @@ def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
     """Return the reach of motions that `rows` admit near the point."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
-    # Brackets are those of one branch, and the motion may leave it.
+    # Lie brackets are computed on one branch, and the motion may leave this branch.
     free = all(row.holonomic for row in rows)
     for row in () if free else rows:
         moving = point.g.dependent([*row.A, row.rate], (*point.e.q, "t"))
@@ -107,7 +107,7 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
     random = np.random.default_rng(2)  # the same points each time
     q, weights = point.q, point.sizes
     spread = of_rows(point, rows).spread
-    # Where no gradient depends on a coordinate, only its own size tells.
+    # If no gradient depends on a coordinate, its size alone is used.
     own = np.where(np.abs(q) > 0.0, np.abs(q), 1.0 / weights)
     spread = np.where(spread > 0.0, spread, own)
     metric = np.diag(weights**2)
@@ -141,7 +141,7 @@ class _Distribution:
         g = self.g
         self.names = [*point.e.q, "t"]
         self.variables = [g.variable(name) for name in self.names]
-        # Vectors are compared with each coordinate in its own size.
+        # Components of vectors are compared relative to the sizes of their coordinates.
         self.weights = np.append(point.sizes, 1.0)
         self.budget = len(self.g) + MOST_NODES
         zero = {g.variable(name): g.zero for name in point.e.velocities}

@@ -232,12 +232,12 @@ def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Rela
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
 
-# --- Divergence: relations that are satisfied by rounding alone, ever farther out
+# --- Divergence: relations that are satisfied by rounding alone, at ever larger values
 #
 # `x = sqrt(1 + x^2)` has no solution; its residual falls as 1/(2 x), and its terms
-# grow, until at some 1e7 the one is rounding of the other. A root is where a relation
-# begins to be satisfied: on the path to it, it is not. There its slope tells the root
-# from its neighbours.
+# grow, until at about 1e7 the residual is below the rounding of the terms. At a root
+# the relation is satisfied, and on the path to it it is violated; the slope
+# distinguishes a root from its neighbours.
 
 # A point is no root if the relation is also satisfied this part of the distance before,
 BACKWARD = 0.03
@@ -366,7 +366,8 @@ def nearest_solution(
         return NewtonResult(x0, converged=True)
     reached = reach(relations, x0, metric)
     if far and not reached.converged:
-        # In the metric the path can be a narrow valley: each by its own size.
+        # In the metric the path can be a narrow valley: each value is scaled by its own
+        # size.
         rest = np.sqrt(_square(x0, metric) or 1.0) / np.sqrt(np.diag(metric))
         sizes = np.where(x0 != 0.0, np.abs(x0), rest)
         other = reach(relations, x0, np.diag(sizes**-2.0))
@@ -409,8 +410,9 @@ def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
         if not np.all(np.isfinite(step)):
             return None
         x = x + step
-        # Each value against its own size, for others may be far larger; one that
-        # should be zero ends where steps no longer become shorter.
+        # Each value is compared with its own size, since others may be far larger; the
+        # iteration for a value that should be zero ends where steps no longer become
+        # shorter.
         length = float(np.sqrt(step @ (M @ step)))
         if np.all(np.abs(step) <= CONVERGED * np.abs(x)) or length > SHORTER * last:
             moved = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
@@ -481,7 +483,7 @@ def reach(
     """
     try:
         return _reached(relations, start, metric, start if guess is None else guess)
-    except np.linalg.LinAlgError:  # steps went where doubles hold no more
+    except np.linalg.LinAlgError:  # a step led to values that overflow
         return NewtonResult(start.copy(), converged=False, trouble=Trouble.NOT_FINITE)
 
 
@@ -491,8 +493,8 @@ def _reached(
     x = x0.copy()
     L = cholesky(metric)
     r, J = relations(x)
-    # What x is left with: the rounding of the largest that each value has been, and of
-    # the distance that all of them went together.
+    # Rounding of x: of the largest magnitude that each value has had, and of the total
+    # length of the path.
     largest, ulp = np.abs(x), STATE_ROUNDOFF / np.sqrt(np.diag(metric))
     moved = 0.0
     halvings, last, before = 0, np.inf, np.inf
@@ -509,7 +511,7 @@ def _reached(
         steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
         halvings = halvings + 1 if steady else 0
         last, before = length, part
-        if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
+        if halvings >= HALVINGS:  # add the sum of a geometric series in one step
             jump, step = k, step / (1.0 - part)
             halvings = 0
         hold = relations.hold(x, STATE_ROUNDOFF * largest + moved * ulp)
@@ -525,7 +527,8 @@ def _reached(
     hold = not np.any(r) or relations.hold(x, errors)
     if hold and diverges(relations, relations, guess, x, errors):
         return NewtonResult(x, converged=False, trouble=Trouble.DIVERGES)
-    # Far from a simple root steps can shrink so, too; then the last ones do not.
+    # Far from a simple root steps can shrink by this ratio, too; then the last steps do
+    # not.
     jumped |= not polished and k - jump <= ARRIVED
     trouble = Trouble.DOUBLE_ROOT if jumped and hold else Trouble.NONE
     return NewtonResult(x, converged=hold, trouble=trouble)
@@ -650,7 +653,7 @@ class _Slope:
             self.steepness <= CONVERGED * self.change
             and curvatures[0] < -HALF_OF_DIGITS
         ):
-            # A ridge, not a valley: leave it on the side that is the same each time.
+            # A ridge, not a valley: leave it on a reproducible side.
             return np.asarray(0.1 * self.change * (self.kernel @ directions[:, 0]))
         down = -along / np.maximum(np.abs(curvatures), 1e-3)
         return np.asarray(self.kernel @ (directions @ down))
@@ -662,7 +665,7 @@ class _Slope:
         ...) of `step` that comes nearer.
         """
         if not self.kernel.shape[1] or self.change == 0:
-            return None  # isolated: there is nothing to choose
+            return None  # isolated: there is only one point
         step, damping = self.step(), 1.0
         while np.any(step) and damping > SMALLEST_DAMPING:
             trial = reach(self.relations, self.x + damping * step, self.metric)
@@ -670,7 +673,8 @@ class _Slope:
                 there = _Slope(self.relations, self.x0, trial.x, self.metric)
                 if there.change < (1 - 1e-10) * self.change:
                     return there
-                # Near the minimum only the gradient still tells nearer from farther.
+                # Near the minimum the function is level within rounding; its gradient
+                # still decides.
                 level = there.change <= (1 + 1e-10) * self.change
                 if level and there.steepness < 0.5 * self.steepness:
                     return there

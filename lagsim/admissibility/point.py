@@ -184,7 +184,7 @@ class Point:
             rounding = np.nan_to_num(near.rounding(nodes))
             step = rounding / np.where(squares > 0.0, squares, np.inf)
             shares = columns * step[entries.i] / weights[entries.j]
-            # At a double root half of the digits are known, whatever the slopes say.
+            # At a double root half of the digits are known, independent of the slopes.
             known = DOUBLE_ROOT * (np.abs(state[k]) + own[k] / STATE_ROUNDOFF)
             own[k] += np.minimum(np.bincount(entries.j, shares, self.n), known)
         return dict(zip(names, np.concatenate(own).tolist(), strict=False))
@@ -257,7 +257,8 @@ class Point:
             own = self.array([pivots[k][0] for k in range(self.n)])
             sizes = self.array(self.e.inertias)
             sound = np.all(np.isfinite(own)) and np.all(sizes > 0)
-            # Of a tree they are sums of the inertias of bodies, known to more digits.
+            # For a tree the pivots are sums of the inertias of bodies, known to more
+            # digits.
             least = LOST_RANK if self.e.tree else SAFELY_INDEPENDENT
             return bool(sound and np.min(own / sizes) > least)
         entries = self.mass_entries()
@@ -276,7 +277,7 @@ class Point:
         if factors is None or not np.all(factors.U.diagonal() > 0):
             return False
         if not np.array_equal(factors.perm_r, factors.perm_c):
-            return False  # pivots off the diagonal say nothing
+            return False  # with entries off the diagonal, pivots do not decide
         return 1.0 / largest_eigenvalue(factors.solve, self.n)[0] > SAFELY_INDEPENDENT
 
 
@@ -424,7 +425,7 @@ def shape_of(
     """
     found = (x for x in g.cone(nodes) if x in places)
     variables = sorted(found, key=places.__getitem__)
-    # Entries that a coordinate does not move are not looked through for it.
+    # Only entries that depend on a coordinate are searched for it.
     moved: dict[int, list[int]] = {x: [] for x in variables}
     for i, node in enumerate(nodes):
         for x in g.cone([node]):
@@ -481,7 +482,7 @@ class Lengths:
             table = table.reshape(rows, len(columns)) / self.weights[columns]
             table[1:] *= scale[:, None]
             size = np.linalg.norm(table, axis=1)
-            # A gradient that is only the rounding of where it is taken vanishes.
+            # A gradient within its rounding at the point of evaluation is 0.
             rounding = STATE_ROUNDOFF * float(size[1::2] @ np.abs(self.u[ways]))
             size[0] = size[0] if size[0] > rounding else 0.0
             pairs = zip(ways, size[1::2], size[2::2], strict=True)
@@ -578,7 +579,8 @@ class Lengths:
         shortest, table = form.shortest, form.table
         if np.isinf(shortest) or not np.all(np.isfinite(table)):
             return np.inf
-        # Derivatives count as what they make of the gradient over the shortest length.
+        # Derivatives are scaled by their contribution to the gradient over the shortest
+        # length.
         factors = [1.0, *[shortest, shortest**2] * len(form.lengths)]
         seen = table * np.array(factors)[:, None]
         v = (self.weights * self.point.v)[form.columns]

@@ -171,7 +171,7 @@ def analyse(
         lengths = _without_traces(point, Y, lengths, around)
     flags = dependent_rows(Y, DEPENDENT_ROWS if around is None else HALF_OF_DIGITS)
     rank = flags.count(False)
-    # All m left vectors are wanted; all n right ones would be n^2 numbers for nothing.
+    # All m left vectors are needed; all n right vectors would be n^2 unused numbers.
     left, sizes, _ = np.linalg.svd(Y, full_matrices=len(Y) > point.n)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
@@ -189,14 +189,14 @@ def analyse(
     # The rows that are part of some combination that vanishes.
     shared = np.any(np.abs(left[:, rank:]) > COMPUTED_ZERO, axis=1)
     names = tuple(row.name for row, is_in in zip(rows, shared, strict=True) if is_in)
-    # Rank can only be lost at a state, not won.
+    # At a single state the rank is at most the generic rank.
     if generic is None or generic.rank < rank:
         generic = _Generic(rank, smallest, tuple(flags))
     thin = None
     if moved is not None and levels == LEVELS:
         nearby = (np.zeros(point.n) if around is None else around, moved[1])
         thin, real = thin_set(point, dependences, nearby)
-        # It is not one too many, though no state nearby was found.
+        # The row is not redundant, though no other state was found nearby.
         dependences = [
             d._replace(everywhere=False)
             if d.name in real and d.everywhere is None
@@ -358,7 +358,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
         the keys of the result.
     """
     rows, zero = point.e.rows, point.g.zero
-    # Not with terms that only the distance from the origin makes large.
+    # Terms that are large only by the distance from the origin do not count.
     lengths = of_rows(point, rows)
     asked = {
         "position": ([r.residual if r.holonomic else zero for r in rows],
@@ -541,7 +541,8 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
         sizes = np.linalg.svd(Y, compute_uv=False)
         rank = flags.count(False)
         if rank > least and sizes[rank - 1] < TRACE * size:
-            # More than that grows on the path; this is what Newton's method left.
+            # A residual above this grows on the path; a smaller one is the error of
+            # Newton's method.
             flags = dependent_rows(Y, TRACE * size)
         rank = max(flags.count(False), least)
         smallest = float(sizes[rank - 1]) if rank else 1.0
@@ -647,7 +648,7 @@ def thin_set(
     held = [row for row in rows if row.holonomic]
     for k, those in enumerate((held, rows)):
         if k:
-            # Of positions there are no others; of velocities those that are curved.
+            # For positions there are no further rows; for velocities the curved rows.
             curved = {
                 row.name
                 for row in rows
@@ -703,7 +704,7 @@ def _violated(
     others = relations_of(point, independent, velocities=velocities)
     own = [known[d.name] for d in suspects]
     relations = relations_of(point, own, velocities=velocities)
-    # What rounding may leave in the rows at these states.
+    # Bound of the rounding of the rows at these states.
     L, x0 = cholesky(around.metric), relations.x0
     slopes = np.linalg.norm(np.linalg.solve(L, relations(x0)[1].T), axis=0)
     missed = np.zeros(len(suspects), bool)

@@ -118,8 +118,9 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     for one in faulty:
         by.setdefault(_source(point, one[1], sources), []).append(one)
     if len(by) > 1:
-        by.pop(None, None)  # by several of those that are reported
-    # The place of what is not finite by several things, or by none alone.
+        by.pop(None, None)  # several of the reported expressions
+    # Place of a value that is not finite because of several expressions, or of none
+    # alone.
     places = [source.place for source in sources]
     places += [e.model.places.get(x) for x in ("kinetic", "potential", "lagrangian")]
     home = next((place for place in places if place is not None), None)
@@ -162,7 +163,7 @@ def _sources(point: Point) -> list[_Source]:
         _Source(f"the constraint `{c.name}`", c.relation.node, c.relation.place)
         for c in model.constraints
     ]
-    for c in model.constraints:  # what bounds the force of each
+    for c in model.constraints:  # the names in the bound of each force
         bounds = {"limit": c.limit, "static limit": c.static}
         if c.law is not None:
             bounds |= {"friction": c.law.friction, "static friction": c.law.static}
@@ -210,7 +211,8 @@ def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
         if source.node in inside or len(sources) == 1:
             return source
     users = [s for s in sources if sources[0].node in point.e.graph.cone([s.node])]
-    return sources[0] if users == sources else None  # all of them by the first
+    # the first source alone explains all of them
+    return sources[0] if users == sources else None
 
 
 def _problem(
@@ -383,9 +385,9 @@ def needs_constraints(point: Point) -> bool:
         return False
     size, scaled, rows = _scaled(point)
     inertia, directions = np.linalg.eigh(scaled)
-    # Where M varies with the positions a motion passes such a place (angles near gimbal
-    # lock), and its rounding is seen in every step. Of a constant M it would be the
-    # same in all steps, which no repeat sees.
+    # If M varies with the positions, a motion passes such a place (angles near gimbal
+    # lock), and its rounding shows in every step. The rounding of a constant M is equal
+    # in all steps, so that no repeat shows it.
     varies = not point.g.depends(point.e.mass_nodes).isdisjoint(point.e.q)
     least = LEAST_PIVOT if varies else DEPENDENT_ROWS
     if inertia[0] > least:
@@ -492,11 +494,11 @@ def _of_inertia(
     return Problem(NO_INERTIA, text, place, hint)
 
 
-# --- Many starts of one scene at once: those that need no closer examination
+# --- Many starts of one model at once: a fast check without diagnosis
 #
-# Of a scene without constraints a start is admissible where energies and forces are
-# finite there and every direction has inertia. What may fail that is left to `examine`,
-# which says why.
+# Without constraints a start is admissible if energies and forces are finite there and
+# every direction has inertia. Starts that fail this check are examined by `examine`,
+# which reports the reason.
 
 # Larger than any bound: starts with less inertia are examined one by one.
 CLEAR = 2.0 * DEPENDENT_ROWS
@@ -536,7 +538,7 @@ def clear_starts(
     clear: Flags = finite & np.all(diagonal > 0.0, axis=1)
     sizes = np.sqrt(diagonal[clear])
     scaled = mass[clear] / (sizes[:, :, None] * sizes[:, None, :])
-    # LAPACK fails for what has overflowed on the way.
+    # LAPACK fails for matrices that have overflowed.
     sound = np.all(np.isfinite(scaled), axis=(1, 2))
     least = np.zeros(len(scaled))
     least[sound] = np.linalg.eigvalsh(scaled[sound])[:, 0]

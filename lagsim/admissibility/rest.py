@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 # Number of combinations that are tried for each contact.
 TRIES = 4
-# Most surfaces that a walk to a corner meets or leaves.
+# Most surfaces that a walk to a corner reaches or leaves.
 MOST_MET = 200
 
 
@@ -537,11 +537,11 @@ def find_rest(
                 rest, there = end.rest, end.there
                 changes = _changes(rest, end.x, there, held, off)
                 if not all(x.satisfied for x in verdicts_on(there)):
-                    return None  # a relation that moves
+                    return None  # a relation with a nonzero rate
                 if not changes:
                     left = judge_rest(there, judge_laws(there, off)) if laws else ()
                     if not all(x.satisfied for x in left):
-                        return None  # a wall that comes, or goes
+                        return None  # a wall that appears or disappears
                     sided = {k for k in held if laws[k].one_sided}
                     touching = {laws[k].constraint for k in sided}
                     own = rest.rows[len(point.e.rows) :]

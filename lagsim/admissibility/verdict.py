@@ -433,7 +433,7 @@ def judge_rest(
     """
     e = point.e
     own = acting(point, laws)
-    v = own.v if own.struck else point.v  # a wall that comes sets in motion
+    v = own.v if own.struck else point.v  # a wall that appears sets bodies in motion
     moving = [
         at_rest(name, rate, abs(point.errors.get(name, 0.0)))
         for name, rate in zip(e.velocities, v.tolist(), strict=True)
@@ -461,8 +461,8 @@ def judge_rest(
             SATISFIED * np.abs(point.array(nodes)) + CAUTION * point.rounding(nodes)
         )
     bounds = np.abs(K) @ np.nan_to_num(bounds) + RESIDUAL_ROUNDOFF * terms
-    # K itself is rounded, also between bodies that nothing joins, and so are the
-    # multipliers, of which those of dependent rows share one force.
+    # K itself is rounded, also between bodies that are not connected, and so are the
+    # multipliers; dependent rows share one force.
     pushing = np.abs(point.jacobian(own.rows)).T @ np.abs(own.multipliers)
     pushing += np.abs(point.array(e.f))
     bounds += RESIDUAL_ROUNDOFF * float(np.linalg.norm(pushing / sizes)) / sizes
@@ -477,7 +477,7 @@ def at_rest(name: str, value: float, bound: float) -> RelationResiduals:
     )
 
 
-# --- What the laws of constraints do at the start
+# --- State of the laws of constraints at the start
 
 
 def out_of_force(equations: Equations, time: float) -> frozenset[str]:
@@ -663,7 +663,7 @@ def _sliders(point: Point) -> dict[int, Mode]:
     if not own:
         return {}
     laws, v = point.e.laws, point.v.copy()
-    for k, x in own.items():  # the velocities of what sticks
+    for k, x in own.items():  # the velocities of sticking slips
         slip, slope = point.array([laws[k].row.rate, laws[k].row.A[x.coordinate]])
         v[x.coordinate] -= slip / slope
     point, found = point.at(v=v), dict[int, Mode]()

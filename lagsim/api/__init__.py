@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lagsim.studies.options import RangeOption
 
 
-# --- Arguments and their faults in Python's words: `step=0`, not `--step 0`
+# --- Arguments, and their faults in the notation of Python: `step=0`, not `--step 0`
 
 
 class SimulationKeys(TypedDict, total=False):
@@ -85,7 +85,7 @@ def _renamed(problem: Problem) -> Problem:
     found = _OPTION.match(place.file) if place else None
     if place is None or found is None:
         return problem
-    # `--set k=2` gives a name of the model, `--step 2` an argument of ours.
+    # `--set k=2` sets a name of the model, `--step 2` an argument of a function here.
     word = found[1].replace("-", "_")
     name = "" if word == "set" else f"{word}{'_' * iskeyword(word)}="
     moved = len(name) - found.end()

@@ -415,7 +415,7 @@ def load(source: str | Path, **values: float | str) -> Model:
     return model.bind(**values) if values else model
 
 
-# --- Equations, to read, to print and to compute with
+# --- Equations: to read, to print, and to compute with
 
 
 class Derivation:

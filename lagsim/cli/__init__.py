@@ -98,8 +98,8 @@ def _application() -> typer.Typer:
     from lagsim.cli._faults import reporting
     from lagsim.cli._shared import ask_version
 
-    # Only the called command is loaded; without one all commands are, for help and for
-    # completion by the shell.
+    # Only the called command is loaded; without a command all are loaded, for help and
+    # for completion by the shell.
     called = [name for name in COMMANDS if name in sys.argv[1:2]]
     app = typer.Typer(
         name="lagsim",
@@ -139,7 +139,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
         _shared.write_stdout(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
-    except SystemExit as done:  # a shell has asked how a line goes on
+    except SystemExit as done:  # a shell has requested the completion of a line
         return int(done.code or 0)
     except typer.Abort:
         raise KeyboardInterrupt from None
@@ -148,9 +148,7 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            return _shared.report_stdout_failure(
-                error
-            )  # help, on a disk without room for it
+            return _shared.report_stdout_failure(error)  # help, written to a full disk
         from lagsim.cli._faults import unforeseen
 
         return unforeseen()
@@ -185,7 +183,7 @@ def _suggest(error: Any) -> None:
     """Add the options that resemble an unknown option to its error message."""
     from difflib import get_close_matches
 
-    # Their dashes make all options alike.
+    # With dashes all options look similar.
     given = error.option_name.lstrip("-")
     options = [o for p in error.ctx.command.params for o in p.opts if o[:2] == "--"]
     names = [o[2:] for o in [*options, "--help"]]
@@ -197,11 +195,12 @@ def _suggest(error: Any) -> None:
         error.message = f"{error.message}. Did you mean {found}?"
 
 
-# --- Signals that end the process: in order where there is a moment for it
+# --- Signals that end the process, in order if time permits
 #
-# Python calls its handlers between two of its own instructions. What stays long in one
-# (LLVM, LAPACK), or loses the exception that a handler raises, would never end; a
-# thread sees the signals as well, and ends the process where nothing else has.
+# Python calls signal handlers between two of its own instructions. Code that stays long
+# in one instruction (LLVM, LAPACK), or that loses the exception that a handler raises,
+# would never end; therefore a thread receives the signals as well, and ends the process
+# if it has not ended by itself.
 
 # Time limits for an orderly end, in s: after one signal while no file is written, and
 # after a second signal.
@@ -222,7 +221,7 @@ def raise_pending_signal() -> None:
 def watch() -> None:
     """Start a thread that ends this process after a signal, even amid a computation."""
     sys.unraisablehook = _report_uncaught
-    if sys.platform != "win32":  # where this takes a socket
+    if sys.platform != "win32":  # here the wake-up file descriptor may be a socket only
         reads, writes = os.pipe()
         os.set_blocking(writes, False)
         signal.set_wakeup_fd(writes, warn_on_full_buffer=False)

@@ -36,7 +36,7 @@ BUG_EXIT, STARVED_EXIT = 70, 3
 TRACEBACK = "--traceback"
 # Errors of a path that occur before any access to the file.
 _NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES)
-# Their faults are not the model's.
+# Faults that are not in the model file.
 _OUTSIDE = (USAGE, OUTPUT_FOLDER, FAILED, NO_ROOM, NO_REFERENCE)
 
 
@@ -164,7 +164,7 @@ def _as_mapping(problem: Problem, file: str | None) -> dict[str, Any]:
     }
 
 
-# --- What is no fault of the input
+# --- Failures that are no fault of the input
 
 # Messages of a system without free memory; some exist as text alone.
 _STARVED = re.compile(

@@ -503,17 +503,17 @@ def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
     )
 
 
-# --- Standard streams that may be closed, full, narrow, or left by their reader
+# --- Standard streams that may be closed, full, narrow, or closed by their reader
 #
-# Where GitHub's runner reads them, it takes a line that begins with `::`, after blanks
-# too, for a command, and `##[` anywhere in a line: what is printed is made harmless.
+# GitHub's runner interprets a line that begins with `::`, also after blanks, as a
+# command, and `##[` anywhere in a line; both are made harmless in printed text.
 
 # The label of a line: an indent, and a name with two blanks after it.
 _LABEL = re.compile(r"\s*(?:\S+(?: \S+)?\s{2,})?")
-# Begins the colours that are ours, of which no file can know.
+# Prefix of lagsim's own colours; it is random, so that no file can contain it.
 _OWN = f"\x1b{os.urandom(8).hex()}"
 _COLOUR = re.compile(rf"{_OWN}(\[\d+m)")
-# Blanks without width, which Python does not count as such.
+# Characters without width, which Python does not count as blanks.
 _NO_WIDTH = dict.fromkeys(map(ord, "\ufeff\u200b\u180e"))
 
 
@@ -666,10 +666,10 @@ def _mute(stream: TextIO) -> None:
         os.close(nowhere)
 
 
-# --- Annotations: what GitHub Actions shows beside a line of a file, where it runs us
+# --- Annotations: messages that GitHub Actions shows beside a line of a file
 #
-# They go to stderr, which the runner reads as it does stdout, so that stdout stays what
-# it is for everybody else.
+# They are written to stderr, which the runner reads like stdout, so that stdout is the
+# same for all readers.
 
 ERROR, WARNING = "error", "warning"
 

@@ -63,7 +63,7 @@ def command(
     if not no_browser and not webbrowser.open(server.address):
         print_stderr("no browser was found: open the address above in one")
     print_stderr("Ctrl-C ends")
-    # A command collects no garbage, since it ends soon. This one goes on.
+    # Other commands collect no garbage, since they end soon. This one continues.
     gc.freeze()
     gc.enable()
     try:

@@ -187,7 +187,7 @@ def command(
 
 # Where results go by default.
 RESULTS = Path("results")
-# A run is kept from then on, for `--resume`; shorter ones begin again.
+# After this time the state of a run is saved for `--resume`; shorter runs begin again.
 KEPT_AFTER_SECONDS = 3.0
 
 
@@ -457,7 +457,7 @@ class Job:
 
         form = (self.wish.plots or PictureFormat.PNG).value
         made = drawings(found, form, self._draw)
-        # Where there is no room for that, pictures will say so.
+        # If the disk is too full for this, the pictures report it.
         with contextlib.suppress(OSError):
             results.stand(encode(document | {"sha256": results.digests()}))
         try:

@@ -230,7 +230,7 @@ def _at_zero(
     inverse = _inverse(rows, len(slips))
     if inverse is None:
         return None
-    # By a unit of each row, those of slips first.
+    # By a unit of each row; the rows of slips come first.
     ways = [
         {name: change for name, change in zip(speeds, way, strict=True) if change}
         for way in inverse
@@ -395,7 +395,7 @@ class _Beside:
         else:
             up, down = self._sign(parts[ABOVE], 1.0), self._sign(parts[BELOW], -1.0)
         if up == down == 0.0:
-            return  # 0 where the points are, at any slip: a switch of something else
+            return  # 0 at the points, at any slip: a switch of another argument
         if vanishes:
             done[n][REST] = _decided(g, op, 0.0)
         self.steps = True

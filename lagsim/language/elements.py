@@ -432,7 +432,8 @@ class Elements:
         args = g.args[vector][1:]
         some = _where(args, active)
         weight = weights.get(0, g.zero)
-        # A weight that varies is a factor of each term, as when terms are written out.
+        # A weight that varies is a factor of each term, as if the terms were written
+        # out.
         if self.size == 1 and set(active).isdisjoint(g.cone([weight])):
             made = self.derived("slopes", some)
             found = sums(g, made, args)

@@ -68,7 +68,8 @@ def evaluate(
             found[n] = g.payload(n)
         else:
             row = OPERATIONS[op]
-            try:  # as a call of the row does, which takes a third longer
+            # without a call of the row's function, which would take a third longer
+            try:
                 found[n] = row.value(*[found[a] for a in g.args[n]])
             except (ValueError, OverflowError):
                 found[n] = row(*[found[a] for a in g.args[n]])
@@ -193,7 +194,7 @@ def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
     return value, inherited + (fresh if math.isfinite(fresh) else 0.0)
 
 
-# A product, a shift, and a shift that moves are rounded by this part of a coordinate.
+# A product, a shift, and a moving shift are rounded by this part of a coordinate.
 SHIFTED = 3.0
 
 
@@ -218,7 +219,8 @@ def roundings(
     varying, placed = g.dependents(nodes, moving, state)
     known = known or {}
     errors = {n: x for n, x in known.items() if n in varying or not g.args[n]}
-    linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
+    # node a x + b -> its part a x: x of the state, b a function of t
+    linear: dict[int, int] = {}
     for n in g.cone(nodes, known):
         if (n not in varying and n not in placed) or n in known:
             continue

@@ -99,7 +99,7 @@ class Products(Generic[Atom]):
             budget.add(len(b))
             ((m, c),) = a.items()
             return {m + n: c * d for n, d in b.items()}
-        if a is b:  # each pair once
+        if a is b:  # each pair is joined once
             budget.add(len(a) * (len(a) + 1) // 2)
             items = list(a.items())
             for k, (m, c) in enumerate(items):
@@ -187,7 +187,7 @@ class Turning(Products[Atom]):
             second = rest + 2 * self.turn(_SWAPPED[op], angle)
             if terms.get(second) == c:
                 return second, rest, c
-            if terms.get(rest) == -c:  # 1 - sin^2
+            if terms.get(rest) == -c:  # 1 - sin^2 = cos^2
                 return rest, second, -c
         return None
 
@@ -205,7 +205,7 @@ class Turning(Products[Atom]):
                 d = terms.get(second)
                 if d is None or abs(d) != abs(c):
                     continue
-                # sin x sin y stands with cos x cos y, sin x cos y with cos x sin y.
+                # sin x sin y is paired with cos x cos y, sin x cos y with cos x sin y.
                 made = _SWAPPED[other]
                 sign = 1 if (c == d) == (made == "sin") else -1
                 number, product = self.turned(made, x, y, sign)
@@ -550,7 +550,7 @@ class _Form:
 
     def _power(self, a: Sum, exponent: Fraction) -> Sum:
         g = self.g
-        if not a:  # all has cancelled
+        if not a:  # all terms have cancelled
             return {(): g.call("pow", g.zero, g.constant(float(exponent)))}
         monomial, factor = self.single(a)
         if exponent.denominator == 1:
@@ -558,7 +558,7 @@ class _Form:
             p = g.constant(float(abs(exponent)))
             factor = g.call("pow", factor, p)
             return {raised: g.call("div", g.one, factor) if exponent < 0 else factor}
-        # The root of a square is not its base: only that of an atom is taken apart.
+        # The root of a square is not its base: only the root of an atom is decomposed.
         if not (factor == g.one and len(monomial) == 1 and monomial[0][1] == 1):
             monomial = ((self.written(a), Fraction(1)),)
         return {((monomial[0][0], exponent),): g.one}
@@ -612,7 +612,7 @@ def _product(a: Monomial, b: Monomial) -> Monomial:
 
 
 ARITHMETIC = frozenset(("add", "sub", "neg", "mul", "div", "pow"))
-# The factors that move in a product; and products that are added or subtracted.
+# The varying factors of a product; and products that are added or subtracted.
 Key = tuple[int, ...]
 Group = list[tuple[str, Key]]
 

@@ -235,7 +235,7 @@ REMAINDERS = (
     Function(
         name="mod", arity=2,
         value=lambda x, y: x - y * _whole(_quotient(x, y), math.floor),
-        simpler=simpler.remainder,  # the graph has what it is written with
+        simpler=simpler.remainder,  # the graph has the expression that defines it
     ),
 )  # fmt: skip
 

@@ -68,7 +68,8 @@ class Degrees(NamedTuple):
         return Degrees(min(self.least, other.least), max(self.most, other.most))
 
 
-FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)  # other nodes, and 0
+# degrees of other nodes, and of 0
+FLAT, NOTHING = Degrees(0, 0), Degrees(math.inf, -math.inf)
 
 
 @cache
@@ -230,7 +231,7 @@ class Graph:
         self._left -= work
 
     def allow(self, letters: int) -> None:
-        """Enlarge the budgets for an expression of `letters` characters."""
+        """Raise the limits of nodes and operations for a text of so many `letters`."""
         self._allowed += letters
         self._most = max(self._most, limits.graph_nodes(self._allowed))
         more = limits.work(self._allowed) - limits.work(self._allowed - letters)
@@ -326,7 +327,7 @@ class Graph:
             return list(known[roots])
         seen = set(roots)
         waiting = [n for n in seen if n not in ends] if ends else list(seen)
-        for n in waiting:  # grows on the way
+        for n in waiting:  # the list grows during the loop
             for a in args[n]:
                 if a not in seen:
                     seen.add(a)
@@ -430,7 +431,7 @@ class Graph:
         new : node -> node that replaces it.
         """
         nodes = list(nodes)
-        done: dict[int, int] = {}  # those that are not themselves
+        done: dict[int, int] = {}  # nodes whose replacement differs from themselves
         cone = self.cone(nodes, range(min(new, default=len(self))))
         for n in cone if not new.keys().isdisjoint(cone) else ():
             if n in new:

@@ -171,7 +171,8 @@ def _corners(
     values = np.stack(
         np.broadcast_arrays(f(x.lo, y.lo), f(x.lo, y.hi), f(x.hi, y.lo), f(x.hi, y.hi))
     )
-    values = np.where(np.isnan(values), 0.0, values)  # 0 * inf: the bound is never met
+    # 0 * inf: the bound is not attained
+    values = np.where(np.isnan(values), 0.0, values)
     return values.min(0), values.max(0)
 
 
@@ -259,7 +260,8 @@ def _real_power(x: Interval, y: Interval) -> Interval:
     negative = x.lo < 0.0
     pole = (x.lo <= 0.0) & (y.lo <= 0.0)
     moving = y.lo < y.hi
-    # A negative base with a moving exponent: any whole exponent on the way counts.
+    # A negative base with a varying exponent: any whole exponent of the interval is
+    # possible.
     size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
     _, largest = outward(*_corners(np.power, size, y))
     stray = negative & moving

@@ -395,7 +395,7 @@ class Parser:
     def _function(self, token: Token) -> None:
         known = {**FUNCTIONS, **self.arities}
         if token.text not in known:
-            # One letter is near to all names of two.
+            # A name of one letter is close to all names of two letters.
             hint = did_you_mean(token.text, known) if token.text[1:] else ""
             text = f"there is no function `{token.text}`"
             raise token.fault(text, hint, EXPRESSION_UNKNOWN_FUNCTION)

@@ -104,7 +104,8 @@ class Coefficients:
         self._newest = frozenset(self._known.values())
         self._depths: dict[int, int] = {}
         self._twins: dict[int, int | None] = {}
-        self._extended: set[int] = set()  # nodes with coefficients, as have all below
+        # nodes with coefficients, as have all nodes below
+        self._extended: set[int] = set()
 
     def __call__(self, n: int) -> int:
         """Return the coefficient of order k of node `n`."""
@@ -314,7 +315,7 @@ def _as_products(s: Coefficients, n: int) -> int | None:
         return None
     whole = int(abs(value))
     result = g.one if whole == abs(value) else g.call("sqrt", x)
-    # Simplified, a product of roots would be the power again.
+    # Simplification would turn a product of roots into the power again.
     root = g.ops[x] in UNDONE
 
     def times(a: int, b: int) -> int:

@@ -98,7 +98,7 @@ def table_row(axis: Floats, cell: int) -> int:
     axis : data of the table, see the module; so in the functions below.
     """
     m = int(axis[0])
-    if axis[2] > 0.0:  # past all digits of x a remainder is none
+    if axis[2] > 0.0:  # beyond all digits of x the remainder has no value
         return 1 + max(0, min(cell - floor(cell / m) * m, m - 1))
     return 1 + cell
 
@@ -439,7 +439,7 @@ def axes_and_pieces(
     import numpy as np
 
     found = values
-    for x in points:  # each leaves its cells and powers behind
+    for x in points:  # each argument has its cells and powers removed from the stack
         found = np.moveaxis(_pieces(x, found, how, outside), (0, 1), (-1, -2))
     if len(points) == 2:  # cells, powers; cells, powers of the second
         found = np.moveaxis(found, 1, 2)
@@ -496,7 +496,7 @@ def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
         return np.asarray(
             CubicSpline(x, y, bc_type="periodic" if again else "not-a-knot").c
         )
-    if again:  # with as many points beyond each end as slopes there depend on
+    if again:  # with as many points beyond each end as the slopes there depend on
         period, k = x[-1] - x[0], min(2, len(x) - 1)
         x = np.concatenate([x[-1 - k : -1] - period, x, x[1 : 1 + k] + period])
         y = np.concatenate([y[-1 - k : -1], y, y[1 : 1 + k]])

@@ -33,7 +33,7 @@ KNOWN: dict[str, Unit] = {
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([^\W\d_]+|1)(?:\s*(?:\^|\*\*)\s*(-?\d+))?\s*")
 
 # A factor is a pure number if it is a fraction of whole numbers up to this size; 9.8
-# could be metres per second squared.
+# could be in m/s^2.
 SMALL = 12
 
 # A fraction above this size, in whole hundredths, is a part and no unit conversion.
@@ -123,7 +123,7 @@ def combined(
         return times(one.unit, other.unit, 1.0 if op == "mul" else -1.0), text
     if op in SAME:
         return one.unit, one.text
-    if op in ALIKE:  # a number has the unit of the other term
+    if op in ALIKE:  # a number is taken in the unit of the other term
         terms = [part for part in parts[-2:] if not part.free]
         texts = {part.text for part in terms}
         units = [part.unit for part in terms if part.unit is not None]

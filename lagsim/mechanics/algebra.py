@@ -440,8 +440,8 @@ def factored(A: Any, *, symmetric: bool = False) -> Any:
     """
     from scipy.sparse.linalg import splu
 
-    # With rows exchanged an order that is good for A + A^T fills the factors: of a
-    # chain of 3,000 rods 13.6 million entries instead of 84,000.
+    # If rows are exchanged, an order that suits A + A^T fills the factors: for a chain
+    # of 3,000 rods 13.6 million entries instead of 84,000.
     order, threshold = ("MMD_AT_PLUS_A", 0.0) if symmetric else ("COLAMD", 1.0)
     try:
         return splu(

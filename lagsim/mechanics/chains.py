@@ -623,9 +623,11 @@ class Composites(Composite):
         return super()._eliminate(k)
 
     def _in_velocities(self, row: Mapping[int, int]) -> Vector:
-        """Return a linear form with its sums replaced by velocities, outer sums first.
+        """Express a linear form in velocities by substituting all nested sums.
 
-        row : unknown -> node of its coefficient.
+        Sums are substituted from the outermost to the innermost.
+
+        row : unknown (a velocity or a sum) -> node of its coefficient.
         """
         g, left = self.g, dict(row)
         queue = [-i for i in left if i in self.sums]

@@ -373,7 +373,7 @@ def _scaled(problem: ComplementarityProblem) -> tuple[ComplementarityProblem, Fl
     """
     D, n, low, high = problem.D, problem.normals, problem.low, problem.high
     most = D.diagonal()
-    if problem.discs:  # two rows have one scale, between those of their inertias
+    if problem.discs:  # the two rows of a disc have one scale, between their own scales
         pairs = problem.pairs
         mean, larger = np.sqrt(most * most[pairs]), np.maximum(most, most[pairs])
         most = np.where(pairs >= 0, np.where(mean > 0.0, mean, larger), most)
@@ -709,7 +709,7 @@ def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
     lowest, highest = problem.low[0], problem.high[0]
     fixed = problem.fixed
     free = np.flatnonzero(np.isinf(lowest)).tolist()
-    # p = E x + p0, with x the multipliers that are not fixed.
+    # p = E x + p0, where x are the multipliers that are not fixed.
     E, p0 = np.diag(np.where(fixed, 0.0, 1.0)), np.where(fixed, lowest, 0.0)
     moved = np.flatnonzero(fixed & (problem.normals >= 0))
     E[moved, problem.normals[moved]] = problem.low[1, moved]
@@ -718,7 +718,7 @@ def _by_pivots(problem: ComplementarityProblem, corners: int = 0) -> Floats:
     groups = [[pairs.item(k), k] if pairs[k] >= 0 else [k] for k in boxed.tolist()]
     groups = [group for group in groups if group[0] <= group[-1]]
     rows = [*signed.tolist(), *(k for group in groups for k in group)]
-    # x = base + N a of these rows, group by group, a >= 0.
+    # x = base + N a for these rows, group by group, with a >= 0.
     base = np.zeros(len(rows))
     angles = 2.0 * np.pi * np.arange(corners) / max(corners, 1)
     polygon = np.column_stack([np.cos(angles), np.sin(angles)])

@@ -144,7 +144,7 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     moved = g.product_sum((slope, flow.rates[j]) for j, slope in A.entries.items())
     if holonomic:
         drift = gradient(g, node, [g.variable("t")])[0]
-        # Forward, common differences stay as they are: d^2 + ... has 2*d*d' + ...
+        # Forward mode preserves common differences: d^2 + ... has the rate 2*d*d' + ...
         rate = tangent(g, [node], flow.forward)[0]
         transport = g.call("neg", drift)
         residual_scale = scale_of(g, node, flow.positions, A.entries)

@@ -69,7 +69,7 @@ def _begin(e: Equations, values: dict[str, float]) -> Begun:
         now, seen = {mode: values[mode] for mode in modes}, [x for _, x in rounds]
         rounds.append(([event.name for event in events], former))
         if any(event.at is None or event.once for event in events):
-            rounds.clear()  # they act once, so no cycle contains this round
+            rounds.clear()  # events act once, so no cycle contains this round
         elif (now != former and now in seen) or len(acts) > MOST_ACTS:
             cycle = rounds[seen.index(now) if now in seen else 0 :]
             return Begun(tuple(acts), tuple(x for names, _ in cycle for x in names))

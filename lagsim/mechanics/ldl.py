@@ -124,7 +124,7 @@ def elimination_of(equations: Equations) -> Elimination | None:
     key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
 
     def found() -> Elimination | None:
-        # The choice of the factors of a tree has counted the operations of M, too.
+        # The choice of the factors of a tree has counted the operations of M already.
         along_tree = e.tree is not None and e.chains is not None
         try:
             most = math.inf if along_tree else affordable(len(e.q), len(e.rows))
@@ -157,7 +157,8 @@ def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
     entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
     late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
     rows = symmetric(len(equations.q), entries)
-    minimum_degree(list(map(set, rows)), Budget(budget.limit))  # too long is not begun
+    # an elimination beyond the budget is not begun
+    minimum_degree(list(map(set, rows)), Budget(budget.limit))
     return Factorisation(g, rows, budget, late=late)
 
 
@@ -192,7 +193,8 @@ class Elimination:
         self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
-        # Forces of a tree share their terms, of which tidy sums would have their own.
+        # Forces of a tree share their terms; tidied sums would each have their own
+        # copy.
         forces = [] if e.tree else e.f
         tidy = self.collected.tidy([*forces, *e.other_rates])
         self.other_rates = tidy[len(forces) :]
@@ -201,7 +203,7 @@ class Elimination:
         self.schur = Factorisation(g, rows, self.budget)
         f = dict(enumerate(self.forces))
         self._motion = self._solve(f, [row.b for row in self.rows])
-        # Corrections are solved for later, with a part of these operations.
+        # Corrections are computed later, with a part of these operations.
         self.operations = self.budget.operations
         self.budget.stop()
         found = accelerations(e) if turns(e) else None
@@ -237,7 +239,8 @@ class Elimination:
 
     def _schur(self) -> dict[tuple[int, int], int]:
         """Return S = Z^T D^-1 Z times the unit of mass, as a dict (i, j) -> node."""
-        self.budget.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
+        # an elimination beyond the budget is not begun
+        self.budget.foresee(squares(self.Z) + fill(self.Z))
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
         for i, z in enumerate(self.Z):
@@ -320,7 +323,7 @@ class Elimination:
         for k in sorted(z.keys() & f.keys()):
             self.budget.add(2)
             inverse = self.mass.inverse[k]
-            if self.unit == g.one:  # S has the same products
+            if self.unit == g.one:  # S has these products already
                 terms.append((minus, g.call("mul", z[k], inverse), f[k]))
             else:
                 terms.append((minus, z[k], x.scaled(f[k], inverse)))
@@ -346,7 +349,7 @@ class Elimination:
             if self.unit != g.one:
                 free = x.scaled(push, inverse)
                 scaled[k] = x.sum([(free,), (pull, self._inverse(k))])
-            elif mass.columns[k] or k in held:  # others have `push` as well
+            elif mass.columns[k] or k in held:  # other rows have `push` as well
                 scaled[k] = g.call("mul", g.call("add", push, pull), inverse)
             else:
                 scaled[k] = x.scaled(push, inverse)

@@ -337,7 +337,8 @@ class Linearisation:
             np.abs(Z.T) @ terms[:n] @ change,
             terms[n + m :] @ change,
         ])  # fmt: skip
-        # Forces and directions that cancel leave their rounding, whatever their size.
+        # Forces and directions that cancel leave their rounding, independent of their
+        # size.
         lengths = np.linalg.norm(x.metric.L.T @ dv, axis=0)
         lengths[:k] = np.max(lengths[:k], initial=0.0)
         error[:k] += STATE_ROUNDOFF * lengths

@@ -107,7 +107,8 @@ def motion_series(
     shorter = _shorter(g, state, tuple(rates))
     cost = _cost(g, state, shorter, order)
     if loop:
-        from lagsim.native.graph.keys import Loop  # what is only checked has none
+        # a loop is compiled only if the series is integrated
+        from lagsim.native.graph.keys import Loop
 
         made = _recurrence(g, state, shorter)
         return Loop(made, order, cost.operations, unrolled=not cost.loop)

@@ -467,7 +467,7 @@ def equations_of_motion(model: Model, *, gathers: bool = False) -> Equations:
         law, pair = laws[k], laws[k].pair
         if (pair >= 0 and pair not in multipliers) or law.static != law.bound:
             return e  # a massless slider has no motion for a dropping force
-        if law.when is not None:  # out of force it has the limit 0
+        if law.when is not None:  # while not in force, the limit is 0
             limit = g.call("mul", law.when, law.bound)
             law = law._replace(bound=limit, static=limit, when=None)
         made = _slider(e, law, k, j, multipliers)

@@ -494,7 +494,7 @@ class _Edges(NamedTuple):
             return x, w
         span = Independent(self.closed.columns, turn, regular=self.rows.regular)
         edges = [i for i, k in self.rows.problem.discs if k in tied and pressed[k]]
-        # Rows that are not coupled with tied ones decide nothing.
+        # Rows that are not coupled with tied rows have no influence.
         some = sorted(
             k for rows in self.rows.groups if not rows.isdisjoint(tied) for k in rows
         )
@@ -549,7 +549,8 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
     directions : (r,), multipliers of rows at their bounds as parts of the bounds.
     """
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
-    # Returned directions are parts of the bounds in force, not of the problem's.
+    # Returned directions are relative to the bounds in force, not to the bounds of the
+    # problem.
     redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
     known = np.where(redundant, closed.statics, closed.bounds)
     other = (known > 0.0) & (known != sizes)

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from lagsim.mechanics.rows import Closed
 
 
-# Friction up to this part of its bound is shared well enough. Close to its bound each
-# small growth of a load would end a mode, and begin another one.
+# Friction up to this part of its bound needs no further sharing. Close to its bound
+# each small increase of a load would end a mode and begin another one.
 INSIDE = 0.5
 # Newton steps on the central path up to this length, in the local metric, are undamped.
 NEAR_PATH = 0.25

@@ -54,7 +54,7 @@ amplification = TABLEAU.amplification
 
 NEEDS = ("lagrangian",)
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
 # --- Gauss collocation in q and p = dL/dq', for any Lagrangian ------------------------
@@ -73,12 +73,12 @@ class Gauss(Fixed):
     """Memory of Gauss methods: stages, momenta, and the factors of Newton's matrix."""
 
     stages: int
-    due: float  # 1 where factors are to be made
-    factored_h: float  # the step they belong to
+    due: float  # 1 if the matrix is to be factored
+    factored_h: float  # the step size for which it was factored
     nodes: Floats = array("stages")  # the tableau: c, b, A
     weights: Floats = array("stages")
     coefficients: Floats = array(lambda s: s.stages * s.stages)
-    z: Floats = array("size")  # a state to ask at
+    z: Floats = array("size")  # working state for evaluations
     momenta: Floats = array("n")
     # Of each stage: the velocities, the velocities of the step before, the values of
     # `lagrangian` and of `lagrangian_slopes`.

@@ -53,8 +53,8 @@ NEEDS = ("jacobian",)
 CONSTRAINED = True
 
 RADIUS = 0.8
-# A motion is resolved where its own restoring rate, times a ninth of a step or so, and
-# times the step, is less.
+# A motion is resolved if the rate of its restoring force, times about a ninth of a
+# step, and times the step, is less.
 RESOLVED = 0.5
 
 
@@ -117,8 +117,8 @@ class GeneralizedAlpha(Fixed):
         "the factor by which one step reduces an oscillation that is infinitely fast "
         "against the step; 1 keeps it, 0 removes it at once",
     )  # fmt: skip
-    due: float  # 1 where factors are to be made
-    factored_h: float  # the step they belong to
+    due: float  # 1 if the matrix is to be factored
+    factored_h: float  # the step size for which it was factored
     a: Floats = array("n")
     a_new: Floats = array("n")
     change: Floats = array("n")

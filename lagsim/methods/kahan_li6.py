@@ -47,7 +47,7 @@ WEIGHTS = (*HALF, *HALF[-2::-1])
 amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
 class KahanLi6(Composition):

@@ -61,26 +61,27 @@ WEIGHTS = (*HALF, *HALF[-2::-1])
 amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
-# --- symmetric compositions of Verlet steps, and rows within them ---------------------
+# --- symmetric compositions of Verlet steps, and rows within them
+#
 # Dense output of order 6: the quintic through q, q', q'' at both ends of the step is
-# good enough to evaluate the acceleration at four points between; the polynomials that
-# have those too are right to two orders more (W. H. Enright, K. R. Jackson, S. P.
-# Norsett and P. G. Thomsen, Interpolants for Runge-Kutta formulas, ACM Trans. Math.
-# Softw. 12 (1986) 193-218: bootstrapping). In w = x (1 - x) and c = x - 1/2,
+# accurate enough to evaluate the acceleration at four points between; polynomials that
+# interpolate these accelerations as well are more accurate by two orders (W. H.
+# Enright, K. R. Jackson, S. P. Norsett and P. G. Thomsen, Interpolants for Runge-Kutta
+# formulas, ACM Trans. Math. Softw. 12 (1986) 193-218: bootstrapping). In w = x (1 - x)
+# and c = x - 1/2,
 #
 #     q(x) = quintic(x) + w^3 (r0 + r1 c + r2 c^2 + r3 c^3),
 #     q'(x), work(x) = cubic(x) + w^2 (r0 + r1 c + r2 c^2 + r3 c^3)
 #
-# with r from what is left over at the four points, of the accelerations and the power.
-# (The derivative of q(x) would divide the error of the step by its length.) It is made
-# where a row needs it.
+# with r from the residuals of the accelerations and of the power at the four points.
+# (The derivative of q(x) would divide the error of the step by its length.) The dense
+# output is computed for steps with rows only.
 
 NODES = (0.2, 0.4, 0.6, 0.8)
-# r from what is left over at the nodes: the inverse of (w^3 c^m)'' there, and of
-# (w^2 c^m)'.
+# Maps residuals at the nodes to r: the inverse of (w^3 c^m)'' there, and of (w^2 c^m)'.
 BEND = (
     (-2375 / 2816, -29125 / 12672, -29125 / 12672, -2375 / 2816),
     (321875 / 153216, 334375 / 76608, -334375 / 76608, -321875 / 153216),
@@ -99,10 +100,10 @@ class Composition(Symplectic):
     """Memory of compositions: the polynomials of the dense output of the last step."""
 
     r: Floats = array(lambda s: 4 * s.size)
-    c3: Floats = array("size")  # the quintic
+    c3: Floats = array("size")  # coefficients of the quintic
     c4: Floats = array("size")
     c5: Floats = array("size")
-    residuals: Floats = array(lambda s: 4 * s.size)  # at the four points
+    residuals: Floats = array(lambda s: 4 * s.size)  # residuals at the four points
     z: Floats = array("size")
 
 

@@ -41,7 +41,7 @@ amplification = TABLEAU.amplification
 
 NEEDS = ("lagrangian",)
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
 class Midpoint(Gauss):

@@ -66,7 +66,7 @@ refusal = unrestricted
 NEEDS = ("balance",)
 EVENTS = False
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
 class Moreau(Fixed):
@@ -76,9 +76,10 @@ class Moreau(Fixed):
     before: Floats = array(lambda _: 0)
     k: Floats = array(lambda _: 0)
     slope: Floats = array(lambda _: 0)
-    unsettled: float  # steps whose impulses were not found to the end
-    multipliers: float  # where they begin in y
-    struck: float  # 1 where a contact closed in the last step faster than forces do
+    unsettled: float  # number of steps whose impulses did not converge
+    multipliers: float  # index of the multipliers in y
+    # 1 if a contact closed in the last step faster than forces could close it
+    struck: float
     z: Floats = array("size")
     w: Floats = array("n")
     room: Floats = array("size")
@@ -90,11 +91,12 @@ STATE = Moreau
 class Impulses(Parameters):
     """Parameters of the rows, whose impulses are computed in each step."""
 
-    row_count: int  # these rows
+    row_count: int  # number of the rows
     inertial: int  # elements of M in its envelope
-    sloping: int  # those of the rows that do not vanish
+    sloping: int  # number of elements of the rows that do not vanish
 
-    # Columns of `mechanics.rows.RowTable`; rows whose gap a step returns to 0.
+    # Columns of `mechanics.rows.RowTable`; `row_returns` marks rows whose gap a step
+    # returns to 0.
     row_low: Floats = array("row_count")
     row_high: Floats = array("row_count")
     row_gapped: Floats = array("row_count")
@@ -276,14 +278,15 @@ def interpolate(s: Moreau, p: Parameters, x: float, out: Floats) -> None:  # noq
 # Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech.
 # Eng. 177 (1999) 235-257.
 
-MOST_SWEEPS = 5000  # after which relaxation ends unsettled, and that is reported
+# number of sweeps after which relaxation ends unconverged, which is reported
+MOST_SWEEPS = 5000
 # Over-relaxation after PATIENT sweeps: long stacks need a tenth of the sweeps (R. W.
 # Cottle, J.-S. Pang and R. E. Stone, The Linear Complementarity Problem, 1992, section
 # 5.2: any factor below 2 converges). A few rows do not need it.
 PATIENT = 30
 BEYOND = 1.7
-# A gap below this part of the motion in the step counts as closed: the residual of the
-# relaxation must not let a pile fall for a step.
+# A gap below this part of the motion in the step counts as closed, so that the residual
+# of the relaxation does not let a pile fall during one step.
 NEAR = 1e-3
 
 

@@ -47,9 +47,10 @@ STATES = True
 
 CONSTRAINED = True
 LOCALIZED = True
-SPARSE = False  # the matrices of the iterations are; set by the translator
+SPARSE = False  # whether Newton's matrices are sparse; set by the translator
 
-# A step at which Newton's method failed is kept clear of, and grows by this per step.
+# The step size at which Newton's method failed is avoided; the limit grows by this
+# factor per step.
 FORGOTTEN = 1.1
 CLEAR = 0.8
 # The values of RADAU5 (IV.8): safety, bounds of the step's change, the rate of
@@ -60,20 +61,21 @@ SHRINK = 8.0
 GROW = 5.0
 KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
-# Largest effect of the roundoff of a rate that may be assumed without a sample, in
+# Largest effect of the roundoff of a rate that is assumed without sampling, in
 # tolerances of the component's change in the step: at a start from rest, changes are
-# small beside those that follow.
+# small relative to the following ones.
 ASSUMED = 1e3
-# Number of samples of roundoff; their displacements, in units of roundoff, of which the
-# larger ones show the effect of the state's rounding, since few terms cancel by chance,
-# and the smaller ones the rounding within an evaluation. Roundoff in the error estimate
-# in terms of the effect of one unit: the coefficients ERROR are as large as 10, and few
+# Number of samples of roundoff; their displacements, in units of roundoff: the larger
+# ones show the effect of the state's rounding, since few terms cancel by chance, and
+# the smaller ones the rounding within an evaluation. Roundoff in the error estimate
+# relative to the effect of one unit: the coefficients ERROR are as large as 10, and few
 # samples find the largest effect.
 SAMPLES = 4
 FAR = 32.0
 NEAR = 4.0
 SAMPLED = 16.0
-# Roundoff of T^-1 Z in terms of that: the sums of entries of T^-1 are as large as 21.
+# Roundoff of T^-1 Z relative to that of Z: the sums of entries of T^-1 are as large as
+# 21.
 OF_STAGES = 8.0
 
 
@@ -238,7 +240,7 @@ def allow_roundoff(s: Radau, p: SparseNewton, h: float, sigma: float) -> bool:
 
     sigma : see `control.bound_roundoff`.
     """
-    # After a rejection only the samples are renewed.
+    # After a rejection the samples alone are renewed.
     limited = s.rounding_known > 0.0 and s.sampled_h > 0.0 and s.sampled_h != h
     if not limited:
         if not control.bound_step(s, p, h, s.new, s.slope, sigma):
@@ -393,16 +395,17 @@ def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
         out[i] = slope / s.step_h
 
 
-# --- the equations of a step, and Newton's method for them ----------------------------
-# For T^-1 Z, with Z the increments of the stages, the simplified Newton iteration falls
-# apart into one real and one complex system of the size of the state, which are made
-# half as large, see `newton`.
+# --- the equations of a step, and Newton's method for them
+#
+# For T^-1 Z, with Z the increments of the stages, the simplified Newton iteration
+# decouples into one real and one complex system of the size of the state, whose size is
+# halved, see `newton`.
 #
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.8.
 
-MOST = 10  # iterations
-# What Newton's method may leave, in parts of the tolerance; not below rounding.
+MOST = 10  # largest number of iterations
+# Residual error of Newton's method, in parts of the tolerance; not below rounding.
 LEFT = 0.03
 ROUNDING = 20.0 * UNIT_ROUNDOFF
 
@@ -415,34 +418,37 @@ def full(s: Radau) -> int:
 class Radau(State):
     """Memory of RADAU: stages, factors, and values carried from step to step."""
 
-    rate: float  # of convergence, in the last step
-    left_over: float  # rate/(1 - rate), carried from step to step
-    # Of Newton's matrix where it is sparse: rows, entries, those of its factors.
+    rate: float  # rate of convergence in the last step
+    left_over: float  # rate/(1 - rate), used in the next step
+    # Numbers of rows, entries, and entries of the factors of Newton's matrix, if
+    # sparse.
     unknowns: int
     entries: int
     filled: int
-    previous_error: float  # of the last accepted step, for predictive control
-    previous_h: float  # of the last step; 0 at the start of an arc
-    factored_h: float  # the step that the factors belong to; 0: none
+    previous_error: float  # error of the last accepted step, for predictive control
+    previous_h: float  # size of the last step; 0 at the start of an arc
+    factored_h: float  # the step size for which the matrix was factored; 0: none
     jacobian: float  # 0: to be evaluated; 1: of an earlier state; 2: of this one
     iterations: float
-    sampled_h: float  # the step for which roundoff was sampled; 0: none
-    ceiling: float  # a step at which Newton's method failed, slowly forgotten; 0: none
-    slope: Floats = array("size")  # y' at the start ...
-    last_slope: Floats = array("size")  # ... as the polynomial before has it
+    sampled_h: float  # the step size for which roundoff was sampled; 0: none
+    # upper bound of steps after a failure of Newton's method, which grows; 0: none
+    ceiling: float
+    slope: Floats = array("size")  # y' at the start of the step ...
+    last_slope: Floats = array("size")  # ... by the polynomial of the step before
     z: Floats = array("size")
     disturbed: Floats = array("size")  # the effect of roundoff on the error estimate
     bounded: Floats = array("size")  # roundoff bounds of rates before they are limited
     new: Floats = array("size")
     errors: Floats = array("size")
-    dense: Floats = array(lambda s: 5 * s.size)  # y and four coefficients
+    # y and four coefficients of the dense output
+    dense: Floats = array(lambda s: 5 * s.size)
     Z: Floats = array(lambda s: 3 * s.size)  # the increments of the stages
-    F: Floats = array(lambda s: 3 * s.size)  # their slopes
-    # The right side, then the change of T^-1 Z: real numbers, then complex ones.
+    F: Floats = array(lambda s: 3 * s.size)  # slopes of the stages
+    # The right side, then the change of T^-1 Z: the real system, then the complex one.
     W: Floats = array(lambda s: 3 * s.size)
     J: Floats = array(lambda s: s.entries or (s.size - s.n) * s.dynamic.stop)
-    # The factors of the real matrix and of the complex one; their pivots where they
-    # are full; the eigenvalues over h and their squares; room.
+    # The factors of the real matrix and of the complex one; their pivots if the
+    # matrices are full; the eigenvalues over h and their squares; working memory.
     K: Floats = array(lambda s: s.filled or full(s) ** 2)
     pair: Floats = array(lambda s: 2 * (s.filled or full(s) ** 2))
     pivots: Floats = array(lambda s: 2 * full(s))
@@ -525,7 +531,7 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
             ahead = MOST - 2 - iteration
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit
-            # Quotients alternate where the errors of J do: one alone is no rate yet.
+            # Quotients alternate if the errors of J do: a single quotient is no rate.
             if hopeless and (iteration > 1 or rate >= 0.99):
                 if is_rounding(s, p, h):
                     apply_step(s)
@@ -558,7 +564,7 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     errors = s.errors
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
-    s.new[:] = s.y + h * s.slope  # the stages may lead anywhere
+    s.new[:] = s.y + h * s.slope  # stages may be far from any state of the motion
     while allow_roundoff(s, p, h, 1.0):
         pass
     change = size_of_change(s)
@@ -567,7 +573,7 @@ def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     sample_roundoff(s, p, h)
     for i in range(s.size):
         errors[i] = max(OF_STAGES * s.disturbed[i], s.roundoff[i] * h)
-        errors[i] += 3.0 * ROUNDING * abs(s.y[i])  # of three parts
+        errors[i] += 3.0 * ROUNDING * abs(s.y[i])  # rounding of a sum of three terms
     return change <= norm(1, s.size, errors, s.tolerances)
 
 

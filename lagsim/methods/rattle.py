@@ -62,9 +62,9 @@ MOST = 30
 class Rattle(Fixed):
     """Memory of RATTLE: the steps of Newton's method for the constraint forces."""
 
-    probe: Floats = array("size")  # a state to ask at
-    change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
-    history: Floats = array(lambda s: MOST * s.n)  # the steps made so far
+    probe: Floats = array("size")  # working state for evaluations
+    change: Floats = array(lambda s: s.size + 4)  # the result of a Newton step
+    history: Floats = array(lambda s: MOST * s.n)  # the Newton steps so far
 
 
 STATE = Rattle
@@ -92,8 +92,8 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
     v = new[s.velocities]
     new[s.velocities] = y[s.velocities] + 0.5 * h * s.k[s.velocities]
     new[:n] = y[:n] + h * v[:n]
-    # The forces of the constraints that k holds are those of y'': what they lack, or
-    # have too much, is along the same gradients.
+    # The constraint forces in k are those of y''; the missing or excess part is along
+    # the same gradients.
     if CONSTRAINED and hold(s, p, after, h) == 0:
         return at.PROJECTION_FAILED
     derivative(after, new, p, slope)

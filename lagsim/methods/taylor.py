@@ -58,7 +58,8 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = 1.66
 HANDLES = "smooth models, not large; equality constraints"
 
-refusal = unrestricted  # what it cannot handle shows when its code is estimated
+# whether a series can be generated is found when its code is estimated
+refusal = unrestricted
 NEEDS = ("series",)
 STATES = True
 
@@ -68,20 +69,23 @@ SWITCHES = True
 
 LEAST_ORDER = 4
 # At tight tolerances steps of lower order, shorter and more of them, cost the same and
-# average more of what forces are rounded by.
+# average more of the rounding of forces.
 TIGHT_ORDER = 14
-# A step made anew is shortened by not less than the first, not more than the second.
-# An error of up to this many tolerances is let pass: the bound is for the step before.
+# A repeated step is shortened by at least the first factor and at most the second. An
+# error up to the third number of tolerances is accepted: the a-priori bound uses the
+# step before.
 PASSED = 1.0
 SHORTER = 0.9
-# Steps for which terms of forces are kept where they are far from being a scale.
+# Number of steps for which terms of forces are reused while they are far from being a
+# scale.
 SPARED = 3.0
 # The reason for a step shorter than this part of the last one is examined.
 SUDDEN = 0.7
 # Up to this fraction of a step the series at its start has the smaller residual.
 HALF = 0.5
 UNKNOWN = -1.0
-# So often the first step and its tolerances are made to agree, to this part.
+# Number of iterations that make the first step and its tolerances consistent, and the
+# tolerance of the iteration.
 PASSES = 20
 SETTLED = 0.7
 SHORTEST = 0.2
@@ -116,8 +120,8 @@ def start(s: Taylor, p: Parameters) -> None:
     rates = c[1 + s.size :]
     control.bound_roundoff(s, p, s.t, s.y, rates, 1.0, 0.0, 1)
     foresee(s, p, rates)
-    # Tolerances depend on the step, and on where it leads what is at rest.
-    # One that was taken back has a length to begin with.
+    # Tolerances depend on the step, and on the motion of components at rest during the
+    # step. A rejected step has an upper bound for the next trial.
     first = s.most_step if s.most_step > 0.0 else s.row_step
     s.h = min(float(first), s.end - s.t)
     for _ in range(PASSES):
@@ -147,7 +151,7 @@ def step(s: Taylor, p: Parameters) -> int:
             s.h = 0.25 * h
             trouble = at.PROJECTION_FAILED
         else:
-            # The smallest singular value there, as the projection has left it.
+            # The smallest singular value there, as computed by the projection.
             sigma = s.work[s.n + 1]
             error = check(s, p, h)
             if error <= PASSED:
@@ -187,7 +191,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
     if s.rtol < control.TIGHT and not rejected:
         control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
-    # Beside that, as each of both sums waits for itself.
+    # The slope is added separately, so that the two sums do not wait for each other.
     slope(h, c, s.rates)
     return 1 if constraints.is_finite(size, s.new) else 0
 
@@ -225,7 +229,8 @@ def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
     rates = following[1 + size :]
-    # First what the next step waits for; what follows here does not.
+    # First the results that the next step needs, then the results that it does not wait
+    # for.
     next_ = chosen_step(s, following, s.t + h)
     if LOCALIZED:
         before = s.series[buffer(size, s.which) + 1 + size :]
@@ -249,7 +254,7 @@ def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
         s.spared = SPARED
     s.h = next_
     if next_ < SUDDEN * h:
-        # Perhaps it is rounding that the last coefficients consist of.
+        # The last coefficients may consist of rounding.
         control.bound_roundoff(s, p, s.t, y, rates, 1.0, h, 1)
         control.set_tolerances(s, p, s.t, y, rates, h)
         set_fineness(s)
@@ -304,8 +309,9 @@ def continues(s: Taylor) -> int:
             last = max(last, part * max(abs(early[k]), abs(late[k])))
         s.longer = 0.0
         if 0.0 < last < first < OVERFLOW:
-            # What is left is about the first term that is not found, by the decrease
-            # from the first to the last one, times the error of the first one by that.
+            # The remainder is about the first omitted term: by the decrease from the
+            # first to the last term, times the error of the first term by this
+            # decrease.
             left = exp(log(last / first) * (count / (count - 1.0)))
             for j in range(count):
                 left *= (order + 2.0 + j) / (count + 1.0 + j)
@@ -327,27 +333,29 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     slope(x * s.step_h, before, out)
 
 
-# --- power series c = [order, y_0 (size,), ..., y_order] ------------------------------
-# And what Taylor's step keeps: the series at both its ends.
+# --- power series c = [order, y_0 (size,), ..., y_order]: the two series of a step, at
+# its start and at its end
 
 MOST_ORDER = 18
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
 LOG2_SHRINK = 2.0 * 1.4426950408889634
-# Below this numbers are not normal.
+# Numbers below this are subnormal.
 LEAST_NUMBER = 2.0**-1000
-# A priori bounds are met with this much room, or many steps fail the check (measured at
-# 1e-8, elastic pendulum: 2 of 454; with 0.9: 28 of 438, and errors are larger by 2 to
-# 8). Series of constrained motions fail rarely (Andrews' mechanism: never).
+# Safety factor of the step by the a-priori bound; without it many steps fail the check
+# (measured at 1e-8, elastic pendulum: 2 of 454; with 0.9: 28 of 438, and errors are
+# larger by 2 to 8). Series of constrained motions fail rarely (Andrews' mechanism:
+# never).
 SAFETY, HELD_SAFETY = 0.86, 0.9
-# Where stability holds the steps, the amplitude of a fast mode grows and falls by
-# turns, and every second step would fail with this room. A step counts as held if its
-# error shows that: stiff springs are detected at 1e-5 to 1e-9, by rejections to 1e-7.
+# If the steps are limited by stability, the amplitude of a fast mode alternately grows
+# and falls, and every second step would fail with this factor. A step counts as limited
+# if its error shows it: stiff springs are detected at 1e-5 to 1e-9, by rejections to
+# 1e-7.
 FAILING = 0.91
-# At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
-# steps average more of what forces are rounded by.
+# At tight tolerances truncation is kept below rounding, since it grows faster; and
+# shorter steps average more of the rounding of forces.
 TIGHT_SAFETY = 0.6
-# Logarithm, base 2, of an unbounded step.
+# Base-2 logarithm of an unbounded step.
 UNBOUNDED = 1000.0
 # Least-maximum fits of (log2(1 + f) - f)/(f (1 - f)) and of (1 + f - 2^f)/(f (1 - f))
 # for 0 <= f <= 1, by powers of f.
@@ -358,17 +366,20 @@ OF_POWER = (0.30699608, 0.06544626, 0.013702)
 class Taylor(State):
     """Memory of two series, each its order K, then y_0 ... y_K, and a new state."""
 
-    held_error: float  # of a step held by stability: more tolerances than this
-    which: float  # of the two series is the present one: 0 or 1
+    # error, in tolerances, from which a step counts as limited by stability
+    held_error: float
+    which: float  # index of the present one of the two series: 0 or 1
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array("size")
-    rates: Floats = array("size")  # the series' own at the new state
-    fineness: Floats = array("size")  # 1/tolerance, 0 of those not controlled
+    rates: Floats = array("size")  # rates by the series at the new state
+    # 1/tolerance; 0 for components without error control
+    fineness: Floats = array("size")
     # The compensation at the start of the last step, and its rate.
     carried: Floats = array("size")
     drift: Floats = array("size")
-    # Up to this part of the last step from either end its series alone is used; whether
-    # it is continued beyond that, 1 or 0, or UNKNOWN; and by which terms.
+    # Up to this part of the last step from either end only the series of that end is
+    # used; whether the series is continued beyond it: 1, 0, or UNKNOWN; and the
+    # continued terms.
     alone: float
     longer: float
     beyond: Floats = array(lambda s: 2 * (1 + MOST_BEYOND) * s.n)

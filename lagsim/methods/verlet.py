@@ -49,18 +49,19 @@ HANDLES = "constant M, forces f(q, t); no constraints"
 
 NEEDS = ("power",)
 
-CONSTRAINED = False  # for what is shared with methods that can be
+CONSTRAINED = False  # for code shared with methods that support constraints
 
 
-# --- kicks and drifts: of Verlet's method and its compositions ------------------------
-# A kick moves the velocities at fixed positions, a drift the positions at fixed
-# velocities. Both are motions that can be made exactly where M is constant and the
-# forces depend on positions and time alone, so that what is made of them is symplectic.
-# Time moves with the drift; `work` is moved by the kicks, with the power at the middle
-# of each, which is exact because power is linear in the velocities there.
+# --- kicks and drifts of Verlet's method and its compositions
 #
-# All sums carry what rounding has cut off: over many periods nothing else limits how
-# well the energy is kept.
+# A kick changes the velocities at fixed positions, a drift the positions at fixed
+# velocities. Both are exact flows if M is constant and the forces depend on positions
+# and time alone, so that their composition is symplectic. Time advances with the drift;
+# `work` is advanced by the kicks, with the power at the middle of each, which is exact
+# because power is linear in the velocities there.
+#
+# All sums are compensated: over many periods rounding is the only limit of the
+# conservation of energy.
 
 
 class Symplectic(Fixed):
@@ -68,8 +69,9 @@ class Symplectic(Fixed):
 
     stages: int = 1
     weights: Floats = array("stages", 1.0)
-    ends: Floats = array("stages")  # as parts of the step
-    # Half of a Verlet step's kick before it and half after it; those that meet are one.
+    ends: Floats = array("stages")  # ends of the stages, in parts of the step
+    # Weights of the kicks: half of a Verlet step's kick comes before it and half after
+    # it; adjacent halves are combined.
     kicks: Floats = array(lambda s: s.stages + 1)
 
 
@@ -120,7 +122,8 @@ def composed_amplification(weights: Sequence[float], z: complex) -> float:
     """
     (a, c), (b, d) = (_composed(weights, z, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
     half = 0.5 * (a + d)
-    # By the kicks alone; a*d - b*c would cancel where the method is unstable.
+    # Product of the kicks' determinants; a*d - b*c would cancel if the method is
+    # unstable.
     determinant = 1.0
     for weight in weights:
         determinant *= (1.0 + weight * z.real) ** 2
@@ -158,9 +161,9 @@ def start(s: Symplectic, p: Parameters) -> None:
 
 
 def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
-    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+    """Compute the state s.new (size,) after a step h, at the time `after`.
 
-    See `fixed.make`.
+    Return DONE, or the code of a failure. See `fixed.make`.
     """
     s.new[:] = s.y
     s.slope[:] = s.k
@@ -172,7 +175,7 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     s.evaluations += s.stages
-    # The velocities have moved since the forces were found.
+    # The velocities have changed since the forces were evaluated.
     s.slope[s.positions] = s.new[s.velocities]
     if s.size > s.quadratures.start:
         power(after, s.new, p, s.slope[s.quadratures])

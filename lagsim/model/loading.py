@@ -60,7 +60,7 @@ STDIN = "<stdin>"
 # Name of a model that comes from no file, and so has no folder.
 TEXT = "<model>"
 
-# Where a shell's `<(command)` is: a pipe, and somebody writes into it.
+# A shell's `<(command)`: a pipe that is being written.
 _OPEN_ALREADY = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
 
 MAX_DEPTH = 100
@@ -244,7 +244,7 @@ class _Builder:
             return Broken(place)
         style = event.style or ""
         scalar = Scalar(event.value, place, self.source, start, end, style)
-        if style in ("|", ">"):  # the text begins below its header
+        if style in ("|", ">"):  # the text begins on the line below its header
             return scalar._replace(place=scalar.place_of(0, len(scalar.text)))
         return scalar
 
@@ -280,7 +280,7 @@ class _Builder:
                 hint = f"the first is in line {first.place.line}"
                 self._fault(DUPLICATE_KEY, text, key, hint)
                 if isinstance(above, Mapping) and isinstance(value, Mapping):
-                    # as one, so that no name in them is missed
+                    # as one mapping, so that all names in both are known
                     both = Mapping(above.entries + value.entries, above.place)
                     found[key.text] = first, both
             else:
@@ -390,7 +390,7 @@ def _left_open(part: Node) -> int:
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 )
-# Compiled where they are needed, which is where a file has a fault.
+# Compiled on first use, since only faulty files need these patterns.
 _ENTRY = (
     r"(?P<lead>\s*(?:-\s+)*)(?P<key>[^\s:#{}\[\],'\"|>@`%&*!?][^:{}\[\]]*?)\s*:\s+"
     r"(?P<value>\S.*)"

@@ -112,9 +112,18 @@ class Settings(NamedTuple):
 class Parameter(NamedTuple):
     """Parameter of the model; an input of every compiled function.
 
-    `follows`: whether its expression in the file contains other parameters. Events set
-    a `mode`, whose value here is that at the start. `uncertainty` is one standard
-    deviation, `range` the least and the greatest value of its slider.
+    Attributes
+    ----------
+    value : float
+        The value; of a mode the value at the start.
+    follows : bool
+        Whether the expression in the file contains other parameters.
+    mode : bool
+        Whether events change the value.
+    uncertainty : float
+        One standard deviation of the value.
+    range : tuple of float, optional
+        The least and the greatest value of its slider on a page.
     """
 
     name: str
@@ -351,7 +360,7 @@ SHAPES = {
 }
 # The variable of the graph that runs along a curve; no name of a file is like it.
 CURVE = "s of a curve"
-# Looks of a link that a file may ask for.
+# Appearances of a link, as a file states them.
 LINKS = ("rod", "spring", "damper", "string", "line")
 
 

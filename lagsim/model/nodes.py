@@ -142,10 +142,11 @@ def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
     source, begin = scalar.source, scalar.start
     if scalar.style in ("'", '"'):
         begin += 1
-    elif scalar.style in ("|", ">"):  # the text begins below its header
+    elif scalar.style in ("|", ">"):  # the text begins on the line below its header
         line = source.position(begin)[0] + 1
         begin = source.starts[min(line, len(source.lines) - 1)]
-    # Blanks may have been folded: each is placed just after the character before it.
+    # Blanks may have been folded: each is placed directly after the character before
+    # it.
     found, end = list[tuple[int, int]](), begin
     for c in scalar.text:
         if c.isspace():

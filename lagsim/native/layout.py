@@ -203,7 +203,7 @@ class Memory:
     """
 
     fields: ClassVar[dict[str, Field]] = {}
-    words: ClassVar[int] = 0  # of all fields
+    words: ClassVar[int] = 0  # number of words of all fields
     number_words: ClassVar[dict[str, int]] = {}
 
     if TYPE_CHECKING:

@@ -44,7 +44,7 @@ def _elsewhere() -> Iterator[None]:
 @contextlib.contextmanager
 def _back() -> Iterator[None]:
     """Context manager: restore the working directory, even a deleted one."""
-    if not hasattr(os, "fchdir"):  # Windows, where it cannot be gone
+    if not hasattr(os, "fchdir"):  # Windows cannot change to a folder by its descriptor
         with contextlib.chdir("."):
             yield
         return

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from lagsim.outputs.scale import Scale
     from lagsim.run.observers.thinning import Array
 
-# Of pixels to the inch.
+# Pixels per inch.
 DPI = 200
 # Inches: width of a picture; height of a line of its title or legend, of a line of its
 # notes, of the numbers below the last panel, and of the space above each panel.
@@ -162,7 +162,7 @@ def encoded_figure(figure: Figure, form: str = "png") -> bytes:
     if form == "png":
         # A third faster than matplotlib's usual 6, and a tenth larger.
         how["pil_kwargs"] = {"compress_level": 3}
-    # `savefig` would draw all twice, to find the places.
+    # `savefig` would draw everything twice, to find the positions.
     canvas = get_registered_canvas_class(form)(figure)
     getattr(canvas, f"print_{form}")(file, **how)
     return file.getvalue()
@@ -178,7 +178,7 @@ def legend(
     of : the figure, or the part of it, to which the legend is added.
     """
     names, columns = in_columns(entries, width)
-    # Where there is no pen there is no line; a broad one keeps to its place.
+    # An entry without a pen has no line; a broad pen keeps its width.
     pens = (pen or {"linestyle": "none"} for _, pen in entries)
     lines = [Line2D([], [], **{"solid_capstyle": "butt", **pen}) for pen in pens]
     more.setdefault("ncols", columns)
@@ -316,7 +316,8 @@ def frame(
     """
     x.put(axes, "x")
     y.put(axes, "y")
-    for spine in axes.spines.values():  # a fifth of the time of a layout, for nothing
+    # a fifth of the time of a layout, without effect
+    for spine in axes.spines.values():
         spine.set_in_layout(False)
     if below[0]:
         name_axis(axes.xaxis, *below)
@@ -408,8 +409,8 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
         curve(axes, t, values, pen)
         return
     seen = np.flatnonzero(np.isfinite(values))
-    # A new piece begins at each gap, a new column at each pixel, and where the curve is
-    # seen as such at a jump.
+    # A new piece begins at each gap, a new column at each pixel, and at each visible
+    # jump of the curve.
     piece = np.cumsum(np.diff(seen, prepend=seen[0]) > 1)
     pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
     _, at, crowd = np.unique(pixel, return_inverse=True, return_counts=True)
@@ -478,7 +479,7 @@ def _pale(pen: Pen) -> Pen:
 def point(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen) -> None:
     """Draw one or several marks at (x, y) above the curves, unclipped at the edge."""
     x, y = np.atleast_1d(x, y)
-    if len(x):  # without any it had no place, and no layout were found
+    if len(x):  # an empty curve has no position, and no layout would be found
         line(axes, x, y, {"zorder": 2.5, **pen}, clip_on=False)
 
 
@@ -561,7 +562,7 @@ def is_dotted(x: Array, y: Array) -> bool:
     chords would be seen instead of the curve.
     """
     if min(high - low for low, high in (finite_range(x), finite_range(y))) < STROKE:
-        return False  # along an axis every chord is the curve
+        return False  # along an axis every chord coincides with the curve
     dx, dy = np.diff(x), np.diff(y)
     turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
     coarse = len(turns) >= ENOUGH and float(np.mean(turns)) > TOO_COARSE
@@ -766,7 +767,7 @@ def _draw(axes: Axes, against: PlottedColumn, group: Sequence[PlottedColumn]) ->
     values = [column.values for column in group]
     if is_level(*values) and not group[0].log:
         value_scale(*values).put(axes, "y")
-    # Before the labels, which have the powers of ten of linear scales.
+    # Before the labels, since they contain the powers of ten of linear scales.
     if against.log:
         axes.set_xscale("log")
     if group[0].log:

@@ -354,10 +354,10 @@ def label_greatest(
     at = int(np.where(np.isfinite(t + values), np.abs(values), 0.0).argmax())
     most = read_off(values[at])
     beyond = f"logarithmic beyond {read_off(scale.linear)}"
-    if above:  # in a small panel it would stand across the curve
+    if above:  # in a small panel it would cover the curve
         axes.set_title(f"peak {most}; {beyond}", loc="right", color=DIM)
         return
-    # Where the greatest value is not.
+    # On the side away from the greatest value.
     side = "left" if t[at] > 0.5 * (t[0] + t[-1]) else "right"
     text = f"peak {most} at t = {read_off(t[at], 5)}; {beyond}"
     look: Pen = {"size": SMALL, "color": DIM}
@@ -536,7 +536,7 @@ def _path(data: PlotData, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     path(axes, x, y, pen, data.trusted())
 
 
-# --- The pictures
+# --- The pictures of a run
 
 # An energy whose distance from 0 always exceeds the largest change of all energies by
 # this factor is drawn relative to its start.

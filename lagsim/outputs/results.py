@@ -344,7 +344,7 @@ def _held(results: Results, until: float) -> Iterator[None]:
 
     def leave() -> None:
         path.unlink(missing_ok=True)
-        # Processes that were begun since have it open, too.
+        # Processes that were started meanwhile have it open, too.
         fcntl.flock(handle, fcntl.LOCK_UN)
 
     files.passes(path, leave)
@@ -354,7 +354,7 @@ def _held(results: Results, until: float) -> Iterator[None]:
         with contextlib.suppress(OSError):
             leave()
         files.stays(path)
-        # Once only, and by nobody else: another file may have its number next.
+        # Once only, and only here: another file may have this number next.
         os.close(handle)
 
 
@@ -372,7 +372,7 @@ def _locked(path: Path, results: Results) -> int | None:
         )
         results.cautions = [Caution(NOT_LOCKED, text)]
         kept = True
-    else:  # who had it may have removed it
+    else:  # the process that had it may have removed it
         kept = os.fstat(handle).st_nlink > 0
     if kept:
         return handle
@@ -385,11 +385,12 @@ def _opened(path: Path) -> int:
     """Open the lock file; replace an entry of that name that is no regular file."""
     try:
         return files.begin(path)
-    except FileExistsError:  # of a run that was killed, or goes on
+    except FileExistsError:  # of a run that was killed, or is still running
         pass
     try:
-        return files.held(path, os.O_RDWR)  # a network's locks are for those who write
-    except PermissionError:  # another user's
+        # locks of a network file system need write access
+        return files.held(path, os.O_RDWR)
+    except PermissionError:  # a file of another user
         return files.held(path, os.O_RDONLY)
     except OSError:
         files.drop(path)

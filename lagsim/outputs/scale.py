@@ -194,7 +194,7 @@ class Counting(ScalarFormatter):
     def set_locs(self, locs: Any) -> None:
         """Set the places of ticks, and write their offset and power of ten."""
         super().set_locs(locs)
-        # Its name of before 3.11 will go in 3.13.
+        # Its name before matplotlib 3.11 will be removed in 3.13.
         power = vars(self).get("_orderOfMagnitude", vars(self).get("orderOfMagnitude"))
         offset = ""
         if self.offset:
@@ -368,7 +368,7 @@ def _beyond(plain: Scale, linear: float, most: float, share: float = 0.0) -> Sca
         logarithmic part.
     """
     decades = max(math.log10(most / linear), 1.0)
-    # The margin of a linear scale may be larger than all that is on the other side.
+    # The margin of a linear scale may be larger than all values on the other side.
     low = plain.low if -plain.low > 0.1 * plain.high else -linear
     high = plain.high if plain.high > -0.1 * plain.low else linear
     return Scale(1.3 * low, 1.3 * high, linear=linear, share=share or 0.9 * decades)

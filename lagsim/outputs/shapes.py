@@ -144,7 +144,7 @@ def bodies(model: Model, columns: Mapping[str, Floats], count: int) -> list[Body
     count : int
         Number of rows.
     """
-    # A constraint force without constraints has no column.
+    # A component of constraint forces that contains no constraint has no column.
     values: dict[str, float | Floats] = dict.fromkeys(needed(model), 0.0)
     values |= {p.name: p.value for p in model.parameters}
     values |= columns
@@ -231,7 +231,7 @@ def _mesh(kind: str, sizes: list[float], *, turns: bool, d: int) -> Mesh:
     sizes : its lengths.
     d : 2 or 3.
     """
-    if kind == "ground":  # a plane: the height of one place in it
+    if kind == "ground":  # a plane: its height at one place
         return np.array([[0.0, 0.0, sizes[0]]]), [], [], []
     if kind == "sphere":
         return _great_circles(sizes[0], 3 if turns else 1)
@@ -303,7 +303,7 @@ def _prism(
     )
 
 
-# --- As seen from one side
+# --- Views from one side
 
 
 class ProjectedBody(NamedTuple):
@@ -351,7 +351,7 @@ def projected(body: Body, row: int, view: Floats) -> ProjectedBody | None:
         front.append(turned > 0.0 or len(body.faces) == 1)
         if front[-1]:
             faces.append((flat[face], abs(turned) / whole if whole else 0.0))
-    front.append(True)  # beside edges that are of one face, or of none
+    front.append(True)  # beside edges of one face, or of none
     edges: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
     for i, j, a, b in body.edges:
         ahead = front[a] or front[b]
@@ -416,7 +416,7 @@ def reached(places: Sequence[Floats], bodies: Sequence[Body]) -> Floats:
     d = (places[0] if places else bodies[0].at).shape[1]
     every = np.concatenate(found) if found else np.zeros((1, d))
     every = every[np.isfinite(every).all(axis=1)]
-    # A plane is at the middle of all else.
+    # A plane is at the mean of all other places.
     middle = every.mean(axis=0) if len(every) else np.zeros(d)
     under = [(*middle[:2], z) for z in heights]
     return np.concatenate((every, np.reshape(under, (-1, d))))

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.figure import Entry, Pen
 
-# Panels of a picture; panels abreast, of more than a few; height of a panel in inches.
+# Panels of a picture; panels side by side if there are more than a few; height of a
+# panel in inches.
 MOST, ABREAST, FEW, HEIGHT = 12, 3, 4, 1.75
 LOWEST, TALLEST = 0.6, 2.4
 # Largest displacement of a point in a mode relative to the extent of the scene, and

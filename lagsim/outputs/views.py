@@ -126,7 +126,7 @@ class Views:
         units = set()
         for name, parts in scene.points.items():
             columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
-            # A point that stands at a number has none.
+            # A point at constant coordinates has no unit.
             units |= {data.unit(column) for column in columns} - {""}
             known = [data.rows.sampled(column) for column in columns]
             flat = [np.zeros_like(known[0])] * (dimension - len(parts))
@@ -141,7 +141,7 @@ class Views:
         for own, further in zip(ends, self._hanging, strict=False):
             own.append(further)
         self._extents = [finite_range(*own) for own in ends]
-        # A scene at rest has no size of its own.
+        # A scene without motion has no extent of its own.
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
     def _usable(self, scale: float) -> float:

@@ -110,7 +110,7 @@ def coupled(e: Equations) -> list[int]:
     return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
 
 
-# Needs of a method that are derived from y' as nodes of the graph.
+# M is full, and assembled in the place where it is read
 STRAIGHT_ONLY = frozenset(("series",))
 
 # With more operations of y' that depend on the state no series pays, and none is tried:

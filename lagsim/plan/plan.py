@@ -320,7 +320,8 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
         return True
     if elimination is not None:
         return elimination.operations > BUDGET
-    if equations.chains is not None:  # whose M is full, and made where it is read
+    # M is full, and assembled in the place where it is read
+    if equations.chains is not None:
         return len(equations.q) ** 2 > MOST_ENTRIES
     rows = sum(len(row.A.entries) for row in equations.rows)
     return sum(len(row.entries) for row in equations.M) + rows > MOST_ENTRIES
@@ -482,7 +483,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape and equations.rows:
-        # The estimate that the run will use: for long chains the value is small.
+        # The estimate that the run will use: for long chains it is small.
         smallest = singular_value_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
     switching = bool(switches.sides or equations.laws)
@@ -494,7 +495,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     tape = tape or repeats(name, equations, elimination, choices)
     # Matrices factored once: 2 M and A, 1 only M, 0 neither.
     constant = (1 + scene.constant_rows) * scene.constant_mass
-    # With the constraints, M is constant where they are.
+    # Factored with the constraints, M is constant only if they are.
     known = constant if not start.augmented or constant == 2 else 0
     if law_rows_vary(equations):
         known = min(known, 1)

@@ -78,7 +78,8 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             found["sliders"] = sliders
         found["conditions"] = _conditions(g, e.laws)
         if any(law.bounce is not None for law in e.laws):
-            # Constant ones are values of a bound system, and no part of the code.
+            # Constant coefficients are values of a bound system, and no part of the
+            # code.
             found["restitutions"] = [
                 g.constant(0.0) if law.bounce is None else law.bounce for law in e.laws
             ]

@@ -49,7 +49,7 @@ from lagsim.tolerances import OVERFLOW
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-WHOLE = False  # as in `mass`; set by the translator
+WHOLE = False  # see `mass`; set by the translator
 
 
 def couple(p: Parameters, sliding: int) -> None:
@@ -297,7 +297,7 @@ def solve_rows(p: Parameters, sliding: int) -> None:
         p.w[k] *= p.scales[k]
     for g in range(int(p.groups)):
         begin = bits(p.group_starts[g])
-        if p.scales[begin] < OVERFLOW:  # else not a number
+        if p.scales[begin] < OVERFLOW:  # otherwise not a number
             count = bits(p.group_ends[g]) - begin
             S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
             if count == 1:
@@ -594,7 +594,7 @@ def factor_held(p: Parameters) -> None:
             changed = 1
     if changed > 0:
         group_rows(p)
-        p.Z[:] = 0.0  # and stays 0 out of reach
+        p.Z[:] = 0.0  # and stays 0 outside of the reach
     p.lasting = p.constant if no_slip_has_force(p) else min(p.constant, 1.0)
     if changed > 0 or p.lasting < 2.0:
         p.factored = min(p.factored, 1.0)
@@ -714,7 +714,7 @@ def drive(t: float, p: Parameters) -> None:
     for k in range(p.laws):
         part[k] = 0.0
         if p.law_mode[k] == REDUNDANT:
-            # If it has a direction: at its bound, held there by the other rows.
+            # For a row with a direction: at its bound, held there by the other rows.
             part[k] = direction[k] * p.law_statics[k]
         if p.law_mode[k] == SLIDING:
             part[k] = direction[k] * p.law_bounds[k]
@@ -729,8 +729,7 @@ def drive(t: float, p: Parameters) -> None:
                 if speed > 0.0:
                     part[k] = -p.law_bounds[k] * x / speed
                 if x * direction[k] + z * direction[other] > 0.0:
-                    # Beyond its stop, in a step that an event will end there: as
-                    # before.
+                    # Beyond its stop, in a step that an event will shorten: as before.
                     part[k] = -part[k]
         if part[k] != 0.0 and p.law_normal[k] < 0.0:
             add_row(p, first + k, first + k, part[k], p.f)
@@ -739,7 +738,7 @@ def drive(t: float, p: Parameters) -> None:
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda with p.terms and the coefficients in p.law_part."""
     mass.free_motion(p)
-    known = p.factored >= 2.0  # and the elements of rows with one column
+    known = p.factored >= 2.0  # and the elements of rows with one column are known
     for k in range(int(p.ranked)):
         i, c = int(p.order[k]), int(p.only_column[k])
         if known and c >= 0:
@@ -808,7 +807,7 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
-        if p.sliding > 0.0:  # else on the lower sides of followed surfaces
+        if p.sliding > 0.0:  # otherwise on the lower sides of followed surfaces
             p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     gaps(t, y, p, out)
     for k in range(p.laws):
@@ -865,7 +864,8 @@ def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
     ahead = -(direction[k] * x + direction[other] * z)
     if p.law_floor[k] > 0.0:
         left = BEGUN * p.law_floor[k]
-        # Ends by its band, half a floor, before the end of the polynomial's range.
+        # The band ends the mode, half a floor, before the end of the polynomial's
+        # range.
         in_time = left * (1.0 - elapsed_part(t, p, k)) - 0.5 * p.law_floor[k]
         return float(min(left - speed, in_time, ahead))
     if ahead < 0.0:

@@ -239,8 +239,8 @@ def _optional(equations: Equations) -> Iterator[Column]:
         units = stated_units(e)
         for q, a in zip(e.q, free, strict=True):
             yield Column(FREE.of(q), a, units.get(FREE.of(q), ""))
-        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
-        # M (q'' - a) = Qc: no cancellation, and no forces that hold switches.
+        # G = (q'' - a)^T M (q'' - a)/2, whose minimum is the constrained q'', with M
+        # (q'' - a) = Qc: no cancellation, and no forces that contain switches.
         held = e.constraint_forces()
         square = g.product_sum(zip(held, alone.response(held), strict=True))
         yield Column(GAUSS.of(), g.call("mul", g.constant(0.5), square))

@@ -32,8 +32,9 @@ def force_rounding_bounds(e: Equations) -> list[int]:
     sizes = [g.call("abs", f) for f in forces]
     potential = e.model.potential
     if e.tree and potential is not None and e.tree.is_rigid(g, e.q):
-        # Of inertial forces of rotations the running bound is far too large (56 links:
-        # 2,000 times the error of q''), since each error counts in each body outward.
+        # For the inertial forces of rotations the running bound is far too large (56
+        # links: 2,000 times the error of q''), since each error counts in each body
+        # outward.
         forces = _not_inertial(e, potential)
         sizes = [g.call("add", *pair) for pair in zip(sizes, pushes(e), strict=False)]
     known = e.known_roundings(moving, state)
@@ -69,9 +70,9 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     if e.chains is not None:
         rates = [g.call("abs", x) for x in elimination.motion()[0]]
         if e.tree:
-            # The factors of a tree are those of each body, as it moves with the bodies
-            # outward: entries of M, in which errors are larger, are never formed
-            # (measured, 56 links: q'' is as exact as f).
+            # The factors of a tree are computed from the inertia of each body together
+            # with the bodies outward from it: entries of M, in which errors are larger,
+            # are never formed (measured, 56 links: q'' is as exact as f).
             pairs = zip(e.inertias, rates, strict=True)
             return _in_parts(g, [g.call("mul", *pair) for pair in pairs])
         return _in_parts(g, e.chains.sizes(g, rates, moving))

@@ -110,7 +110,7 @@ def is_finite(count: int, x: Floats) -> bool:
     """Whether the first `count` elements of x are finite."""
     left = 0.0
     for i in range(count):
-        left += 0.0 * x[i]  # nan for a nan, and for inf
+        left += 0.0 * x[i]  # nan if a component is nan or inf
     return left == 0.0
 
 
@@ -278,10 +278,11 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 
 
 def jumps_at_corners(t: float, y: Floats, p: Parameters) -> None:
-    """Store the jumps of forces and rows at each corner that is followed, in p.levers.
+    """Store the jump of forces and rows across each kink that the motion stays on.
 
-    Surfaces that a corner carries change their sides with it: several kinks may lie at
-    one place.
+    The forces and rows are evaluated on both sides of the surface, with all surfaces
+    that it carries on the same side: several kinks may lie at one place. The
+    differences are stored in p.levers, 1 + m for each surface.
     """
     width = 1 + p.m
     corner_levers(t, y, p, p.levers)

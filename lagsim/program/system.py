@@ -66,7 +66,7 @@ MOST_NUMBERS = 2**20
 STATES = 2**14
 # Number of points of tables that are passed to the kernel at a time.
 KNOTS = 256
-# Functions that decide where something happens, and what modes and momenta become.
+# Functions that evaluate conditions and surfaces, and modes and momenta after an event.
 CONDITIONS = (
     "located", "located_slopes", "sets", "impulses", "sections", "section_slopes",
 )  # fmt: skip
@@ -203,7 +203,7 @@ class System:
         self.n, self.m = len(equations.q), len(equations.multipliers)
         self.laws = equations.laws
         needs = method(plan.method).NEEDS
-        # With impulses at each step for all rows, no rows are left for other kernels.
+        # With impulses at each step for all rows, no rows remain for other kernels.
         self.moreau = pattern(equations) if "balance" in needs else None
         self._row_patterns: dict[bool, RowPattern] = {}
         if self.moreau is not None:
@@ -240,7 +240,7 @@ class System:
             name: views.get(name, self.switches.freeze)(nodes)
             for name, nodes in nodes_of.items()
         }
-        if self.impulses is not None:  # masses and rows are those of the arc's sides
+        if self.impulses is not None:  # masses and rows depend on the sides of the arc
             first = self.impulses.first_condition
             nodes = self.impulses.nodes[:first]
             nodes_of["impulses"][:first] = self.switches.freeze(nodes)
@@ -373,7 +373,7 @@ class System:
         self.plan, self.model = plan, model
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.moreau is None else ()
-        # Values: a copy has its own.
+        # The values are copied: each copy has its own.
         self.__dict__.pop("restitutions", None)
         self.p = self._filled(self._parameters())
         self._runners = {name: x.over(self) for name, x in self._runners.items()}
@@ -510,7 +510,7 @@ class System:
         for k, name in enumerate(self.impulses.always if self.impulses else ()):
             p[IMPULSE.of(name)] = memory.place("row_impulses") + k
         for k, law in enumerate(self.laws):
-            if law.normal < 0:  # that of a slip is none of these
+            if law.normal < 0:  # the multiplier of a slip is none of these
                 p[IMPULSE.of(law.constraint)] = memory.place("impulses") + k
             if law.slider and law.slider.first:
                 p[law.slider.way] = memory.place("law_direction") + k
@@ -808,7 +808,7 @@ class Runner:
         first = self.system.first_unused
         p.flat[first:] = self.system.initial[first:]
         if self.system.has_loops:
-            rows = len(self.system.plan.lengths)  # laws have none
+            rows = len(self.system.plan.lengths)  # laws have no lengths
             p.lengths[:rows] = p.usual_lengths[:rows] = self.system.plan.lengths
             p.aside[:rows] = self.system.plan.set_aside
         self._prepare(0.0, None, p.address, None)

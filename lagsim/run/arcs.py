@@ -259,7 +259,7 @@ class Run:
         self.arc = self.first = first
         self.sources = list(_sources(self.arc))
         self.deciders = _deciders(self.arc, self.sources)
-        # Most sources have no such function of their own; these are called at each arc.
+        # Most sources have no such function; the others are called at each arc.
         self.timed = _with_own("times", self.sources)
         self.pausing = _with_own("pause_at", self.sources)
         self.passing = _with_own("passed", self.sources)
@@ -272,7 +272,7 @@ class Run:
         if sections is not None:
             sections.begin(first)
         self.shown = first.row()[0]  # the time and the state of the last row
-        self.record = InstantRecord(self.arc, math.nan)  # of the last instant
+        self.record = InstantRecord(self.arc, math.nan)  # record of the last instant
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -384,7 +384,7 @@ class Run:
         emitted = int(arc.state.emitted)
         after = self.record.after
         if self.sections is not None and after is not None:
-            self.sections.take(arc, after[0, 0])  # with its impulses
+            self.sections.take(arc, after[0, 0])  # the state with its impulses
         if after is not None and (emitted or arc.t > after[0, 0]):
             self._pass_impact()
         if self.sections is not None:
@@ -420,7 +420,7 @@ class Run:
         acting = sum(x.at is not None for x in arc.system.equations.model.events)
         until = code == at.EVENT_FOUND and not 0 < arc.state.event <= acting
         over = until or arc.t >= arc.settings.end
-        over |= arc.state.cut > 0.0  # the state is that of the step as it was
+        over |= arc.state.cut > 0.0  # the state is the end of the full step
         return not over
 
     def _meet(self, code: int) -> None:
@@ -648,7 +648,7 @@ class Run:
         self._pass_impact()
         if self.cut is not None:
             return
-        if not self.recorder.last >= self.t:  # also where there is none
+        if not self.recorder.last >= self.t:  # also if there is no row
             self.recorder.hand_on(self._row())
 
     def trajectory(self, ending: Ending) -> Trajectory:

@@ -176,7 +176,7 @@ def _fastest(arc: Arc) -> str:
     sizes = np.abs(arc.y[moving])
     ratio = rates / np.maximum(sizes, TINY)
     ratio[~np.isfinite(rates)] = np.inf
-    # A component near zero changes fast for its size without any singularity.
+    # A component near zero changes fast relative to its size without any singularity.
     k = int(np.argmax(np.where(sizes > 1e-3 * np.max(sizes), ratio, -1.0)))
     name = arc.system.state[k]
     return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
@@ -377,7 +377,7 @@ class Stiffness(Source):
             return self._warning(arc, (), "")
         limit = arc.runner.method.IMAGINARY_LIMIT
         if fast.rate * arc.state.step_h < CLOSE * limit:
-            return GO_ON  # limited by another cause, as a loss of rank
+            return GO_ON  # limited by another cause, such as a loss of rank
         asked = arc.settings.method != "auto"
         if arc.plan.method == SERIES and (asked or fast.excited):
             return GO_ON
@@ -427,7 +427,7 @@ class Stiffness(Source):
         try:
             blocks = state.positions, state.velocities, state.first_order
             linear = Linearisation(equations).at(arc.t, *(arc.y[x] for x in blocks))
-        except ValueError:  # not finite there
+        except ValueError:  # values are not finite there
             return GO_ON
         values = linear.eigenvalues()
         speeds = np.abs(values)

@@ -225,7 +225,8 @@ class Session(NamedTuple):
         pieces = (
             [x.row.residual for x in e.laws] for e in (case.equations, self.equations)
         )
-        if len({tuple(x) for x in pieces}) > 1:  # of gaps, by the signs of parameters
+        # pieces of gaps depend on the signs of parameters
+        if len({tuple(x) for x in pieces}) > 1:
             return None
         plan = plan or case.plan()
         if not self.system.fits(plan):
@@ -410,7 +411,7 @@ def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     ------
     InputError, StartError
     """
-    equations.graph.unbind()  # they were examined before
+    equations.graph.unbind()  # the nodes were examined before
     if model.graph is equations.graph and equations.has_pieces_of(model):
         return _examined(equations.of(model), settings, Stopwatch())
     return open_case(model, settings)

@@ -88,9 +88,9 @@ LATEX = {
     r"\text{{ against the slip}}",
     "when": r"{lam} = 0 \text{{ unless }} {when}",
 }
-# The key of a statement, where that is another.
+# The key of a statement in the document, if it differs.
 _KEYS = {"inelastic": "impact", "poisson": "impact", "sticking": "friction"}
-# How the module in Python names what it does not write out.
+# Texts of the Python module for parts that it does not write out.
 _WORDS = {
     "g": "g", "rate": "g'", "lam": "lambda", "bound": "mu lambda",
     "most": "mu_s lambda", "e": "e", "limit": "F", "static_limit": "F_s",

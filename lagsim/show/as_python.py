@@ -177,7 +177,8 @@ def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
     uses = Counter(a for n in cone for a in g.args[n])
     texts = _inputs(e, cone)
     lines = [f"{name} = np.float64({source})" for name, source in texts.values()]
-    written = {n: (name, 0) for n, (name, _) in texts.items()}  # and its operations
+    # a name takes no operations
+    written = {n: (name, 0) for n, (name, _) in texts.items()}
     prefix, count = "z", 0
     while any(name.startswith(prefix) for name, _ in texts.values()):
         prefix += "_"
@@ -211,9 +212,10 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
         if e.graph.ops[n] != VARIABLE:
             continue
         name = str(e.graph.payload(n))
-        local = name.replace(".", "_")  # of a member
+        local = name.replace(".", "_")  # the name of a member
         local = local if local.isidentifier() else f"x{n}"
-        # `t` is an argument already, and becomes what divides without raising.
+        # `t` is an argument already, and is converted to a number that divides without
+        # raising.
         while local in taken and name != "t":
             local += "_"
         taken.add(local)
@@ -236,7 +238,7 @@ def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str
     parts = [written[a] for a in g.args[n]]
     held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
     if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
-        held[0] = f"np.float64({held[0]})"  # which divides by 0 without raising
+        held[0] = f"np.float64({held[0]})"  # a number that divides by 0 without raising
     return OPERATIONS[op].python.format(*held), 1 + sum(k for _, k in parts)
 
 

@@ -32,15 +32,18 @@ if TYPE_CHECKING:
     from lagsim.language.forms import Terms
     from lagsim.show.symbols import Translation
 
-    Part = dict[str, Any]  # of a document
-    Generator = tuple[int, ...]  # a coordinate that is shifted, or two that are turned
+    Part = dict[str, Any]  # a part of a document
+    # indices of a coordinate that is shifted, or of two that are rotated
+    Generator = tuple[int, ...]
 
 
-# More shifts and turns than this are not looked through.
+# Largest number of shifts and rotations that are tested.
 MOST_GENERATORS = 250
-# Digits that rounding leaves of numbers of the file, and of products of them.
+# Significant digits of numbers of the file, and of products of such numbers, after
+# rounding.
 DIGITS = decimal.Context(prec=15)
-# States at which a definition of the file has the value of what is conserved.
+# Number of states at which a definition of the file is compared with the conserved
+# quantity.
 STATES = 12
 
 

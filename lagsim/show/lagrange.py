@@ -56,9 +56,10 @@ Part = dict[str, Any]
 Inverse = list[tuple[list[int], Matrix, Any]]
 """Blocks: their indices, adjugates and determinants."""
 
-# Symbols and operations in one acceleration that is still read, not only looked at.
+# Largest number of symbols and operations in an acceleration that is printed in closed
+# form.
 READABLE = 130
-# Larger blocks have adjugates that nobody reads.
+# Largest block whose adjugate is printed.
 LARGEST_BLOCK = 3
 
 
@@ -105,7 +106,7 @@ class _Solver:
 
         insist : whether the elimination step by step is returned in place of None.
         """
-        # Closed forms in numbered steps are for no reader.
+        # Closed forms in numbered steps are not readable.
         found = None if self.in_words else self._closed()
         if found and _readable((*found["q_ddot"], *found["lambda"])):
             return found
@@ -251,7 +252,7 @@ def _inverted(x: Translation, M: Matrix) -> Inverse | None:
     for indices in whole.connected_components():
         if len(indices) > LARGEST_BLOCK:
             return None
-        # Laplace's expansion; others look for common factors on the way.
+        # Laplace's expansion; other methods search for common factors meanwhile.
         part = whole.extract(indices, indices)
         determinant = x.tidy(part.det(method="laplace"), factored=True)
         if determinant == 0:
@@ -425,7 +426,7 @@ def _event(event: Transition, x: Translation) -> Part:
     return found
 
 
-# Steps, what a document has up to the constraints, and what is conserved.
+# Steps, the part of a document up to the constraints, and the conserved quantities.
 _Found: TypeAlias = "tuple[Part, Part, list[Part]]"
 
 
@@ -450,7 +451,8 @@ def _in_full(x: Translation) -> _Found:
     else:
         parts = {"T": x.node(T, model.kinetic), "V": x.node(V, model.potential)}
     variables = [*flow.rates, *flow.positions, g.variable("t")]
-    # By letter: slopes in the velocities, the coordinates and t; rates of the first.
+    # By letter: slopes in the velocities, the coordinates and t; the rates of the first
+    # slopes.
     slopes = {k: _tidied(x, gradient(g, node, variables)) for k, node in parts.items()}
     accelerations = map(g.variable, e.accelerations)
     forward = flow.forward | dict(zip(flow.rates, accelerations, strict=True))
@@ -525,7 +527,8 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
         )
     }  # fmt: skip
     found["equations"] = lines = []
-    x.operations(n for line in s.equations for n in line)  # refused before the first
+    # refused before the first expression is written
+    x.operations(n for line in s.equations for n in line)
     sides = [x.sympy(line) for line in s.equations]
     for q, (momentum, left, Q) in zip(e.q, sides, strict=True):
         about = {"coordinate": q, "momentum": momentum}
@@ -602,7 +605,7 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
 
 
 def _moved(x: Translation, A: list[Any], b: Any) -> Part:
-    """Return the entries of a constraint for its row: A q'' - b, A and b."""
+    """Return the row A q'' = b of a constraint: A q'' - b, A (n,) and b, by name."""
     return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
 

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from lagsim.show import Content
     from lagsim.show.text import Part, Row, Rows
 
-    Pieces = list[tuple[str, str]]  # what is between two places to break, with signs
-    Typeset = tuple[str, Pieces, str]  # the left of a row, its terms, what follows
+    Pieces = list[tuple[str, str]]  # the texts between two places to break, with signs
+    # the left side of a row, its terms, and the text after it
+    Typeset = tuple[str, Pieces, str]
 
 
-# A line of display mathematics, in letters as they come out.
+# A line of display mathematics, in letters as typeset.
 LONGEST_LINE = 75
 _PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
@@ -80,7 +81,7 @@ def as_latex(content: Content) -> str:
     plain = x.own_names
     names = LatexNames(plain)
     shown = {names.show(PrintedName(n)) for n in plain}
-    # The letters of mechanics give way to the file's names.
+    # Letters of mechanics that are names in the file are set in another font.
     letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
     signs = {k: text.replace("LETTER", letters["G"]) for k, text in _SIGNS.items()}
     signs["energy function"] = letters["h"]
@@ -89,7 +90,7 @@ def as_latex(content: Content) -> str:
     if model.description:
         lines.append(plain_latex(" ".join(model.description.split())))
     lines += _Latex(content, FormulaPrinter(x, names), signs | letters).document()
-    for note in found["notes"]:  # options in it are not dashes and quotes
+    for note in found["notes"]:  # options in the text contain dashes and quotes
         text = plain_latex(note).replace("--", "-{}-")
         lines.append("Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n")
     return "\n".join([*lines, r"\end{document}"]) + "\n"
@@ -152,7 +153,8 @@ class _Latex(Outline):
         """
         lines = []
         for left, terms, tail in rows:
-            # Where an equation is all to the right of the mark, its = is in the terms.
+            # If an equation is entirely to the right of the alignment mark, its = is
+            # among the terms.
             head = f"{left} &= " if left else "& "
             lines += _filled(head, terms, LONGEST_LINE - _width(left), r"&\quad ")
             lines[-1] += tail
@@ -179,7 +181,8 @@ class _Latex(Outline):
         over, under = write.fraction(term)
         below = write.product(under)
         if under and _width(below) > room:
-            parts = self.pieces(sp.Mul(*under, evaluate=False), room - 4)  # its sign
+            # the sign of the denominator
+            parts = self.pieces(sp.Mul(*under, evaluate=False), room - 4)
             stack = r" \\ ".join(_filled("", parts, room - 4, ""))
             below = rf"\begin{{gathered}} {stack} \end{{gathered}}"
             above = write.product(over)
@@ -273,8 +276,8 @@ def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-# What text, outside of formulas, has in LaTeX that Markdown writes otherwise: of the
-# rest of LaTeX's escapes the backslash is Markdown's own.
+# Characters of text, outside of formulas, that need another notation in LaTeX than in
+# Markdown; of LaTeX's other escapes the backslash is Markdown's own.
 _TEXT = (
     (re.compile(r"^\\section\*\{(.*)\}$", re.MULTILINE), r"### \1"),
     (re.compile(r"^\\subsection\*\{(.*)\}$", re.MULTILINE), r"#### \1"),

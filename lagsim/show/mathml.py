@@ -65,7 +65,7 @@ class MathPrinter(TextPrinter):
     """Printer of expressions as presentation MathML."""
 
     plus, minus, negative = "<mo>+</mo>", "<mo>−</mo>", "<mo>−</mo>"
-    # The sign of a product that is not seen.
+    # The invisible sign of a product.
     between = "<mo>&#8290;</mo>"
 
     def parenthesize(self, item: Any, level: Any, strict: bool = False) -> str:

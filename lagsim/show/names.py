@@ -184,7 +184,7 @@ class LatexNames(ModelNames):
     }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
-        r"""Return \theta, 1 for `theta1`."""
+        r"""Return the letter and the subscript of a name: \theta and 1 for `theta1`."""
         head, *member = name.split(".")
         match = _PARTS.match(head)
         if match is None:

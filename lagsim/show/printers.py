@@ -37,7 +37,7 @@ _FUNCTIONS = {"Abs": "abs", "ceiling": "ceil", "Min": "min", "Max": "max"}
 _VARYING = 1
 # Groups of symbols, in the order in which sums are sorted by them.
 _MOVING = {4: 0, 3: 1, 5: 2}
-# The text of an expression, made once where two have else the same place.
+# The text of an expression, memoized since the order of terms needs it repeatedly.
 _text = functools.lru_cache(maxsize=50_000, typed=True)(str)
 _TEXT = functools.cmp_to_key(lambda a, b: (_text(a) > _text(b)) - (_text(a) < _text(b)))
 
@@ -155,7 +155,7 @@ class Printer:
                 degree[_MOVING[group]] -= (
                     int(x.exp) if x.is_Pow and x.exp.is_Integer else 1
                 )
-            elif group - 0.5 in _MOVING:  # a sum in which these are
+            elif group - 0.5 in _MOVING:  # a sum in which these symbols are terms
                 degree[_MOVING[group - 0.5]] -= 2
         varying = sorted(place for place, _ in found if place[0] >= _VARYING)
         constant = sorted(place for place, _ in found if place[0] < _VARYING)
@@ -259,7 +259,7 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
 
     _print_Or = _print_And
 
-    def _print_ITE(self, e: Any) -> str:  # what an `if` in a condition becomes
+    def _print_ITE(self, e: Any) -> str:  # an `if` in a condition
         asked, then, other = e.args
         return self._print(asked & then | ~asked & other)
 
@@ -390,7 +390,7 @@ def _shown(e: Any) -> str | tuple[str, str]:
 
     The texts are before and after its arguments.
     """
-    row = FUNCTIONS.get(_name(e))  # sympy may bring one of its own
+    row = FUNCTIONS.get(_name(e))  # sympy may return a function of its own
     return (row and row.text) or _name(e)
 
 

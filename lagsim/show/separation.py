@@ -323,7 +323,8 @@ class Separation:
             name = stack.pop()
             if name not in found and name in of:
                 n = of[name]
-                own = self._seed.pop(n)  # a copy without it takes time for each name
+                # a copy without it would take time for each name
+                own = self._seed.pop(n)
                 found[name] = tangent(g, [values.get(n, n)], self._seed)[0]
                 self._seed[n] = own
                 stack += sorted(g.depends([found[name]]) & self.names.keys())

@@ -108,7 +108,7 @@ def _twin(row: Function) -> Callable[..., Any]:
         name += "Step"
     else:
         name = f"{name}Branch" if row.branches else f"Real{name}"
-    # sympy has none of these names; its simplifiers go by them, and its order.
+    # sympy has none of these names; its simplifiers and its order depend on names.
     return type(name, (Spelled,), {"spelled": row.name})
 
 
@@ -154,7 +154,7 @@ def to_sympy(
             found[n] = sp.true if g.payload(n) else sp.false
         elif op == CONSTANT:
             found[n] = number(float(g.payload(n)))
-        elif op in _CHAINS:  # sympy sorts what it adds, or multiplies, each time
+        elif op in _CHAINS:  # sympy would sort the arguments each time
             signed = _operands(g, n, found)
             args = [-found[a] if negative else found[a] for a, negative in signed]
             found[n] = (sp.Mul if op == "mul" else sp.Add)(*args)
@@ -261,7 +261,7 @@ class Translation:
         physics = physics_of(model)
         parameters = [symbol(p.name) for p in model.parameters]
         speeds = {APPROACH_SPEED} & g.depends(physics)
-        self.speeds = [symbol(name) for name in speeds]  # of an impact
+        self.speeds = [symbol(name) for name in speeds]  # speeds of an impact
         self._parameters = frozenset(parameters)
         self.known = {
             g.variable(p.name): number(p.value)
@@ -322,7 +322,7 @@ class Translation:
     def _value(self, node: int) -> Any:
         try:
             return to_sympy(self.g, [node], known=self.known)[0]
-        except TypeError as fault:  # it compares what is not real
+        except TypeError as fault:  # sympy compares numbers that are not real
             raise not_finite() from fault
 
     def free(self, e: Any) -> set[Any]:
@@ -515,11 +515,14 @@ class Extent(NamedTuple):
 
     Attributes
     ----------
-    operations, depth : int
-        A sum within a sum, or a product within a product, adds no depth.
-    terms, most : int
-        Number of terms of the sum (factors of the product) at the top; the largest such
-        number in the expression.
+    operations : int
+        Number of operations.
+    depth : int
+        Depth of nesting; a sum within a sum, or a product within a product, adds none.
+    terms : int
+        Number of terms of the sum, or factors of the product, at the top.
+    most : int
+        Largest number of terms or factors of any sum or product in the expression.
     """
 
     operations: int

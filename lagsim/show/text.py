@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from lagsim.show import Content
     from lagsim.show.printers import Printer
 
-    # What stands on the left, the expression that it equals, and what follows.
+    # The left side, the expression that it equals, and the text after it.
     Row = tuple[str, Any] | tuple[str, Any, str]
-    Rows = Sequence[Sequence[str]]  # of a matrix, written
-    Part = dict[str, Any]  # of the document
+    Rows = Sequence[Sequence[str]]  # the written entries of a matrix
+    Part = dict[str, Any]  # a part of the document
     Named = tuple[PrintedName, tuple[Any, ...]]  # the parts of a row
     from collections.abc import Iterable, Sequence
 
@@ -73,7 +73,7 @@ class Outline:
         have a second form with the suffix ` held`, for models with constraints.
     """
 
-    # What fits on a line, with how much between two entries of a matrix.
+    # Width of a line, and of the space between two entries of a matrix.
     room, between = WIDTH - 8, 3
 
     def __init__(
@@ -308,7 +308,7 @@ class Outline:
             return
         self._title("Accelerations")
         steps = solved["steps"]
-        if self.is_long:  # those of M and f
+        if self.is_long:  # the entries of M and f
             steps = self.c["definitions"] | steps
         shown = {s.name for s in self.x.kept}
         rows = [(self.show(name), e) for name, e in steps.items() if name not in shown]
@@ -420,7 +420,7 @@ class Outline:
         self._rows([(left, self.families.sums(item["expression"]))])
         self._say(f"  {why}")
 
-    # How it looks
+    # Layout
 
     def _label(self, name: str) -> str:
         """Return the typeset name of a constraint."""
@@ -552,7 +552,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     write = ModelPrinter(x, names) if ascii_only else TextPrinter(x, names)
     signs = in_ascii(_SIGNS) if ascii_only else dict(_SIGNS)
     shown = {names.show(PrintedName(n)) for n in plain}
-    # The letters of mechanics give way to the file's names.
+    # Letters of mechanics that are names in the file are replaced by words.
     words = {"T": "kinetic", "V": "potential", "L": "lagrangian"}
     signs |= {k: word if k in shown else k for k, word in words.items()}
     head = f"{model.name}: {model.description}" if model.description else model.name
@@ -566,7 +566,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     return unicodedata.normalize("NFC", "\n".join(lines)) + "\n"
 
 
-# Before a sign or a relation, else between factors.
+# Break before a sign or a relation, otherwise between factors.
 _SIGN = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )")
 _SPACE = re.compile(r"(?<=\S) (?=\S)")
 
@@ -577,7 +577,7 @@ def _folded(line: str) -> list[str]:
     margin = len(line) - len(line.lstrip())
     start, indent = margin, margin
     while True:
-        # What is looked at is no longer than a line with its combining marks.
+        # The examined text is no longer than a line with its combining marks.
         head = " " * indent + line[start : start + 4 * WIDTH]
         fits = _cut(head)
         at = _break(head, fits, margin) if fits < len(head) else 0
@@ -611,17 +611,17 @@ def _cut(line: str) -> int:
     return sum(taken <= WIDTH for taken in columns)
 
 
-# --- Families in formulas: what members have in common is written once
+# --- Families in formulas: terms of members in a common notation
 #
-# The rows `x.2 = x.1 + l*sin(q.2)` to `x.9 = x.8 + l*sin(q.9)` are one, and so are the
-# terms of a sum: formulas whose names differ in the number of the member only, counted
-# from the row's own, are the same with a letter in its place.
+# The rows `x.2 = x.1 + l*sin(q.2)` to `x.9 = x.8 + l*sin(q.9)` are written as one row,
+# and so are the terms of a sum: formulas whose names differ only in the number of the
+# member, counted from the row's own number, are equal with a letter in its place.
 
 # The number of a member is the first in its name: `tip.3.x`, or `x3`.
 _NUMBER = re.compile(r"(\.|(?<=[^\W\d]))([0-9]+)(?=\.|\Z)")
-# So few names or terms that differ in a number are no family.
+# Largest number of names or terms that differ in a number and yet are no family.
 FEW = 2
-# Expressions are compared multiplied out where that makes no more terms.
+# Expressions are compared in expanded form if this has no more terms than so many.
 MOST_TERMS = 1_000
 
 

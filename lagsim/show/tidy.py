@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # A power of a sum is multiplied out up to this exponent.
 LARGEST_POWER = 6
-# Larger whole numbers are not left in a sum of which a common factor is drawn out.
+# Larger whole numbers are not left in a sum from which a common factor is extracted.
 LARGEST_WHOLE = 1000
 # Bits of an exponent, and the largest of an atom: in sums within sums to the sixth
 # power, as deep as the budget goes, it does not outgrow them.
@@ -181,13 +181,14 @@ class Sums(Turning[Any]):
         return exact(number), 0 if factor == 1 else self.power(factor)
 
 
-# Products of terms, and looks at pairs of them, for one form of one expression. An
-# equation of a ten-link chain takes some thousands.
+# Products of terms, and comparisons of pairs of terms, for one form of one expression.
+# An equation of a ten-link chain takes some thousands.
 MOST_PRODUCTS = 60_000
-# A form in which sines and cosines were drawn together may be this much longer, in
-# parts, and still reads better: cos(a - b) says what its two products hide.
+# A form in which sines and cosines were combined may be longer by this ratio and is
+# still preferred: cos(a - b) is easier to read than its two products.
 DRAWN_TOGETHER = 0.6
-# What the rules of differentiation leave must be shorter by this much to stay.
+# A form is preferred to the result of the rules of differentiation if it is shorter by
+# this ratio.
 AS_IT_COMES = 1.5
 
 
@@ -271,8 +272,8 @@ class Tidier:
             weight = DRAWN_TOGETHER if joined else 1.0
             forms += [(weight * written_size(form), form) for form in made]
             if not sums.kept:
-                break  # the others are the same
-        return min(forms, key=lambda form: form[0])[1]  # the first of equals
+                break  # the other candidates are equal
+        return min(forms, key=lambda form: form[0])[1]  # the first of equal candidates
 
     def _terms(
         self, e: Any, whole: Callable[[Any], bool]
@@ -314,7 +315,7 @@ class Tidier:
             return self(e.base) ** e.exp
         return e
 
-    # Which sums stay whole
+    # Sums that are not expanded
 
     def _still(self, e: Any) -> bool:
         """Whether a sum has no velocities, accelerations or multipliers."""
@@ -324,7 +325,7 @@ class Tidier:
         """Whether a sum has no velocities (or the like), and no sines or cosines."""
         return self._still(e) and not e.has(sp.sin, sp.cos)
 
-    # Putting terms together
+    # Combining terms
 
     def _collected(self, sums: Sums, terms: Terms) -> Any:
         """Return the sum of `terms` as an expression, grouped by velocities."""
@@ -353,7 +354,7 @@ class Tidier:
         direct = _product(sums.expression(outer), self._sum(sums, terms))
         common, number, rest = _common(sums, terms)
         inner = self._sum(sums, rest)
-        if common or number != 1:  # what is left may be shorter written out
+        if common or number != 1:  # the remaining sum may be shorter written out
             inner = self(inner)
         drawn = _product(sums.expression(outer + common, number), inner)
         return min(direct, drawn, key=written_size)

@@ -158,7 +158,7 @@ def compared(
     mine, theirs = np.array(pairs).swapaxes(0, 1)
     every = np.abs(theirs - mine)
     every = np.fmax(every, UNIT_ROUNDOFF * _largest(mine))
-    # Times are rounded, too, including times at which forces jump.
+    # Times are rounded, too, including the times at which forces jump.
     late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n : 1 + 2 * n])
     every[:, 1 : 1 + n] = np.fmax(every[:, 1 : 1 + n], late)
     errors = checkpoints.valued(every)
@@ -633,12 +633,12 @@ class Attempts:
         trajectory = attempt.trajectory._replace(
             outcome=outcome, reason=f"{reason}: {outcome.advice}"
         )
-        # A difference to a repeat is no error estimate of rows that are not valid.
+        # A difference from a repeat is no error estimate if the rows are not valid.
         attempt.end(trajectory, "the rows are not valid")
         return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
-        """Empty the store and its followers; run a session, and return the attempt.
+        """Run a session, and return its result as an attempt; earlier rows are deleted.
 
         Parameters
         ----------

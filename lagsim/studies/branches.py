@@ -45,11 +45,13 @@ if TYPE_CHECKING:
     Progress = Callable[[float], None] | None
 
 FOLD, BRANCH, HOPF, CONTACT = "fold", "branch", "hopf", "contact"
-# Lengths of steps, in parts of the ranges: the first, the least and the greatest.
+# Step lengths relative to the ranges: the first, the least and the greatest.
 FIRST, LEAST, GREATEST = 0.005, 1e-7, 0.02
-# Most points of a branch, and branches; iterations of a step, and few of them.
+# Largest numbers of points of a branch, of branches, and of iterations of a step;
+# number of iterations that counts as few.
 MOST, MOST_BRANCHES, ITERATIONS, FEW = 3000, 24, 12, 3
-# Change of the parameter, in parts of its range, of differences; of a step aside.
+# Increment of the parameter for differences, relative to its range; length of a step
+# aside.
 STEP, ASIDE = 1e-6, 0.01
 # Least cosine of the angle between the tangents of two points.
 TURNED = 0.9
@@ -474,7 +476,7 @@ class RestCurve:
         low, high, before = 0.0, float((there.y - here.y) @ here.tangent), test(here)
         best = there
         for _ in range(BISECTIONS):
-            for part in PARTS:  # at a branch point itself F' is singular
+            for part in PARTS:  # F' is singular at a branch point itself
                 middle = low + part * (high - low)
                 found = self.returned(here.y + middle * here.tangent, here.tangent)
                 if found is not None:

@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.studies.comparison import Deviation, Verdict
 
-# So many columns are shown.
+# Largest number of columns in the picture.
 MOST = 4
 # Inches: a panel.
 HEIGHT = 1.4
-# Differences so much smaller than the largest are not shown.
+# Ratio to the largest difference below which differences are not shown.
 LEAST = 1e-12
 
 GOLDEN: Pen = {"color": PENS[1]["color"], "linewidth": 2.2}
@@ -94,7 +94,7 @@ def picture(
     found = Picture(height, title, subject, legend=legend, notes=notes)
     panels = found.subplots(len(columns), 2, squeeze=False)
     for worst, (both, off) in zip(columns, panels, strict=True):
-        # An invariant is called after its column.
+        # An invariant has the name of its column.
         name, blank, more = worst.column.partition(" ")
         unit = raised_powers(units.get(name, ""))
         t, g, n, bound = verdict.of(worst.column)
@@ -103,7 +103,7 @@ def picture(
         frame(both, time, value_scale(g, n), below=below, up=up)
         for values, pen in ((g, GOLDEN), (n, NEW)):
             found.when_placed(series, both, *_thinned(t, values), pen)
-        # The size of the difference, and the band that it has to stay in.
+        # The size of the difference, and the tolerance within which it has to stay.
         with np.errstate(invalid="ignore"):
             apart = np.abs(n - g)
         scale = log_scale(apart, bound, margin=0.0, least=0.5)

@@ -150,7 +150,7 @@ class Continuum:
             if law.one_sided:
                 found.append(push / size)
             if law.bounded and not 0 <= law.pair < self._all.index(law):
-                # The first of a pair stands for both.
+                # The first limit of a pair represents both.
                 found.append((limit * abs(limit) - push**2) / size**2)
         return np.array(found)
 

@@ -191,11 +191,11 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     RuntimeError
         If a picture cannot be drawn; the first process then draws it and reports why.
     """
-    gc.freeze()  # what is loaded stays
+    gc.freeze()  # loaded objects are never collected
     data: PlotData = pickle.loads(content)
     with ahead.helped():
         for name, picture in drawn_here(data, model):
             if isinstance(picture, Caution):
-                # The first draws it again, and reports it.
+                # The calling process draws it again, and reports the failure.
                 raise RuntimeError(picture.text)  # noqa: TRY004
             yield b"%b\n%b" % (name.encode(), picture)

@@ -112,7 +112,8 @@ DIGITS = 0.1
 # The horizon is the first time at which the bound of a coordinate or a velocity exceeds
 # this part of its scale: past it a comparison shows little.
 LOST = 1 / 3
-# Bounds rise, but beside jumps. Each rise makes room for so much more: there are few.
+# Bounds increase with time, except near jumps. Each increase is by this factor at
+# least, so that there are few.
 ROOM = 1.5
 # A difference that exceeds that of both neighbouring rows by this factor is a jump.
 SPIKE = 1e3
@@ -183,7 +184,7 @@ def new_golden(
     )
     while True:
         base = motion_of(case, stride, compiled)
-        if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
+        if stride > 1 and len(base.rows) < LEAST_ROWS:  # the run ended early
             stride = _stride(base.count, len(base.columns))
             base = motion_of(case, stride, compiled)
         golden = _measured(case, base, stride, compiled)
@@ -211,8 +212,8 @@ def _measured(
     sizes = scales(base.columns, rows.T, stated_units(case.equations))
     rest = _rest(case, base, rows)
     floors, sizes = floors + rest.rounding, np.maximum(sizes, rest.sizes)
-    # An impact that a variant has in another way is none to compare with: one after
-    # which rounding errors decide whether something sticks has other forces.
+    # An impact that differs between variants is not compared: after it, where rounding
+    # errors decide whether a slip sticks, impacts have other forms.
     apart = floors + SAFETY * largest
     odd = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
     first = before_impacts(rows[:, 0])
@@ -263,7 +264,7 @@ def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bou
     around[at_impacts(t)] = np.inf
     jumping = (wide > floors) | (apart > SPIKE * around)
     steady = np.maximum.accumulate(np.where(jumping, floors, apart), axis=0)
-    # Of a variant on the other side of a jump the difference is known.
+    # For a variant on the other side of a jump the difference is known.
     wide = np.where(jumping, np.maximum(wide, largest), 0.0)
     spared = 1.0 + DIGITS / 2
     return _Bounds(steady * spared, wide * spared)
@@ -311,7 +312,7 @@ def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
     floors = rtol * sizes + VALUE_ROUNDOFF * np.max(np.abs(rows), axis=0)
     when, floors[0] = floors[0], 0.0
     floors = floors + _roundings(case, base, rows)
-    floors[at_impacts(rows[:, 0]), 0] = when  # of an impact that is a result
+    floors[at_impacts(rows[:, 0]), 0] = when  # of an impact that is compared
     return np.asarray(floors)
 
 
@@ -364,7 +365,7 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """
     problems = Problems()
     for name, *both in zip(names, rows.T, bounds.T, strict=True):
-        # Where a row has no value, bounds may have none anywhere.
+        # Without a value in a row, no bound may have one.
         wrong = next((~ok for x in both if not (ok := np.isfinite(x)).all()), None)
         if wrong is not None:
             t = rows[np.argmax(wrong), 0]
@@ -504,8 +505,8 @@ def summary(golden: Golden) -> Summary | None:
 # Files.
 
 FOLDER = "golden"
-# How long to wait for others who store goldens of other models in the folder; each
-# takes some milliseconds.
+# Time limit, in s, for other processes that store goldens of other models in the
+# folder; each takes some milliseconds.
 PATIENCE_SECONDS = 10.0
 # The largest number of digits of a value: those of a double.
 MOST_DIGITS = 17
@@ -769,7 +770,7 @@ def _pairs(
     for name, old in zip(golden.columns, golden.rows.T, strict=True):
         if name in new:
             bounds = golden.bounds(name)
-            if name == "t":  # the same times as far as they were looked for
+            if name == "t":  # the times are equal up to the tolerance of the search
                 bounds = bounds + np.where(at_impacts(t), 0.0, near)
             yield name, ComparedColumn(t, old, new[name], bounds)
     now, t = invariants(case.equations, motion), motion.rows[:, 0]

@@ -35,7 +35,7 @@ REST, START = "rest", "start"
 MANIFEST = "modes.json"
 # Frequencies of a response: their count, and the range beside the modes.
 FREQUENCIES, BESIDE = 600, 10.0
-# Around each mode, in parts of its damping, and the least damping for that.
+# Offsets from each mode, in parts of its damping, and the least damping for these.
 AROUND, LEAST_DAMPING = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0), 1e-3
 # Relative change of a parameter by which others that follow it are differentiated.
 STEP = 1e-4
@@ -190,9 +190,10 @@ class SmallMotions:
     def matrices(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
     ) -> StateSpace:
-        """Return the state space from inputs to outputs.
+        """Return the linear state space with these inputs and outputs.
 
-        By default from all forces to all coordinates and rates.
+        inputs : names of coordinates on which forces act; by default of all forces.
+        outputs : by default all coordinates and velocities.
 
         Raises
         ------
@@ -278,7 +279,7 @@ class SmallMotions:
         frequencies = frequencies[(frequencies >= low) & (frequencies <= high)]
         poles = np.array([mode.eigenvalue for mode in self.modes])
         apart = np.abs(2j * math.pi * frequencies[:, None] - poles)
-        # At an undamped mode the response is infinite.
+        # Without the frequencies of undamped modes, where the response is infinite.
         return frequencies[np.all(apart > HALF_OF_DIGITS * np.abs(poles), axis=1)]
 
     @property

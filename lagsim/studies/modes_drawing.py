@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from lagsim.mechanics.linearisation import EigenMode
     from lagsim.studies.modes import FrequencyResponse, SmallMotions
 
-# Frames of a cycle on a page, cycles, the seconds that one takes there; most modes.
+# Frames of a cycle on a page, cycles, duration of a cycle in s; largest number of
+# modes.
 FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
 # Phases of a mode that are drawn: at its two extremes.
 PHASES = np.array([0.0, np.pi])

@@ -208,10 +208,10 @@ def _asked(case: Case, plan: Plan) -> Iterator[Case]:
         for factor in (*LOOSER, TIGHTER):
             rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
             atol = None if plan.atol is None else plan.atol * factor
-            # With the method that such a run would take, where none is named.
+            # With the method that such a run would select, if the file names none.
             yield case.with_settings(rtol=rtol, atol=atol)
     if plan.step is not None:
-        # An error of order p becomes 2^p times larger, one of order 4 16 times.
+        # An error of order p is multiplied by 2^p; of order 4 by 16.
         for factor in (2.0, 0.5):
             yield case.with_settings(method=name, step=factor * plan.step)
         # Some methods are exact at any step; the variants then have a tolerance.
@@ -224,7 +224,7 @@ def _asked(case: Case, plan: Plan) -> Iterator[Case]:
             yield case.with_settings(method=other, formulation="auto")
 
 
-# Which rows of a motion are kept.
+# Rows of a motion that are stored.
 
 # Rows this close to an event, relative to the spacing, can lie on either side of it,
 # and so can rows within this multiple of the shift of the event in the variants.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.linearisation import Slopes
     from lagsim.mechanics.surfaces import Side
 
-# Most surfaces of which all combinations of sides are compared; of more, the sides of
+# Largest number of surfaces of which all combinations of sides are compared; of more,
 # one surface at a time.
 MOST_COMBINED = 5
 NOT_SMALL = "the motion about this state is not linear, however small it is"
@@ -179,7 +179,7 @@ class _Surfaces:
         self.chosen = [k for k in moving if k not in self.held]
         try:
             return [*self._compared()]
-        except (ValueError, np.linalg.LinAlgError):  # no slopes on a side
+        except (ValueError, np.linalg.LinAlgError):  # no slopes on one side
             return []
 
     def _gradient(self, k: int, values: Mapping[str, float]) -> tuple[Floats, Floats]:

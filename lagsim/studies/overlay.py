@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     Document = dict[str, Any]
 
 
-# Columns that are shown where none are named, and parameters that a name shows.
+# Largest numbers of columns that are shown by default, and of parameters that a name
+# shows.
 MOST_COLUMNS, MOST_NAMED = 4, 2
 # Models that a title names.
 MOST_MODELS = 3

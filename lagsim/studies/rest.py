@@ -436,7 +436,8 @@ def full_turn_angles(point: Point, others: Sequence[int] = ()) -> Flags:
     """
     e = point.e
     nodes = [*e.mass_nodes, *e.f, *(row.residual for row in e.every_row), *others]
-    nodes += Kinks(e).positions  # forces that are constant on one side tell nothing
+    # forces that are constant on one side have no zero there
+    nodes += Kinks(e).positions
     found = np.zeros(point.n, bool)
     here = [point.q + np.array(x * (1 + np.arange(point.n)) % 1.0) for x in BESIDE]
     before = [point.at(q).array(nodes) for q in here]
@@ -467,7 +468,7 @@ class Search:
         self.setting, self._point = setting, setting.point
         self._every = range(self._point.n), range(len(setting.equations.states))
         self._spent = False
-        # Coordinates that no force depends on stay where the start has them.
+        # Coordinates on which no force depends keep their start values.
         self._moves = ~self._without_force()
         self.unknowns = np.flatnonzero(self._moves).tolist(), self._every[1]
 
@@ -490,7 +491,7 @@ class Search:
                 return find_rest(point, (), self.unknowns, self.setting.off, ways)
         except np.linalg.LinAlgError:
             return None
-        except TooMuchError:  # as many operations as a file of this size may take
+        except TooMuchError:  # more operations than a file of this size permits
             self._spent = True
             self._point.g.unbind()
             return None
@@ -526,7 +527,11 @@ class Search:
 
     @cached_property
     def extent(self) -> float:
-        """Return the extent of the scene, else of the start; 1 if both are 0."""
+        """Return the length scale of the search, in the unit of the coordinates.
+
+        It is the largest less the smallest component of all points of the scene, or
+        without a scene twice the largest start coordinate; 1 if both are 0.
+        """
         point, model = self._point, self.setting.model
         nodes = [x for parts in model.scene.points.values() for x in parts]
         g = point.g
@@ -678,7 +683,10 @@ class Search:
         return sorted(nearest, key=_rank)
 
     def _nearer(self, one: Equilibrium) -> Equilibrium:
-        """Return the nearest rest of the continuum around `one`; without one, `one`."""
+        """Return the rest nearest to the start in the continuum of rests around `one`.
+
+        The result is `one` itself if it is an isolated rest.
+        """
         steady = self._nearest_held(one.steady)
         if steady is one.steady:
             return one

@@ -67,7 +67,7 @@ DASHES: dict[bool | None, Pen] = {
     False: {"linewidth": 0.9, "dashes": (4.0, 2.0)},
     None: {"linewidth": 0.9, "dashes": (1.0, 1.2)},
 }
-# Longest way over a special point, relative to that between its neighbours.
+# Longest path over a special point, relative to the distance between its neighbours.
 DETOUR = 1.5
 MARKERS = {"fold": "o", "branch": "s", "hopf": "^", "contact": "D"}
 

@@ -60,7 +60,8 @@ if TYPE_CHECKING:
     from lagsim.run.session import Session
 
 
-# Shorter runs are made again; and keeping one may take so much of its time.
+# Shorter runs are repeated; and writing a checkpoint may take this part of the run's
+# time.
 EVERY_SECONDS = 3.0
 MOST_OF_THE_TIME = 0.05
 _KEY = "restart.key"
@@ -444,7 +445,7 @@ def _regenerated(run: Run, session: Session, relay: Relay) -> dict[str, Any]:
 # attributes that a class lists in `DERIVED` are None, and the object makes them again.
 
 _PLAIN = (type(None), bool, int, float, str)
-_NUMBERS = "biufc"  # kinds of numpy's types: no objects
+_NUMBERS = "biufc"  # kinds of numpy's numeric types
 _CONTAINERS = {"list": list, "tuple": tuple, "set": set, "frozenset": frozenset}
 
 
@@ -469,7 +470,7 @@ def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> by
         If the object contains an object of an undeclared class.
     """
     declared, nodes, blocks = frozenset(classes), list[Any](), bytearray()
-    # With the objects, lest another gets the address of one that is gone.
+    # With the objects, so that no other object can get the address of a deleted one.
     found: dict[int, tuple[int, Any]] = {}
 
     def value(x: Any) -> Any:
@@ -507,7 +508,7 @@ def _node(
         raise UndeclaredError(f"{named} is not declared")
     if isinstance(x, Enum):
         return ["member", named, x.name]
-    if isinstance(x, Memory):  # views and address follow
+    if isinstance(x, Memory):  # views and the address are derived from it
         return ["memory", named, value(x.flat)]
     if isinstance(x, tuple):
         return ["named tuple", named, *map(value, x)]

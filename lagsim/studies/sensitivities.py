@@ -58,11 +58,11 @@ if TYPE_CHECKING:
 RTOL = 1e-13
 # First step, relative to the scale of the name, and the factor between steps.
 FIRST, FACTOR = 1e-3, 3.0
-# Relative error of a derivative with which its step is accepted.
+# Relative error at which the step of a derivative is accepted.
 ENOUGH = 1e-10
 # Difference of two orders, relative to the largest value of a derivative, above which a
-# row is not differentiable, by the highest order. Those of low order are for rough
-# derivatives, and have a truncation error where a motion gets far out of step.
+# row is not differentiable, by the highest order. Low orders are for rough derivatives,
+# and have a truncation error if the step changes the phase of the motion much.
 MOST_APART = {8: 1e-6, 4: 1e-2}
 # Number of runs of the first step, of each further one at most, and of all steps of a
 # name on average.
@@ -85,7 +85,7 @@ ONE_SIDED = {
 # order: the ratio of the norms of their weights. Where the differences of three
 # successive orders do not fall by like factors, the last one is rounding.
 ROUNDING, FALLS = 12.0, 1.5
-# Differences of rounding errors alone deviate from the next lower order by more than
+# Differences that are rounding alone deviate from the next lower order by more than
 # this part of their size: 0.09 times, by the norms of the weights.
 NOISE = 0.01
 # Factor by which a motion may amplify rounding errors that are to be recognised, and
@@ -247,8 +247,9 @@ def _judged(
     e1, e2, e3 = (np.max(x[kept], axis=0, initial=0.0) for x in (first, second, third))
     falls = np.minimum(1.0, np.divide(e2, e3, out=np.ones_like(e2), where=e3 > 0.0))
     beyond = np.maximum(0.0, e1 - FALLS * e2 * falls)
-    # Differences that are rounding have a relative error of no meaning. A motion with
-    # many impacts amplifies it; differences of two orders then fall slowly.
+    # Differences that are rounding have no meaningful relative error. A motion with
+    # many impacts amplifies the rounding; differences of two orders then decrease
+    # slowly.
     slow = (e1 > SLOWLY * e2) & (e2 > SLOWLY * e3)
     noise = (scale <= floor) | (slow & (scale <= AMPLIFIED * floor))
     size = np.where(noise & (e1 >= NOISE * scale), np.inf, scale)
@@ -310,7 +311,7 @@ class Sensitivities:
         self.centre = centre or self.trials.run(self._variant({}))
         if not self.centre.columns:
             raise InputError([Problem(self.centre.code or FAILED, self.centre.reason)])
-        # All runs by the method of the run itself, which `auto` selects once.
+        # All runs have the method of the run itself, which `auto` selects once.
         if not method:
             plan = self.trials.session(self._variant({})).plan
             self.settings["method"] = plan.method
@@ -399,7 +400,7 @@ class Sensitivities:
 
         progress : called with the fraction that is done.
         """
-        most = MOST_RUNS * len(names) - 1  # beside the run itself
+        most = MOST_RUNS * len(names) - 1  # in addition to the run itself
         searches = list[_StepSearch]()
         for name in names:
             if self._stopped():

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 WINDOW = "blackmanharris"
 # Half the breadth of a peak of this window, in parts of 1/duration.
 BREADTH = 4
-# Frequencies lie closer than the rows tell apart, so that peaks have their height.
+# Frequencies are closer than the resolution of the rows, so that peaks are sampled at
+# their height.
 FINER = 4
 LEAST_ROWS = 16
-# Peaks are listed that are this part of the largest and stand out by half their height.
+# Listed peaks have this part of the height of the largest one, and exceed their
+# surroundings by this part of their own height.
 LEAST_PEAK, STANDS_OUT = 1e-4, 0.5
 MOST_PEAKS = 8
 
@@ -176,7 +178,7 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
     weights = get_window(WINDOW, len(x))
     mean = float(np.average(x, weights=weights))
     size = next_fast_len(FINER * len(x), real=True)
-    # A sine of amplitude A has half of it at each of two frequencies.
+    # A sine of amplitude A has A/2 at each of two frequencies.
     waves = np.fft.rfft(weights * (x - mean), size)
     amplitude = np.asarray(2 * np.abs(waves) / weights.sum(), np.float64)
     frequency = np.asarray(np.fft.rfftfreq(size, step), np.float64)
@@ -194,7 +196,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     apart = np.diff(t)
     if not (apart >= 0.0).all():
         raise unusable(NO_SPECTRUM, "the times of the rows do not go forward")
-    # Two rows share a time where something strikes.
+    # Two rows have one time at an impact.
     struck = np.append(apart == 0.0, False) | np.insert(apart == 0.0, 0, False)
     plain = np.flatnonzero(~struck[:-1])
     if len(plain) < LEAST_ROWS:

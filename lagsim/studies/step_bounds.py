@@ -88,7 +88,8 @@ def stability_limit(
     factor : float
         The ratio of consecutive |z| that are examined.
     """
-    with np.errstate(all="ignore"):  # once, since it costs a third of an amplification
+    # once, since the context costs a third of an amplification
+    with np.errstate(all="ignore"):
         if _exceeds(amplification, AT_ONCE * direction):
             return 0.0
         low, high = AT_ONCE, SMALLEST
@@ -147,7 +148,7 @@ def predicted(
 # these: about 0.3 s.
 STATES = 12
 MOST_NODES = 300_000
-# Coordinates of larger models take longer than the answer is worth.
+# The time for models with more coordinates exceeds the use of the result.
 MOST_COORDINATES = 100
 # Past this part of the bound a step is close to it: Verlet's resonance of order three,
 # which spoils motion that is not linear, lies at sqrt(3)/2 of its bound.
@@ -200,7 +201,7 @@ def about_steps(
     monitor : the states of the rows, about which the model is linearised.
     """
     if trajectory.choices:
-        return []  # another method went on
+        return []  # another method continued the run
     if len(equations.q) > MOST_COORDINATES:
         return []
     module, steps = method(plan.method), trajectory.statistics.steps
@@ -339,7 +340,8 @@ class _StepCheck(NamedTuple):
         bounds = [predicted(amplification, [x], self.span) for x in there.eigenvalues]
         k = int(np.argmin([math.inf if b is None else b for b in bounds]))
         eigenvalue = complex(there.eigenvalues[k])
-        if bound == 0.0:  # an instability at every step may not be seen within the run
+        # within the run an instability at every step size may not show
+        if bound == 0.0:
             grown = math.log(amplification(h * eigenvalue)) - h * eigenvalue.real
             if not 2.0 * grown * self.span / h > DAMPED:
                 return []
@@ -378,7 +380,8 @@ class _StepCheck(NamedTuple):
             return []
         there, k, lost = shown
         size = abs(there.eigenvalues[k])
-        # A step that keeps the oscillation for the run.
+        # The step at which the amplitude of the oscillation changes little within the
+        # run.
         steps = [h * 0.5**n for n in range(1, 41)]
         kept = (x for x in steps if self.lost(x, complex(0.0, size)) < DAMPED)
         how = "a smaller rtol, for " if module.ADAPTIVE else ""

@@ -173,7 +173,7 @@ def _enlist(stop: connection.Connection) -> None:
         signal.signal(kind, signal.SIG_IGN)
     if _PROMPT is not None:
         signal.signal(_PROMPT, _ASKED.prompt)
-    gc.disable()  # see `cli.entry`; work collects what it has left
+    gc.disable()  # see `cli.entry`; pending work collects garbage
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
 
 

@@ -34,21 +34,22 @@ class Rank(Control):
     """Memory of the rank of the constraint Jacobian, and of projection residuals."""
 
     sigma: float  # about the smallest singular value of the scaled Jacobian
-    sigma_slope: float  # the steepest change of it so far
+    sigma_slope: float  # the largest rate of change of sigma so far
     close_below: float  # sigma below this is close to a loss of rank
     degenerate_below: float  # at sigma below this the kernel returns; 0: never
-    lost_at: float  # where rank was lost last
+    lost_at: float  # the time of the last loss of rank
     watched: float  # 1 if the last step is to be searched for a loss of rank
     early: float = 0.184  # the fraction of a step at which a near loss is passed
-    passes: float  # 1 where the step tried last was to pass a loss of rank
-    falling: float  # how fast sigma fell last, per unit of time
-    planned: float  # the step that will pass a loss of rank, once it has room; or 0
-    planned_at: float  # when that was planned
-    tried: float  # the error of the last step that was to pass and could not; or 0
-    fixed_rows: float  # 1 where all constraints hold positions, and none moves
-    missed: float  # the largest residual, of its scale, that a projection began with
+    passes: float  # 1 if the last trial step was to pass a loss of rank
+    falling: float  # the last rate of decrease of sigma, per unit of time
+    # the planned step over a loss of rank, once there is room for it; or 0
+    planned: float
+    planned_at: float  # the time at which this step was planned
+    tried: float  # the error of the last step over a loss that was rejected; or 0
+    fixed_rows: float  # 1 if all constraints are holonomic and independent of time
+    missed: float  # the largest relative residual before a projection
     satisfied: float  # rows up to this part of the last step are not projected
-    ahead: Floats = array(lambda s: s.n + 3)  # what `velocity_step` gives there
+    ahead: Floats = array(lambda s: s.n + 3)  # the result of `velocity_step` there
 
 
 def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
@@ -192,10 +193,10 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 # velocity by its square: steps that end there, or shrink on their way there, lose
 # digits, and steps that pass it at a distance lose none.
 
-# A loss of rank is close where sigma falls below this part of what it
-# is in general, or has been.
+# A loss of rank is close if sigma falls below this part of its usual value or of its
+# largest value.
 CLOSE = 0.03
-# How much faster than it has been seen to sigma may change.
+# Safety factor of the observed rate of change of sigma.
 MARGIN = 1.5
 FASTER = 4.0
 # Fractions of a step at which a loss of rank may lie: BETWEEN, or up to LATEST, or
@@ -266,7 +267,7 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
     to the end of the arc.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
-        s.planned = 0.0  # it has been tried
+        s.planned = 0.0  # the planned step has been tried
     s.passes = 0.0
     if s.falling <= 0.0:
         s.planned = s.tried = 0.0
@@ -340,7 +341,7 @@ def step_past_loss(s: Rank, p: Parameters, h: float) -> float:
         return float(s.planned)
     s.sigma = sigma = sigma_ahead(s, p, 0.0)
     s.falling = (sigma - sigma_ahead(s, p, GLANCE * h)) / (GLANCE * h)
-    # Equations that are solved otherwise now have another sigma.
+    # With another solver of the equations sigma has another rate of change.
     s.sigma_slope = max(s.sigma_slope, abs(s.falling))
     while sigma < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h

@@ -65,8 +65,8 @@ OF_INSTANT = 64.0
 # Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
 # At tight tolerances the floor is below the last place: truncation errors of the size
-# of roundoff have the same sign in every step and so outgrow rounding, of which
-# compensated sums lose little.
+# of roundoff have the same sign in every step and so grow faster than the rounding that
+# remains in compensated sums.
 FINEST = 0.25 * UNIT_ROUNDOFF
 
 
@@ -76,18 +76,21 @@ class Control(ArcRows):
     rtol: float
     atol: float  # below 0: rtol times the component's own scale
     energy: float  # the largest kinetic energy or change of potential so far
-    potential: float  # at the start of the run
+    potential: float  # the potential energy at the start of the run
     lost_below: float  # the rows have lost rank where sigma is below this
-    rounding_known: float  # directions by which it was bounded in this step
-    bounded_step: float  # the step for which it was bounded; 0 for a start
+    # number of directions by which the roundoff was bounded in this step
+    rounding_known: float
+    # the length of the step for which the roundoff was bounded; 0 for a start
+    bounded_step: float
     limited: float  # 1 if the bound was limited by that at the end of the step, else 0
-    balanced: float  # 1 where a component has no scale but that of forces that cancel
-    balanced_alone: float  # 1: the roundoff of these alone counts
-    wide: float  # 1 where the range of each component exceeds that scale by far
-    spared: float  # steps for which energies and terms of forces are not renewed
+    balanced: float  # 1 if the only scale of a component is that of forces that cancel
+    balanced_alone: float  # 1 if the roundoff of these components alone counts
+    wide: float  # 1 if the range of each component exceeds its least scale by far
+    # number of steps for which energies and terms of forces are not renewed
+    spared: float
     # Up to this step tolerances are equal for all states within the ranges; 0: unknown.
     steady: float
-    sizes: Floats = array("size")  # the largest of y so far
+    sizes: Floats = array("size")  # the largest magnitude of each component of y so far
     # The least and the largest value of each component.
     low: Floats = array("size", inf)
     high: Floats = array("size", -inf)
@@ -97,7 +100,7 @@ class Control(ArcRows):
     parts: Floats = array("size")
     roundoff: Floats = array("size")
     foreseen: Floats = array("size")
-    reach: Floats = array("size")  # the largest size in the step that is bounded
+    reach: Floats = array("size")  # the largest magnitudes in the step that is bounded
     # The compensation term of y, and that of the new state.
     compensation: Floats = array("size")
     remainder: Floats = array("size")
@@ -107,8 +110,10 @@ class Control(ArcRows):
     energies: Floats = part("measured", lambda _: 2)
     masses: Floats = after("energies", "n")
     pushes: Floats = after("masses", lambda _: 1)
-    joined: Floats = array("n")  # to which mechanism a coordinate belongs
-    linked: Floats = array("n")  # ... where rows alone count, and not M
+    # the number of the mechanism to which a coordinate belongs
+    joined: Floats = array("n")
+    # likewise, where mechanisms are coupled by rows alone, and not by M
+    linked: Floats = array("n")
     # The largest tolerance of linked coordinates, at the first of their indices; the
     # energy that each work is compared with.
     shared: Floats = array(lambda s: s.size - s.n)
@@ -316,7 +321,7 @@ def share_tolerances(s: Control) -> None:
                 shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
         for i in range(n):
             most = LEAK * LEAK * shared[int(s.linked[i])]
-            # Few are raised: no root where none is.
+            # Few tolerances are raised: no root where no tolerance is raised.
             if masses[i] > 0.0 and masses[i] * tolerances[i] * tolerances[i] < most:
                 tolerances[i] = sqrt(most / masses[i])
 
@@ -391,7 +396,8 @@ def bound_step(
         return False
     s.rounding_known += 1.0
     t = s.t
-    # Where terms cancel in many components, a single direction misses some by chance.
+    # If terms cancel in many components, a single direction misses some of these by
+    # chance.
     ways = MOST_WAYS if s.balanced > 0.0 else s.rounding_known
     bound_roundoff(s, p, t, s.y, k, sigma, h, int(ways))
     if sigma >= 1.0:
@@ -399,12 +405,13 @@ def bound_step(
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
-        # What laws hold, or surfaces, rests against forces that may begin at 0. The
-        # step itself may lead anywhere.
+        # Coordinates held by laws or surfaces are at rest against forces that may begin
+        # at 0. The trial step itself may lead anywhere.
         lead_positions(s, h, k)
         add_bound(s, p, t + h, s.point, s.velocities.start, s.velocities.stop)
     if s.size > s.velocities.stop:
-        # The power of forces has no rounding where everything rests, at the start.
+        # At the start, where all bodies are at rest, the power of forces has no
+        # rounding.
         add_bound(s, p, t + h, new, s.velocities.stop, s.size)
     return True
 

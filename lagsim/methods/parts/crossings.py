@@ -72,31 +72,33 @@ class Crossings(SearchTable):
     """Memory of the sections of a run, and of the crossings found."""
 
     strobes: int
-    states_room: int  # for so many states of sections, until they are taken
-    sought: float  # 1 where sections are asked for
-    widest: float  # the part of a step at whose ends relations are evaluated first
-    states_found: float  # so many states have been written
-    searched: float = 1.0  # up to this fraction the last step has been searched
+    # number of states of sections that the memory can hold until they are read
+    states_room: int
+    sought: float  # 1 if sections are recorded
+    widest: float  # relations are first evaluated at the ends of this part of a step
+    states_found: float  # number of states stored in `crossed_states`
+    searched: float = 1.0  # the last step has been searched up to this fraction
     banded: float  # 1 once the bands of the last step are known
     # By methods that step over impacts: the fraction of the last step at which the
     # state jumps, or 0; the time by which such impacts are late or early.
     leap: float
     coarse: float
-    instant: float = -inf  # the time at which sides were those before the first act
+    # time of the first act; sides at this time are those before the act
+    instant: float = -inf
     # Where the row of each relation falls below 0 on a stretch, and a point past it.
     roots: Floats = array("sections")
     beyond: Floats = array("sections")
-    # 1: crossings that rise count, -1: that fall, 0: both.
+    # 1: only rising crossings count, -1: only falling ones, 0: both.
     ways: Floats = array("sections")
-    # 1 where a crossing waits: until it is past its band, or the next step.
+    # 1 while a crossing waits: until it is past its band, or until the next step.
     waits: Floats = array("sections")
     postponed: Floats = array("sections")
     relation_slopes: Floats = array(lambda s: s.sections * (1 + s.size))
-    # The time and the state of each that waits.
+    # The time and the state of each waiting crossing.
     waiting: Floats = array(lambda s: s.sections * (1 + s.size))
     periods: Floats = array("strobes")
-    passed: Floats = array("strobes")  # the number of the next
-    # Of each state found the number of its section, the time, and the state.
+    passed: Floats = array("strobes")  # the number of the next time
+    # For each recorded state: the number of its section, the time, and the state.
     crossed_states: Floats = array(lambda s: s.states_room * (2 + s.size))
 
 
@@ -122,7 +124,10 @@ def begin_search(s: Crossings, p: Parameters) -> None:
 
 
 def compute_bands(s: Crossings, p: Parameters) -> None:
-    """Compute the bands of the sections for the last step, if not yet computed."""
+    """Store the rounding bounds of all relations of sections in s.bands (sections,).
+
+    They hold for the last step, and are computed once for it.
+    """
     if s.banded == 0.0:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
@@ -470,7 +475,8 @@ def finish_located(s: Crossings, p: Parameters) -> None:
 
 def comes_to(s: Crossings, p: Parameters, j: int) -> bool:
     """Whether the last step ends on section j and the motion does not turn there."""
-    if s.arc_start == s.t or not s.step_h > 0.0:  # nothing is known of the last step
+    # no step has been made since the start of the arc
+    if s.arc_start == s.t or not s.step_h > 0.0:
         return float(s.postponed[j]) > 0.0
     x = (s.t - s.step_t) / s.step_h
     # Before the end, or, where that is near the start of the step, past it.

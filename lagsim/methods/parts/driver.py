@@ -1,8 +1,11 @@
 """The loop around any method: rows on a grid, conditions, and return codes.
 
-`advance` is compiled once for each combination of CONSTRAINED, UNTIL, SWITCHES,
-LOCALIZED and ADAPTIVE, and `tabulate` for both values of TOGETHER; code that a model
-does not need is omitted.
+`advance` takes steps until a block of rows is full or an arc ends; `tabulate` computes
+the output columns of states.
+
+Names in capitals are constants at compile time: `advance` is compiled once for each
+combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED and ADAPTIVE that models need,
+and `tabulate` for both values of TOGETHER (several rows in one vector).
 """
 
 from __future__ import annotations
@@ -53,24 +56,27 @@ NOWHERE = -1
 class State(Crossings):
     """Memory of every method: that of `Crossings`, and bounds of a step."""
 
-    inertias: int  # which are followed, whether they vanish on the way
-    noted: int  # room for so many levels of tables that have been passed
-    crossed: float  # how many there are of them
+    inertias: int  # number of inertias that are monitored for zeros
+    noted: int  # number of passed levels of tables that the memory can hold
+    crossed: float  # number of levels stored
     cross_times: Floats = array("noted")
-    cross_surfaces: Floats = array("noted")  # the number of each one's surface
+    cross_surfaces: Floats = array("noted")  # the number of the surface of each level
     cross_levels: Floats = array("noted")
-    met_surface: float  # the number, from 1, of the table met last where y' jumps ...
+    # the number, from 1, of the last table passed at a jump of y' ...
+    met_surface: float
     met_level: float  # ... and at which of its levels
-    # The farthest a state was pulled onto what it slides along, against the motion.
+    # The largest distance by which a state was projected onto the surface it slides
+    # along.
     projected: float
-    longest: float  # no step is longer than this; 0: any
-    smallest_step: float  # once the first steps have found their size; 0: none yet
-    speed: float  # about how fast the fastest motion is, for explicit methods
-    at_bound: float  # steps held by stability ...
-    off_bound: float  # ... since when so many were not
-    pause_at: float  # at so many the kernel returns; 0: never
+    longest: float  # upper bound of all steps; 0: none
+    smallest_step: float  # the smallest step after the first steps; 0: none yet
+    speed: float  # estimated rate of the fastest motion, for explicit methods
+    at_bound: float  # number of steps limited by stability ...
+    off_bound: float  # ... and number of successive steps that were not
+    pause_at: float  # value of `at_bound` at which the kernel returns; 0: never
 
-    # Of each inertia: the largest, the smallest, its time, and the state there.
+    # For each inertia: the largest value, the smallest value, its time, and the state
+    # there.
     inertia_largest: Floats = array("inertias")
     inertia_smallest: Floats = array("inertias", inf)
     inertia_when: Floats = array("inertias")
@@ -209,12 +215,13 @@ def shift_side(p: Parameters, k: int, way: float) -> None:
 
 
 def meets_level(s: State, p: Parameters, passed: int) -> bool:
-    """Whether a surface is at an end of its side, to rounding, past a table's point.
+    """Whether the expression of a surface is at its level, within rounding.
 
-    Beyond this point its expression may stay at the level, as `q*table(t)` does where
-    the table falls to 0 and stays there: no value beyond the level ends the step. If
-    so, s.switched is set to the surface. Surfaces of tables, whose sides decide no
-    jump, do not count.
+    The test is made after a point of a linear table has been passed. From there on the
+    expression may remain at the level, as `q*table(t)` does where the table falls to 0
+    and stays 0: its value then never exceeds the level, and the search for zeros
+    would not end the step. The surface found is stored in s.switched. Surfaces whose
+    sides decide no jump (points of tables) do not count.
 
     passed : the surface of the table.
     """
@@ -464,7 +471,7 @@ def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) ->
     far = moved / sqrt(whole) if whole > 0.0 else 1.0
     if far < 1.0:
         return far
-    return 1.0  # what is no number, too
+    return 1.0  # also for nan
 
 
 def begin(s: State, p: Parameters) -> None:
@@ -485,13 +492,13 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     complete = fill(s, p, out, rows)
     end = int(s.emitted)
     width = 1 + s.size
-    # The row of the state itself needs nothing.
+    # No interpolation is needed for the row at the state itself.
     own = s.step_h == 0.0 or out[max(end - 1, 0) * width] == s.t
     if end > first and own and s.cut == 0.0:
         end -= 1
     for k in range(first, end):
         row = out[k * width :]
-        # One for which Newton's method does not converge stays as it is.
+        # A row for which Newton's method does not converge is left unprojected.
         if CONSTRAINED and not is_satisfied(s, row[0]):
             project(s, p, row[0], s.step_h, row[1:], s.work)
         if SWITCHES:
@@ -519,7 +526,8 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
-        # A state beside the rows; at an end it is the next arc's.
+        # A state requested between rows; a state at the end of the arc belongs to the
+        # next arc.
         at_hand = s.extra == s.t and s.cut == 0.0 and s.t < s.end
         beside = s.extras > 0.0 and (s.extra < s.t or at_hand)
         beside = beside and not (due and t < s.extra)
@@ -538,7 +546,8 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
             counted = s.evaluations
             interpolate(s, p, (t - s.step_t) / s.step_h, row[1:])
             if beside:
-                s.evaluations = counted  # nothing that is decided by them depends on it
+                # the result does not depend on these evaluations
+                s.evaluations = counted
         s.emitted += 1.0
         if beside:
             s.extras -= 1.0

@@ -34,16 +34,16 @@ SWITCHES = True
 
 SAFETY = 0.9
 BETA = 0.04
-SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
+SHRINK = 3.0  # bounds of the factor by which a step shrinks, and grows
 GROW = 6.0
-# An error from which on steps shrink. Beside a switch far from the origin it may be all
-# rounding, and steps so short that nothing moves.
+# Error from which on steps shrink. Beside a switch far from the origin the error may be
+# rounding alone; steps would become so short that the state does not change.
 SHRINKING = 0.25
-# ... and from which on they grow little: so may it be where forces cancel.
+# Error from which on steps grow little: it may be rounding where forces cancel.
 SLOWING = 1e-2
-# Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
-# much shorter ends before it. A stage does where the rows are this much less
-# independent there than at the start.
+# If a stage lies near a loss of rank by accident, a step a little shorter passes the
+# loss; a much shorter one ends before it. A stage lies near a loss if sigma is smaller
+# there than at the start by this factor.
 BESIDE = 0.3
 ASIDE = 0.85
 
@@ -128,7 +128,7 @@ class EmbeddedPair(NamedTuple):
         )
 
 
-# The pair of the kernels below, a static value: that of the method's own module.
+# The pair of the kernels below, a static value: the pair of the method's module.
 PAIR = cast("EmbeddedPair", None)
 
 
@@ -137,8 +137,8 @@ class Embedded(State):
 
     stages: int  # number of slopes of a step, with those of the dense output
     terms: int  # number of terms of the dense output
-    previous_error: float  # of the last accepted step, for PI control
-    uncertain: float  # 1 where the dense output of the last step may err too much
+    previous_error: float  # error of the last accepted step, for PI control
+    uncertain: float  # 1 if the dense output of the last step may be inaccurate
     k: Floats = array(lambda s: s.stages * s.size)
     first: Floats = array("size")  # the slope at the start of the last step
     z: Floats = array("size")
@@ -343,7 +343,7 @@ def accept(s: Embedded, p: Parameters, h: float) -> None:
     elif s.extras > 0.0 and s.extra < s.t:
         counted = s.evaluations
         prepare_dense(s, p)
-        s.evaluations = counted  # nothing that is decided by them depends on it
+        s.evaluations = counted  # the result does not depend on these evaluations
     s.y[:] = new
     k[:size] = k[PAIR.last * size : (PAIR.last + 1) * size]
     control.keep_compensation(s)

@@ -24,7 +24,7 @@ from lagsim.tolerances import OVERFLOW, STATE_ROUNDOFF
 EULER = 1e-2
 FARTHEST = 100.0
 MOST_GUESSES = 20
-# Least part of an Euler step that its end suggests, where it is far outside.
+# Least factor by which the trial Euler step is shortened if its end is far outside.
 SHORTEST = 1e-3
 
 
@@ -110,7 +110,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
         z[: s.size] = s.y + h * k[: s.size]
         derivative(s.t + h, z, p, slopes)
         s.evaluations += 1.0
-        # Components at rest have a scale by now.
+        # Components at rest have a scale after the trial step.
         set_tolerances(s, p, s.t + h, z, slopes, h)
         guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
         if guess > 0.1 * h:

@@ -30,10 +30,10 @@ class Fixed(State):
     """Memory of methods with a fixed step: the last step, and the current one."""
 
     old: Floats = array("size")  # the state before the last step ...
-    before: Floats = array("size")  # ... y' there ...
-    k: Floats = array("size")  # ... and at the state reached
-    slope: Floats = array("size")  # y' after the step that is made ...
-    new: Floats = array("size")  # ... and the state there
+    before: Floats = array("size")  # ... y' at this state ...
+    k: Floats = array("size")  # ... and y' at the state reached
+    slope: Floats = array("size")  # y' after the current step ...
+    new: Floats = array("size")  # ... and the state after it
 
 
 @external
@@ -57,7 +57,7 @@ def step(s: Fixed, p: Parameters) -> int:
     """Advance by one step; return DONE, or the code of a failure (see `state`)."""
     end = next_end(s, p)
     after = next_time(s, end)
-    # Full steps are equal to the last bit, which after - t is not: a symplectic method
+    # Full steps are equal to the last bit, unlike after - t: a symplectic method
     # conserves an energy that depends on the step.
     h = s.fixed_step if after < end else after - s.t
     code = make(s, p, after, float(h))

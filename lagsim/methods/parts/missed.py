@@ -155,7 +155,7 @@ def shape_step(
         a = 0.0
         b = 0.0
         if i < s.n:
-            # u^2 (1 - u)^2 ((1 - u) a + u b)
+            # value u^2 (1 - u)^2 ((1 - u) a + u b) of the correction
             a = 0.5 * h * h * old_a[i] - P
             b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
         k = DEGREES * i
@@ -334,7 +334,7 @@ def missed_within(s: SearchTable, p: Parameters) -> float:
         own = k - events(s)
         if s.farthest[own] - closest(s, k) > APPROACH:
             x = least_of(SIGNAL, CLOSEST, s, p, k, low, high)
-            # Or it comes closer still, or the next step begins there.
+            # Or the signal comes closer still, or the next step begins there.
             inside = high - x >= AT_END * (high - low)
             if inside or (high == 1.0 and s.t >= next_end(s, p)):
                 found = missed_about(s, p, k, x)
@@ -402,9 +402,9 @@ def missed_beside(
 # In output steps. A check costs about as much as a row.
 APART = 10.0
 LEAST = 2.0**-4
-# The largest defect of a step without a missed feature, in tolerances. Over the
-# shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
-# (dop853) and 80 (radau), but for what `is_beyond` allows.
+# The largest defect of a step without a missed feature, in tolerances. Over the shipped
+# models, all their rows and five tolerances it was up to 14 (taylor), 100 (dop853) and
+# 80 (radau), apart from defects allowed by `is_beyond`.
 LEFT = 1e3
 # Part of the change by a force in an output step.
 EXPECTED = 1e-2
@@ -417,7 +417,7 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
     defect again. In a step over a loss of rank no row is examined.
     """
     s.defect_found = 0.0
-    # A step over a loss of rank has the length that it needs.
+    # The length of a step over a loss of rank is fixed.
     if s.passes > 0.0:
         return 0.0
     reach = min(s.t, s.row_limit)

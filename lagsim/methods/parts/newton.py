@@ -344,20 +344,21 @@ def solve_newton(
 class SparseNewton(Parameters):
     """Pattern of a sparse Newton matrix, written by `mechanics/linearisation.py`."""
 
-    # Its rows, the entries of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
+    # Numbers of rows, of entries of the factors, and of entries of C0, of C0 and C1, of
+    # C0, C1 and C2.
     unknowns: int
     filled: int
     still: int
     damped: int
     entries: int
 
-    # Of each entry its place among those of the factors, its row there, and the
-    # component of y that its column stands for.
+    # For each entry: its place among the entries of the factors, its row there, and the
+    # component of y that its column denotes.
     newton_slots: Floats = array("entries")
     newton_rows: Floats = array("entries")
     newton_parts: Floats = array("entries")
-    # Where each unknown comes in the factors; where their rows begin, their diagonal,
-    # and the column of each entry.
+    # The position of each unknown in the order of elimination; the first entry of each
+    # row, its diagonal entry, and the column of each entry of the factors.
     newton_places: Floats = array("unknowns")
     newton_starts: Floats = array(lambda p: p.unknowns + 1)
     newton_diagonals: Floats = array("unknowns")

@@ -14,21 +14,21 @@ NOTE = 2.0
 # Force at a corner, large against all forces; a power of two, so that scaling is exact.
 PUSH = 2.0**100
 
-# Values of `slides`, the mode of a surface, other than 0: the motion follows the
-# surface; the surface is carried along by another one. Below 0: the expression is at
-# its level on a whole stretch; its side is a choice; it is at its level because other
-# surfaces are.
+# Values of `slides`, the mode of a surface, other than 0. FOLLOWED: the motion slides
+# on the surface; CARRIED: the surface is carried along by another one. Below 0 the
+# expression is at its level on a whole stretch: LEVEL: its side is a choice;
+# REDUNDANT_SIDE: it is at its level because other surfaces are.
 FOLLOWED = 2.0
 CARRIED = 1.0
 LEVEL = -1.0
 CHOSEN = -2.0
 REDUNDANT_SIDE = -3.0
 
-# Arrays of knots and surfaces that are kept from arc to arc, beside the modes.
+# Arrays of knots and surfaces that remain from arc to arc, beside the modes.
 KEPT = ("knot_times", "knot_modes", "cells_before", "cells_after", "share")
 
-# Modes of laws: out of force, an equality, a force that is given, and one that holds
-# because others do.
+# Modes of laws: out of force; an equality; sliding with a given force; redundant,
+# implied by other rows.
 OFF = 0.0
 HELD = 1.0
 SLIDING = 2.0
@@ -78,7 +78,7 @@ class Blocks(Memory):
     """
 
     n: int  # coordinates
-    states: int  # of first order
+    states: int  # number of first-order states
     size: int  # components of y
     positions: Block = block("n")
     velocities: Block = block(lambda s: 2 * s.n, "n")
@@ -91,17 +91,18 @@ class Blocks(Memory):
 class ModelParameters(Blocks):
     """The sizes and the parameters of a model, set by the run."""
 
-    m: int  # constraint rows, those of laws last
-    works: int  # of the quadratures
-    values: int  # parameters and lengths of rows
+    m: int  # number of constraint rows; the rows of laws come last
+    works: int  # number of the quadratures
+    values: int  # number of parameters and lengths of rows
     loops: int  # 1 if loops solve linear systems, which need working memory
     slopes_known: int  # 1 if the method needs the Jacobian
     augmented: float  # 1: M alone is singular
     gain: float  # the rate a of Baumgarte's stabilisation
-    constant: float  # constant in an arc: 1 the factors of M, 2 the factors of A too
+    constant: float  # constant in an arc: 1 the factors of M; 2 also the factors of A
 
     fixed: Floats = array("values")
-    worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
+    # index of the work on each coordinate; or -1
+    worked: Floats = array(lambda p: p.n * (p.works > 0))
 
 
 class KnownPoints(ModelParameters):
@@ -111,13 +112,14 @@ class KnownPoints(ModelParameters):
     stored with it.
     """
 
-    knots: int  # room for so many
-    known: float  # how many there are ...
-    passed: float  # ... and how many have been passed
-    apart: float  # times closer to each other than this are the same
+    knots: int  # number of knots that the memory can hold
+    known: float  # number of stored knots ...
+    passed: float  # ... and number of passed knots
+    apart: float  # knots closer to each other than this are one knot
 
     knot_times: Floats = array("knots")
-    knot_modes: Floats = array("knots")  # the number of the branch that is its cell
+    # the number of the branch of the switch whose cell changes
+    knot_modes: Floats = array("knots")
     cells_before: Floats = array("knots")
     cells_after: Floats = array("knots")
 
@@ -132,7 +134,7 @@ class ModeWords(KnownPoints):
     model_modes: int  # number of modes of the file, which events set
     switches: int  # number of switches of t alone
     surfaces: int  # number of surfaces of switches
-    laws: int  # rows that hold at times
+    laws: int  # number of rows that hold at times
 
     sliding: float  # number of surfaces that the motion slides along
     ends_above: float  # number of carried surfaces with ends above their leader
@@ -141,8 +143,8 @@ class ModeWords(KnownPoints):
 
     file_modes: Floats = array("model_modes")
     branches: Floats = array("switches")  # the values of the switches of t alone
-    side: Floats = array("surfaces")  # the mode variables
-    slides: Floats = array("surfaces")  # see FOLLOWED
+    side: Floats = array("surfaces")  # the mode variables, which select the branches
+    slides: Floats = array("surfaces")  # modes of surfaces, see FOLLOWED
     # Values of the mode variable on the two sides of a surface that the motion follows.
     low: Floats = array("surfaces")
     high: Floats = array("surfaces")
@@ -156,22 +158,24 @@ class ModeWords(KnownPoints):
     least_above: Floats = array("surfaces")
     most_above: Floats = array("surfaces")
     roundoff: Floats = array("surfaces")  # bound of the rounding of a rate in sliding
-    # Least argument of roots of the expression in the motion; see `switches.roots`.
+    # Least argument of roots in the expression during the motion; see `switches.roots`.
     floor: Floats = array("surfaces")
-    least_root: Floats = array("surfaces")  # the value of `floor` between rows
+    # the value of `floor` for states between rows
+    least_root: Floats = array("surfaces")
     slack: Floats = array(each_watched)  # distance past its end that a mode still lasts
     band: Floats = array(each_watched)  # distance past its end that exceeds rounding
     law_mode: Floats = array("laws")
     law_direction: Floats = array("laws")  # the sign of a force of known size
     law_still: Floats = array("laws")  # speed below which two slips have stopped
-    # Two slips that begin: the speed up to which their direction is given, 0 once they
-    # are faster; the time of the begin, the duration, and the polynomial, in the
-    # elapsed part of the duration, by which the direction turns.
+    # For a beginning slip of two components: the speed up to which its direction is
+    # prescribed, 0 once it is faster; the time of the begin, the duration, and the
+    # polynomial, in the elapsed part of the duration, by which the direction turns.
     law_floor: Floats = array("laws")
     law_begun: Floats = array("laws")
     law_lasts: Floats = array("laws", inf)
     law_turn: Floats = array(lambda p: TURNS * p.laws)
-    law_rounding: Floats = array("laws")  # rounding of its margin while out of force
+    # rounding of the law's margin while it is out of force
+    law_rounding: Floats = array("laws")
     law_opens: Floats = array("laws")  # 1: opens in the step that an event has cut
     law_shared: Floats = array("laws")  # 1: redundant, and held by other laws alone
     # Largest change of each rate of the state by the laws of an arc.
@@ -210,10 +214,11 @@ class Surfaces(ModeWords):
     last_met: Floats = array("surfaces")
     # 1 where the expression of a surface that rests at its level depends on the side.
     decisive: Floats = array("surfaces")
-    # The sides, and `slides`, while a row has its own.
+    # Copies of the sides, and of `slides`, while a row is evaluated with other sides.
     side_before: Floats = array("surfaces")
     slides_before: Floats = array("surfaces")
-    settled: Floats = array("surfaces", inf)  # time of the last instant, for all
+    # time of the last instant, for all surfaces
+    settled: Floats = array("surfaces", inf)
     # Distance of the expression of a carried surface from its bounds above.
     margin_above: Floats = array("surfaces")
     # Where the rows of J begin among its elements, and the column of each.
@@ -245,8 +250,9 @@ class Laws(Surfaces):
     law_high: Floats = array("laws")
     law_gapped: Floats = array("laws")
     law_varies: Floats = array("laws")  # 1: a bound that follows the motion
-    law_weakens: Floats = array("laws")  # 1: a static one of its own, by time or place
-    # Target of each row that shares a load, and its share; the Newton step of the
+    # 1: a static bound of its own, which depends on time or place
+    law_weakens: Floats = array("laws")
+    # For each row that shares a load: its target and its share; the Newton step of the
     # shares.
     share_target: Floats = array("laws")
     share_found: Floats = array("laws")
@@ -257,17 +263,18 @@ class Laws(Surfaces):
     law_pair: Floats = array("laws")  # the other of two slips; or -1
     # The only coordinate on which a row acts; or -1.
     law_place: Floats = array("laws", -1.0)
-    law_part: Floats = array("laws")  # of the contact's multiplier, or the force
-    impulses: Floats = array("laws")  # of an impact, while its row is written
-    kicked_rows: int  # equalities of a model whose events give impulses
-    row_impulses: Floats = array("kicked_rows")  # of these
+    # factor of the contact's multiplier, or the force itself
+    law_part: Floats = array("laws")
+    impulses: Floats = array("laws")  # impulses of an impact, while its row is written
+    kicked_rows: int  # number of equalities in a model whose events give impulses
+    row_impulses: Floats = array("kicked_rows")  # impulses of these equalities
 
 
 class Parameters(Laws):
     """Complete parameters: laws, rank of the constraint rows, working memory."""
 
-    reached: int  # ranges of columns in the reach of all rows
-    neighbours: int  # pairs of rows whose reaches overlap
+    reached: int  # number of ranges of columns in the reach of all rows
+    neighbours: int  # number of pairs of rows whose reaches overlap
 
     # Column of the first element of each row of L, M = L L^T, that is not always 0.
     inertia_first: Floats = array("n")
@@ -281,26 +288,26 @@ class Parameters(Laws):
     # For each row, the rows whose reach overlaps its own; it is one of these rows.
     near_starts: Floats = array(lambda p: p.m + 1 if p.laws else 0)
     near_rows: Floats = array("neighbours")
-    expected: float  # the rank that the rows have in general
-    reference: float  # the largest sigma so far, against which it is small ...
-    usual_reference: float  # ... and that of the plan, at the start of an arc
-    sigma: float  # size of the last independent column, now
-    least_sigma: float  # the smallest of it since a kernel set this to 1
+    expected: float  # the generic rank of the rows
+    reference: float  # the largest sigma so far, with which sigma is compared ...
+    usual_reference: float  # ... and the sigma of the plan, at the start of an arc
+    sigma: float  # length of the last independent column at the current state
+    least_sigma: float  # the smallest sigma since a kernel set this to 1
     factored: float  # 1: L of M is known; 2: also the factors of S
     lasting: float  # the largest value of `factored` while the modes of laws stay
-    least_pivot: float  # of the matrices S of the rows that hold
-    ranked: float  # the rank that was found then
-    noted: float  # how many directions of the rows have been noted
+    least_pivot: float  # least pivot of the matrices S of the rows that hold
+    ranked: float  # the rank at the last factorisation
+    noted: float  # number of stored directions of the rows
 
     # From here on arrays are valid within an arc only: first q'' and lambda, which the
     # model reads.
     motion: Floats = array(lambda p: p.n + p.m)
     multipliers: Floats = part("motion", "m", "n")
-    lengths: Floats = array(each_row)  # the rows' largest ...
-    usual_lengths: Floats = array(each_row)  # ... and those of the plan
-    aside: Floats = array(each_row)  # which rows are set aside
-    # What `dynamics` gives, or `geometry`: with residuals, rates and the scales of both
-    # in the place of f and b.
+    lengths: Floats = array(each_row)  # the largest length of each row in the arc ...
+    usual_lengths: Floats = array(each_row)  # ... and in the plan
+    aside: Floats = array(each_row)  # 1 for rows that are excluded as dependent
+    # Values of `dynamics`; or of `geometry`, with residuals, rates and the scales of
+    # both in place of f and b.
     terms: Floats = array(lambda p: (p.n + p.m) * p.n + p.n + 4 * p.m if p.loops else 0)
     M: Floats = part("terms", lambda p: each_coordinate(p) * p.n)
     A: Floats = after("M", lambda p: each_row(p) * p.n)
@@ -308,7 +315,7 @@ class Parameters(Laws):
     b: Floats = after("f", each_row)
     gaps: Floats = after("A", each_row)
     gap_rates: Floats = after("gaps", each_row)
-    # Where there are laws: their speeds and bounds.
+    # Speeds and bounds of laws.
     law_speeds: Floats = after("b", "laws")
     law_bounds: Floats = after("law_speeds", "laws")
     law_statics: Floats = after("law_bounds", "laws")
@@ -317,10 +324,10 @@ class Parameters(Laws):
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
     # Matrices of the groups of rows that hold, one after the other.
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
-    # Groups of rows that hold, coupled by overlapping reaches: their number; as bits,
-    # the places among all rows that hold where each begins and ends, where its matrix
-    # begins in S, and the largest distance of coupled rows in it. Of each row: 1 if it
-    # holds, else 0, and -1 before the first grouping; its group; its place, as bits.
+    # Groups of rows that hold, coupled by overlapping reaches. For each group, as bits:
+    # the first and last place among all rows that hold, the index of its matrix in S,
+    # and the largest distance of coupled rows. For each row: 1 if it holds, else 0, and
+    # -1 before the first grouping; its group; its place, as bits.
     groups: float
     group_starts: Floats = array(each_grouped)
     group_ends: Floats = array(each_grouped)
@@ -329,27 +336,30 @@ class Parameters(Laws):
     row_holds: Floats = array(each_grouped, -1.0)
     row_group: Floats = array(each_grouped)
     row_place: Floats = array(each_grouped)
-    # Of each row that holds, by its place, where its reach is one column: that column,
-    # else -1; the elements of A and Z there.
+    # For each row that holds, by its place: the only column of its reach, or -1; the
+    # elements of A and Z there.
     only_column: Floats = array(each_grouped, -1.0)
     only_entry: Floats = array(each_grouped)
     only_force: Floats = array(each_grouped)
-    # Held rows of laws with one element of A: their number, and of each the row, the
-    # column, and the element.
+    # Held rows of laws with one element of A: their number; the row, the column, and
+    # the element of each.
     stills: float
     still_rows: Floats = array("laws")
     still_columns: Floats = array("laws")
     still_entries: Floats = array("laws")
-    left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
-    tried: Floats = array(lambda p: p.dynamic.stop if p.loops else 0)  # ... and where
+    # second-order residuals after Newton steps ...
+    left: Floats = array(lambda p: 2 * each_row(p))
+    # ... and the state of these steps
+    tried: Floats = array(lambda p: p.dynamic.stop if p.loops else 0)
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
     pivots: Floats = array(each_coordinate)  # the diagonal of L
     Y: Floats = array(lambda p: each_row(p) * p.n)
-    places: Floats = array(each_coordinate)  # where its columns were exchanged with
+    # the column with which each column was exchanged
+    places: Floats = array(each_coordinate)
     u: Floats = array(each_coordinate)
     v: Floats = array(each_coordinate)
-    # Of each row, as they are ordered: its scale, the right side, and w of R^T w; the
-    # diagonal of R, the factor of its reflection, its index, and room.
+    # For each row, in the order of elimination: its scale, the right side, and w of R^T
+    # w; the diagonal of R, the factor of its reflection, its index, and working memory.
     scales: Floats = array(each_row)
     w: Floats = array(each_row)
     diagonal: Floats = array(each_row)
@@ -357,8 +367,8 @@ class Parameters(Laws):
     full: Floats = array(each_row)  # 0: first columns of a full matrix
     order: Floats = array(each_row)
     x: Floats = array(each_row)
-    free: Floats = array(lambda p: each_row(p) * p.m)  # for `multipliers`
-    # The directions z of the rows, orthonormal in the metric of M, and M z of each.
+    free: Floats = array(lambda p: each_row(p) * p.m)  # working memory of `multipliers`
+    # The directions z of the rows, orthonormal in the metric of M, and M z for each.
     mirrored: Floats = array(each_coordinate)
     directions: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
     momenta: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))

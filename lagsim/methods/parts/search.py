@@ -74,13 +74,13 @@ SWITCHES = True
 LOCALIZED = True
 ADAPTIVE = True
 
-# Least distance of points: for events, for features, and for sections, beside a jump of
-# the relation; largest number of points in a step with a signal.
+# Least distance of sample points in a step: for events, for features, and for sections
+# beside a jump of the relation; largest number of points in a step with a signal.
 FINEST = 2.0**-14
 FINEST_SIGNALS = 2.0**-12
 FINEST_CROSSINGS = 2.0**-30
 MOST_SIGNALS = 400
-# Least part to which a step with too many points is shortened.
+# Least factor by which a step with too many points is shortened.
 PART = 0.25
 # A smallest singular value up to this is 0 within half of the digits.
 LOST = 2.0**-26
@@ -234,7 +234,7 @@ def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
             continue
         a, m, b = s.starts[k], s.middles[k], s.ends[k]
         error = error_between(s, k)
-        # An argument far from 0 keeps its sign, whatever rounding leaves of a constant.
+        # An argument far from 0 keeps its sign, whatever the rounding of a constant is.
         clear = max(min(a, m, b), -max(a, m, b))
         enough = max(KNOWN * variation(s, k), CLEAR * clear)
         doubtful = width >= FINEST and error > enough
@@ -283,7 +283,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
         if not goes_on(s, p, passed):
             break
         before = max(s.cut - NEXT, 0.0)
-        low = min(s.cut + NEXT, 1.0)  # clear of what rounding makes of a jump
+        low = min(s.cut + NEXT, 1.0)  # beyond the rounding at a jump
         s.event = 0.0
         s.cut = 0.0
         s.t = t
@@ -300,7 +300,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
             if follows(s, k):
                 s.orientation[k] = 0.0
             elif s.orientation[k] != 0.0 and s.cut == 0.0:
-                # One that is off 0 by more than its leeway needs none.
+                # A condition whose value exceeds its leeway needs none.
                 clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
                 s.leeway[k] = 0.0 if clear else s.leeway[k]
             s.ahead[k] = 0.0
@@ -499,7 +499,8 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             if errs_until(s, p, k, s.kept[k]) == 0.0:
                 high = end_of(EVENT, s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
-                # A flight that began a rounding below ends where it is over.
+                # A flight that began below the ground by rounding ends where the gap
+                # returns to 0.
                 middle = 0.5 * (low + high)
                 if value_at(EVENT, s, p, k, middle) > p.slack[k]:
                     high = end_of(EVENT, s, p, k, -float(p.band[k]), middle, high)
@@ -517,7 +518,7 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             p.law_opens[k] = 1.0 if errs else 0.0
     s.discontinuous = 1.0 if is_discontinuous(s, p, first, high) else 0.0
     shorten(s, high)
-    # Rows at the same instant are the next arc's.
+    # Rows at the same instant belong to the next arc.
     s.row_limit = min(s.row_limit, s.t - same_time(s, s.t))
 
 
@@ -557,7 +558,7 @@ def find_crossings(s: Crossings, p: Parameters) -> int:
     """
     evaluations = s.evaluations
     complete = find_located(s, p) * crossings.find_strobes(s, p)
-    s.evaluations = evaluations  # nothing that is decided by them depends on it
+    s.evaluations = evaluations  # the result does not depend on these evaluations
     return complete
 
 
@@ -633,7 +634,7 @@ def lost_within(s: SearchTable, p: Parameters) -> float:
     vanishes = ends > LOST and s.starts[k] + s.ends[k] <= steepest
     if not (falls and rises) and not vanishes:
         return 0.0
-    # The slope at the start is that just before.
+    # The slope at the start is the slope just before it.
     low = max(low - BESIDE * (x - low), 0.0)
     x = least_of(RANK, NARROWER, s, p, k, low, x)
     if value_at(RANK, s, p, k, x) >= s.lost_below:

@@ -54,13 +54,13 @@ FALLING = 4.0
 
 # Fraction of a stretch at which rows are evaluated; not 1/2, which may be a period.
 BETWEEN = 0.6180339887498949
-# Slopes are differences over this part of the way between points: closer than anything
-# that a method resolves.
+# Slopes are differences over this part of the distance between points: closer than any
+# method resolves.
 BESIDE = 2.0**-10
 # A row is known on a stretch if its inner value differs from the cubic through the ends
 # by at most the part KNOWN of its variation, or CLEAR of its least value, and its
-# slope, weighted by TURNED, as well. With points too far apart one of the two may agree
-# by chance, but rarely both.
+# slope, weighted by TURNED, does so as well. With points too far apart one of the two
+# tests may succeed by chance, but rarely both.
 KNOWN = 0.1
 CLEAR = 0.25
 TURNED = 0.25
@@ -85,7 +85,8 @@ FARTHER = 4.0
 # JUMP of its change within the part AROUND of the step; beside a pole both are equal.
 AROUND = 2.0**-30
 JUMP = 0.25
-# Error of the state of a step: in tolerances, and as a part of a component's range.
+# Error of the state of a step: in tolerances, and as a part of the range of a
+# component.
 ERRED = 30.0
 PLACES = 2.0**-40
 
@@ -98,22 +99,25 @@ class SearchTable(Rank):
     smallest singular value.
     """
 
-    surfaces: int  # that switches are located on, and laws whose modes end
-    conditions: int  # of events and `until`, which are located when they become true
+    # number of surfaces on which switches are located, and of laws whose modes end
+    surfaces: int
+    # number of conditions of events and `until`, located when they become true
+    conditions: int
     signals: int
-    sections: int  # relations whose crossings are shown
-    sampled: int  # the signals depend on no component of the state from this one on
+    sections: int  # number of relations whose crossings are recorded
+    sampled: int  # number of leading components of y on which the signals depend
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
-    defect_row: float  # the row at which the last defect was found
-    defect_found: float  # 1 if it was found in the last step, at no earlier one's row
-    most_step: float  # no step is longer until one has been made; 0: no such limit
-    # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close.
+    defect_row: float  # the row of the last defect
+    # 1 if the last step had a defect, at a later row than the step before
+    defect_found: float
+    most_step: float  # upper bound of the next step until a step is accepted; 0: none
+    # For each signal: its kind, the power of the kind, and the largest distance since
+    # it was last close.
     kinds: Floats = array("signals")
     powers: Floats = array("signals")
     farthest: Floats = array("signals")
-    # Rows at a point. The stretch of the step that is examined: the fractions at its
-    # start, within it, and at its end; values of rows, then slopes, at these points.
+    # Rows at a point. The fractions of the step at the start, within, and at the end of
+    # the stretch that is examined; values of rows, then slopes, at these points.
     values: Floats = array(lambda s: relations(s) + s.sections + 1)
     places: Floats = array(lambda _: 3)
     points: Floats = array(lambda s: 6 * rows(s))
@@ -134,40 +138,42 @@ class SearchTable(Rank):
 
     # All event functions at one fraction of the step, see `store_values`.
     kept: Floats = array(lambda s: s.surfaces + s.conditions)
-    event: float  # the number, from 1, of the condition that has been located; or 0
-    switched: float  # the number, from 1, of the surface a switch was located on; or 0
+    event: float  # the number, from 1, of the located condition; or 0
+    switched: float  # the number, from 1, of the surface of the located switch; or 0
     # 1 where the expression of a surface or condition may have a pole; 0 for laws.
     poles: Floats = array(lambda s: s.surfaces + s.conditions)
-    discontinuous: float  # 1 if the surface or the condition is discontinuous there
+    # 1 if the surface or the condition is discontinuous at the located time
+    discontinuous: float
 
     # The truth of conditions, see `conditions.Truth`. A condition holds where its
-    # orientation times its function is <= 0; 0: not armed, it has not been false since,
-    # that is less than 0 by more than the leeway.
+    # orientation times its function is <= 0. Orientation 0: not armed, the value has
+    # not been below -leeway since the condition was last true.
     truth: Floats = array(lambda s: 2 * s.conditions)
     orientation: Floats = part("truth", "conditions")
     leeway: Floats = after("orientation", "conditions")
-    equation: Floats = array("conditions")  # 1 of an equation
+    equation: Floats = array("conditions")  # 1 for an equation
     zero: Floats = array("conditions")  # sizes up to which a value is 0
-    # At an instant, see `truth`: the values, their rates, 0 where below rounding; the
-    # sizes of their terms, then their slopes by the motion and t.
+    # At an instant, see `truth`: the values; their rates, 0 if below rounding; the
+    # sizes of their terms; then their slopes by the motion and t.
     worth: Floats = array("conditions")
     trend: Floats = array("conditions")
     condition_slopes: Floats = array(lambda s: s.conditions * (2 + s.dynamic.stop))
-    # The change of the value of an inequality by jumps just after the start of the run,
-    # if it is true then; else, and after the first step, 0.
+    # Change of the value of an inequality by jumps just after the start of the run, if
+    # it is true then; otherwise, and after the first step, 0.
     ahead: Floats = array("conditions")
-    met_first: float  # the index of the condition located there, or -1
+    met_first: float  # the index of the first condition satisfied at the instant, or -1
     calm: float  # 1 if no condition changes unless the state or the modes jump
-    # 1 where a condition has become true; where it is true and its value stays at 0;
-    # and where its value was off 0 before a change; the values before it.
+    # Flags of conditions: has become true; is true and its value stays at 0; had a
+    # value off 0 before a change. Then the values before the change.
     marked: Floats = array("conditions")
     stays: Floats = array("conditions")
     any_stays: float  # 1 if any value stays at 0
     was_clear: Floats = array("conditions")
     former: Floats = array("conditions")
 
-    # Of each section: the last sign of its relation, 0 before the motion has left the
-    # section; and the largest value of the relation on it, see `crossings.band`.
+    # For each section: the last sign of its relation, 0 before the motion has left the
+    # section; and the largest value of the relation that counts as on the section, see
+    # `crossings.band`.
     sides: Floats = array("sections")
     bands: Floats = array("sections")
 
@@ -265,7 +271,7 @@ def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
         last step; on return their rows: the value times `orientation`, plus `leeway`.
     """
     for k in range(s.conditions):
-        if x <= NEXT and own[k] < 0.0:  # closer than the interpolant's rounding
+        if x <= NEXT and own[k] < 0.0:  # within the rounding of the interpolant
             own[k] += s.ahead[k]
         own[k] = own[k] * s.orientation[k] + s.leeway[k]
         if s.orientation[k] == 0.0:
@@ -353,7 +359,7 @@ def store_ends(
         s.last_ends[rows(s) + k] = ends[rows(s) + k]
 
 
-# --- what is known of a row on a stretch
+# --- knowledge of a row on a stretch: hull, extrema, errors
 
 
 def width(s: SearchTable) -> float:
@@ -426,7 +432,7 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
     """
     a, m, b = s.starts[k], s.middles[k], s.ends[k]
     least = least_allowed(kind, s, p, k)
-    # An error up to the slack cannot be known better, nor can slopes by its rounding.
+    # Errors within the slack cannot be reduced, nor can slopes within its rounding.
     enough = max(KNOWN * variation(s, k), CLEAR * min(a, m, b), -least)
     rounding = 0.0
     nothing = -1.0
@@ -538,7 +544,7 @@ def end_of(
     at_low = value_at(kind, s, p, k, low) - least
     at_high = value_at(kind, s, p, k, high) - least
     curved = ITP / (high - low)
-    most = 2.0 * (high - low)  # of half the bracket, by bisections that are left
+    most = 2.0 * (high - low)  # half the bracket, by the remaining bisections
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
         most *= 0.5

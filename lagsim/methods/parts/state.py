@@ -21,20 +21,23 @@ class Clock(Blocks):
     """The time, the state, and the counters, which each step advances."""
 
     t: float  # time reached
-    h: float  # the next step; 0 before it has been chosen
-    step_t: float  # the last step: where it began ...
+    h: float  # the next step; 0 before it has been computed
+    step_t: float  # the last step: the time of its start ...
     step_h: float  # ... and its length; 0 before the first
-    fixed_step: float  # for fixed-step methods
+    fixed_step: float  # step size of fixed-step methods
     fresh: float  # 1 at the start of an arc
     steps: float
     rejections: float
     evaluations: float
-    factorisations: float  # made by the method itself, and for the Jacobian
+    # number of factorisations by the method, and for the Jacobian
+    factorisations: float
     y: Floats = array("size")
 
-    work: Floats = array(lambda s: 2 * s.size + 4)  # for a state ...
-    spare: Floats = part("work", lambda s: s.size + 4, "size")  # ... and more
-    # A point within the step: y and y' there; states beside it, y' from the equations.
+    work: Floats = array(lambda s: 2 * s.size + 4)  # a state ...
+    # ... and further working memory
+    spare: Floats = part("work", lambda s: s.size + 4, "size")
+    # A point within the step: y and y' there; states near it, and their y' from the
+    # equations.
     point: Floats = array(lambda s: 2 * s.size)
     point_rates: Floats = part("point", "size", "size")
     far_before: Floats = array("size")
@@ -48,20 +51,23 @@ MOST_LISTED = 64
 class ArcRows(Clock):
     """The end of the arc and its rows: set by the run, used by `driver`."""
 
-    end: float  # where the arc ends
+    end: float  # end of the arc
     arc_start: float
-    row_start: float  # row k is at row_start + k*row_step ...
+    row_start: float  # row k is at the time row_start + k*row_step ...
     row_step: float
-    row_limit: float  # ... while that is less than this ...
-    arc_rows: float  # ... or, before an end has been located, this
-    row: float  # the next row
-    extras: float  # number of states beside the rows that are still to be written ...
+    row_limit: float  # ... if that is less than this ...
+    arc_rows: float  # ... or, before an end has been located, less than this
+    row: float  # the number of the next row
+    # number of states requested between rows that are still to be written ...
+    extras: float
     extra: float  # ... the time of the next one ...
     listed: float  # ... and the number of their times in `extra_times`
     emitted: float  # rows written by this call
     located: float  # 1 if arcs may end within a step: every step is interpolated
     cut: (
-        float  # the fraction of the last step that counts, until rows are written; or 0
+        # the fraction of the last step at which the arc ends, until rows are written;
+        # or 0
+        float
     )
     # Times of the next states beside the rows, the latest first.
     extra_times: Floats = array(lambda _: MOST_LISTED)

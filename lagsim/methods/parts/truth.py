@@ -124,7 +124,7 @@ def terms_of(s: SearchTable, k: int) -> float:
     for i in range(s.dynamic.stop):
         terms += abs(row[i]) * largest(s, i)
     size = float(s.condition_slopes[k])
-    # A root at 0 and the point of a cone have no finite slope.
+    # A root at 0 and the apex of a cone have no finite slope.
     return max(terms if terms < OVERFLOW else 0.0, size if size < OVERFLOW else 0.0)
 
 
@@ -235,7 +235,7 @@ def wait(s: SearchTable, p: Parameters) -> int:
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
             if not abs(s.worth[k]) <= s.zero[k] or s.leeway[k] > 0.0:
-                return 0  # by a jump, at an exact time; or it has waited
+                return 0  # true by a jump at an exact time, or after a wait
             late = max(late, error_of_time(s, k))
     waits = 0
     for k in range(s.conditions):
@@ -261,7 +261,7 @@ def mark_true(s: SearchTable, _p: Parameters) -> None:
             miss = max(0.0, s.worth[k] * s.orientation[k])
             s.orientation[k] = 0.0
             jumped = k == int(s.met_first) and s.discontinuous > 0.0
-            if jumped:  # its slope, and so its rounding, may be unbounded
+            if jumped:  # its slope, and therefore its rounding, may be unbounded
                 s.zero[k] = LEAST
             s.leeway[k] = 0.0 if jumped else 2.0 * (miss + s.zero[k])
 
@@ -342,7 +342,7 @@ def become(s: SearchTable, rated: int) -> int:
         side, leeway = s.orientation[k], s.leeway[k]
         zero = max(float(s.zero[k]), float(leeway))
         miss = s.worth[k] * side
-        # Negative: an impact has left the value about 0, see `leeway_of_closed`.
+        # Negative: an impact has left the value close to 0, see `leeway_of_closed`.
         true = miss < -zero or (leeway < 0.0 and miss + leeway <= 0.0)
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))

@@ -73,7 +73,7 @@ _DECLARING = ("modes", "coordinates", "states", "constraints", "definitions")
 # Sections whose names have the size of their value.
 _SIZED = ("definitions", "parameters")
 _SIZES = (2, 3)
-# Of a parameter: the entries of a symmetric matrix, too.
+# Number of independent entries of a symmetric matrix, which a parameter may have.
 _MATRIX = 6
 _COMPONENTS = ("xy", "xyz")
 _NAME = re.compile(r"[^\W\d_]\w*")
@@ -159,7 +159,7 @@ class Expansion:
         self.turned: list[TurnedFrame] = []
         self.units: list[Entry] = []
         self.frames: FrameReader | None = None
-        # Hidden definitions of positions, by the scalars that they are of.
+        # Hidden definitions of positions, by the expressions that they name.
         self.moving: dict[str, Scalar] = {}
         self.drawn: list[Drawn] = []
         self.points: dict[str, Family] = {}
@@ -240,7 +240,7 @@ class Expansion:
             node = self._top.get(section)
             if isinstance(node, Mapping):
                 found[section] = node._replace(entries=tuple(entries))
-            elif entries:  # which the file does not write
+            elif entries:  # the file does not contain the section
                 found[section] = Mapping(tuple(entries), entries[0][0].place)
         shown = SceneExpansion(self)
         if "output" in self._top:
@@ -572,7 +572,7 @@ class Expansion:
             one.family.broken |= section == "definitions" and not fits
             return trees.components(len(node.items)) if fits else ()
         if not isinstance(node, Scalar) or not one.members:
-            # Without a value it has no size that others could miss.
+            # An entry without a value has no size with which others could disagree.
             one.family.broken |= isinstance(node, Mapping) and section in _SIZED
             return ()
         parser: Callable[[str], Any] = parse
@@ -754,7 +754,7 @@ class Expansion:
                 if not ranged or name not in found:
                     found.pop(
                         name, None
-                    )  # to take the position of the entry with precedence
+                    )  # at the position of the entry with precedence
                     found[name] = entry, ranged
             if again and not _COLUMN.fullmatch(key.text):
                 self.report(DUPLICATE_MEMBER, f"`{again}` is given twice", key)
@@ -773,7 +773,8 @@ class Expansion:
             return None
         family = self.scope.reference(found[0].name) if found else None
         if found is None or family is None:
-            several = isinstance(node, Sequence)  # of a vector that is not given
+            # a component of a vector that is not given
+            several = isinstance(node, Sequence)
             known = Broken(node.place) if several else node
             return key, self.bound(known, MemberReading(self.scope, outer or {}))
         parsed, members = found

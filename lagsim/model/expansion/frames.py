@@ -487,8 +487,8 @@ class FrameReader(SectionReader):
         if not any(values) or not all(map(math.isfinite, values)):
             text = f"{what} has no direction: it is {values}"
             self.refuse(OUT_OF_RANGE, text, node, "such as [0, 0, 1]")
-        # One along x, y or z is taken as such, which makes all that follows shorter:
-        # with other values of its parameters the file is read again.
+        # A rotation about x, y or z is expressed as such, which shortens all
+        # expressions; with other values of its parameters the file is read again.
         if sum(value != 0.0 for value in values) == 1:
             self.scope.note_structural(*(tree for tree, _ in parts))
             signs = (float(value > 0.0) - float(value < 0.0) for value in values)

@@ -44,7 +44,7 @@ class SceneExpansion:
         if node is not None and not isinstance(node, Mapping):
             return node
         entries: list[Entry] = []
-        if node:  # points first, which others name
+        if node:  # points first, since other entries name points
             given = sorted(node.entries, key=lambda entry: entry[0].text != "points")
             rules = {"points": self._points, "links": self._links}
             whole = self._x.bound(Mapping(tuple(given), node.place), None, rules)

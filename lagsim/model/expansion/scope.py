@@ -164,7 +164,8 @@ class Scope:
         self.used: set[str] = set()
         self.frame: Callable[[Steps, Indices], Frame] | None = None
         self.tables: frozenset[str] = frozenset()
-        self.of_tables: set[str] = set()  # parameters that follow one
+        # parameters whose values depend on such parameters
+        self.of_tables: set[str] = set()
         self._asked: set[str] = set()
         self._terms = 0
         self._faulty: set[str] = set()
@@ -332,7 +333,7 @@ class Scope:
             return _operation(op, args, token)
         except UnfitError as fault:
             if unknown := [a for a in args if self._is_unknown(a)]:
-                return unknown[0]  # the reader says so
+                return unknown[0]  # the reader reports it
             by_index = op == "component"
             code: ExpressionCode = EXPRESSION_COMPONENT if by_index else EXPRESSION_SIZE
             raise token.fault(fault.text, fault.hint, code) from None
@@ -506,7 +507,7 @@ class Scope:
         finally:
             self._generic = False
             self.gathers = True
-        # An inner sum is tried by itself only where it is not in another one.
+        # An inner sum is gathered by itself only if it is not part of another sum.
         self._terms, self._faulty, self.full = before
         self.gathers = False
         try:

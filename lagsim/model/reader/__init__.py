@@ -246,7 +246,7 @@ class File:
             for key, kind in NAMED.items()
         )
         self.parameters, self.modes, self.coordinates, *others = sections
-        if broken:  # their faults
+        if broken:  # definitions with faults
             given = entries(top.value("coordinates"), "`coordinates`", faults)
             values.read_coordinates([e for e in given if e[0].text in broken], x)
         self.states, self.definitions, self.tables = others
@@ -531,7 +531,7 @@ class File:
         faults.raise_if_any()
         return found
 
-    # The expressions that the file has
+    # The expressions in the file
 
     def _numbers(self) -> dict[str, Node]:
         """Return the YAML nodes of the values of parameters, modes and start values.

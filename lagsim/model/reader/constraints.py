@@ -242,7 +242,7 @@ class _ConstraintReader:
         if equality:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
             self._refuse(NOT_ONE_SIDED, CONTACT, "is an equality", hint)
-            if relation:  # a multiple root is taken once
+            if relation:  # a multiple root counts once
                 moving = named(
                     relation.node, (NameKind.COORDINATE, NameKind.VELOCITY), x
                 )
@@ -252,7 +252,8 @@ class _ConstraintReader:
             self.limit = self._limit(relation)
         elif not pair:
             law = self._one_sided(relation)
-        elif equality is False and expression:  # what has a fault itself may be one
+        # an expression with a fault of its own may be a relation
+        elif equality is False and expression:
             hint = "two relations are equalities: write them with `=`"
             text = f"{what} is one-sided"
             x.faults.add(NOT_AN_EQUALITY, text, expression, hint)

@@ -68,7 +68,7 @@ _P = TypeVar("_P", Parsed, ParsedRelation)
 
 # A value, and a bound of its rounding error.
 Value = tuple[float, float]
-# Faults that no other spelling of the text mends.
+# Faults that no other spelling of the text corrects.
 _OF_MEMBERS = (
     EXPRESSION_SIZE, EXPRESSION_COMPONENT, EXPRESSION_MEMBER, EXPRESSION_SUBSCRIPT,
     EXPRESSION_RANGE, EXPRESSION_TOO_MANY, EXPRESSION_ARITY,
@@ -424,7 +424,8 @@ class Expressions:
         if kind.level > most:
             return self.refuse(used, scalar, *_misplaced(name, kind, what, most))
         if kind not in OF_DEFINITIONS:
-            # A parameter without a value is reported already; only numbers need it.
+            # A parameter without a value is already reported; only numbers need the
+            # value.
             unvalued = kind is NameKind.PARAMETER and name not in self.known
             unbuilt = kind is NameKind.ENERGY and self.energies.get(name, 0) is None
             return not (unvalued and most is Level.NUMBER) and not unbuilt

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 MAX_GUESSES = 200
 MAX_CANDIDATES = 2000
 MAX_GUESSED_LENGTH = 80
-# Nobody reads more, and each carries its source line.
+# More faults are not reported: each carries its source line.
 MAX_FAULTS = 1000
 # Faults that are reported once for all uses of an unknown name.
 UNKNOWN = (EXPRESSION_UNKNOWN_FUNCTION, UNKNOWN_NAME)
@@ -418,11 +418,11 @@ def _called(key: str, value: Node, known: Collection[str]) -> str:
     return next((other for other in fitting if other in known), "")
 
 
-# --- The sections of a model file: every key, what it is for, and what may stand there
+# --- The sections of a model file: each key, its meaning, and its permitted values
 #
-# One table, the JSON Schema (draft-07) that editors use: `lagsim/lagsim.schema.json`.
-# Reading takes the keys from it, and hints where a key belongs. The options of methods
-# stand with these, and are entered into it.
+# The table is the JSON Schema (draft-07) that editors use, `lagsim/lagsim.schema.json`.
+# The reader takes the keys from it, and so do hints on misplaced keys. The options of
+# methods are declared with the methods and are added to it.
 
 Form = dict[str, Any]
 

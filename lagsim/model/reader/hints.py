@@ -110,7 +110,7 @@ _KEYS = {
     "links": "lines rods edges bars", "points": "masses bodies",
 }  # fmt: skip
 KEYS = {name: keys.split() for keys, names in _KEYS.items() for name in names.split()}
-# Keys of counts in other programs, in place of a length: no key has their values.
+# Keys of counts in other programs; no key here takes a count in place of a length.
 COUNTS = (
     "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
     "samples", "points", "rows", "fps", "frames",
@@ -346,7 +346,7 @@ _NUMBERS = {word: hint for words, hint in {
     "none true false yes no on off": "write a number, such as 0",
 }.items() for word in words.split()}  # fmt: skip
 SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
-# Corrections of other languages' signs in a relation.
+# Signs of other languages in a relation, and their corrections.
 _IN_RELATIONS = {
     "==": "write `=`",
     "=": "write 0",

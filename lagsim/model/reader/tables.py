@@ -162,7 +162,7 @@ class _TableReader:
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
                 self._fault(TABLE_POINTS, text, row, hint)
                 if not own:
-                    break  # of a flat list all are so
+                    break  # all items of a flat list are numbers
         fitting = [own for own in parts if len(own) == width]
         numbers = [[self._number(part) for part in own] for own in fitting]
         if len(fitting) < len(parts):
@@ -290,7 +290,7 @@ class _TableReader:
                 self._fault(TABLE_POINTS, text, place(i, j))
         return self._counted(numbers, place)
 
-    # What they are points of
+    # The arguments of the points
 
     def _curve(
         self, points: _Points, outside: str

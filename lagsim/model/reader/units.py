@@ -49,7 +49,7 @@ _OTHERS = {
 }  # fmt: skip
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 _UNKNOWN = Quantity()
-# Units of a power of ten that have a name, or are made of named ones.
+# Derived units in addition to `language.units`.
 _PREFIXED = {
     ("N", -3): "mN (kg mm/s^2)", ("N", 3): "kN", ("N", 6): "MN",
     ("J", -6): "uJ (kg mm^2/s^2)", ("J", -3): "mJ (N mm)", ("J", 3): "kJ",
@@ -58,7 +58,7 @@ _PREFIXED = {
 }  # fmt: skip
 _TIME = Quantity({"s": 1.0}, "s")
 # An expression of t and numbers alone, such as 0.3 + 0.1*t, in which numbers can have
-# the unit of a speed or a rate; and a sine or an exponential of it.
+# the unit of a speed or a rate; and a sine or an exponential of such an expression.
 _TIMED, _NUMBER = Quantity(free=True), Quantity(PURE, free=True)
 _TOGETHER = ALIKE | {"mod", "atan2"}
 _KEEPING = (_TOGETHER - {"atan2"}) | {"pow"}
@@ -145,7 +145,7 @@ class _UnitCheck:
         found = _UNKNOWN
         for what in ("the kinetic energy", "the potential energy", "the Lagrangian"):
             own = self.value(what)
-            # Without a mass among the units there is one that is not written.
+            # If no unit contains a mass, the unit of mass is not stated.
             if not own.unit or "kg" not in own.unit:
                 continue
             if found.unit:
@@ -221,7 +221,7 @@ class _UnitCheck:
                 stack.append((Quantity(unit, free=True), payload))
             elif op == "name":
                 stack.append((self._of(payload), None))
-            elif op == "data":  # of elements: one member stands for all
+            elif op == "data":  # elements: one member represents all
                 stack.append((self._evaluated(scalar, payload.example), None))
             elif op in (ELEMENTS, PART):
                 del stack[1 - payload + len(stack) :]
@@ -248,7 +248,7 @@ class _UnitCheck:
         op, args : the operation, and the quantities of its arguments.
         power : the value of the last argument, if it is a constant.
         """
-        if op not in OPERATIONS or op in JOINING:  # a table
+        if op not in OPERATIONS or op in JOINING:  # an operation of tables
             return _UNKNOWN
         if _is_timed(args[-2:] if op == "if" else args):
             return _NUMBER if op not in _ANY and op not in _KEEPING else _TIMED
@@ -264,7 +264,7 @@ class _UnitCheck:
             degrees = op in _ANGLES and of.unit and {*of.unit} == {SCALE}
             text = f"the argument of `{word}` is {{}}, and must be a number"
             pure = Quantity(PURE, "1")
-            passed = bool(degrees)  # they have a warning of their own
+            passed = bool(degrees)  # degrees have a warning of their own
             free = free or (of.unit is None and op != "pow")
             sound = passed or self._compare(scalar, span, of, pure, text)
         if not sound:
@@ -316,7 +316,7 @@ def _text(of: Quantity) -> str:
     named = written(plain, ("N", "J", "W", "N m", "Pa")) or raw
     if not power:
         return named
-    # Such as of kg mm/s^2: coordinates in mm beside masses in kg.
+    # Prefix of a unit, such as of kg mm/s^2: coordinates in mm beside masses in kg.
     small = _PREFIXED.get((named, round(power)))
     if small and abs(power - round(power)) < COMPUTED_ZERO:
         return small

@@ -131,7 +131,8 @@ class Definitions:
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
         self._about: dict[str, tuple[str, str]] = {}
-        self._texts: dict[str, tuple[Scalar, Parsed]] = {}  # those without a fault
+        # expressions without a fault
+        self._texts: dict[str, tuple[Scalar, Parsed]] = {}
         for key, node in given:
             name, what = key.text, f"the definition `{key.text}`"
             entry = _value_entry(key, node, what, x)
@@ -139,7 +140,8 @@ class Definitions:
             text = x.text(entry.value, what, parse, beside=entry.value is node)
             if text is not None:
                 self._texts[name] = text
-        # The definitions that each names, at their first place; the level of others.
+        # The definitions that each expression names, at their first place; the level of
+        # other names.
         self._uses: dict[str, dict[str, Name]] = {name: {} for name in self._about}
         levels = dict.fromkeys(self._about, Level.POSITION)
         for name, (_, parsed) in self._texts.items():
@@ -156,7 +158,7 @@ class Definitions:
 
     def _in_order(self) -> list[str]:
         """Return the definitions, each after all that it contains, without cycles."""
-        # Definitions that are ready are in the order of the file.
+        # Among definitions without open dependencies the order is that of the file.
         sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():
             sorter.add(name, *uses)
@@ -489,7 +491,8 @@ class Initial(_Numbers):
         nodes = [d.node for d in started if d and d.level is Level.VELOCITY]
         free = self.x.graph.depends(n for n in nodes if n is not None)
         for name in velocities:
-            if name not in self._all:  # stated to be 0, or left to such a definition
+            # stated to be 0, or left open for such a definition
+            if name not in self._all:
                 found[name] = InitialValue(name, 0.0, 0.0, name in free, "", place)
         order = [*coordinates, *velocities, *self.x.names.of(NameKind.STATE), *found]
         return tuple(found[name] for name in dict.fromkeys(order) if name in found)
@@ -611,7 +614,7 @@ class Initial(_Numbers):
             near = faults.guess(name, among)
         hint = "start values belong to coordinates, definitions and their rates"
         hint += f", such as {in_file(rate_of(moving[0]))}" if moving else ""
-        if near:  # read as that, or it would be reported as missing too
+        if near:  # read as this name, which otherwise would be reported as missing too
             hint = f"did you mean `{in_file(near)}`?"
             self._all.add(near)
             self._above.add(near)

@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 LANES = 4
 VECTOR = f"<{LANES} x double>"
 BOTH = f"{{{VECTOR}, {VECTOR}}}"
-SINCOS = "sincos.several"  # not the library's name
+SINCOS = "sincos.several"  # a name that no library has
 
-# Up to here multiples of pi/2 times the first two parts of it, of 33 bits, are exact.
+# Up to this size multiples of pi/2 times the first two of its parts, of 33 bits, are
+# exact.
 LARGEST = 2.0**20
 PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 # Added to a number, this rounds it, and leaves it in the last bits.
@@ -298,7 +299,7 @@ def sincos_function() -> str:
     b = _Vectors()
     rounded = b.add(b.mul("%x", vector_literal(2.0 / math.pi)), vector_literal(ROUNDER))
     n = b.sub(rounded, vector_literal(ROUNDER))
-    # r - rest is the reduced angle to twice the digits.
+    # r - rest is the reduced angle in twice the precision.
     first = b.sub("%x", b.mul(n, vector_literal(PARTS[0])))
     second = b.mul(n, vector_literal(PARTS[1]))
     less = b.sub(first, second)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 # Up to this number of sums, their first and last terms, of the newest coefficients, are
 # computed one by one with the order before: a vector cannot be loaded before the
-# numbers in it, which were stored alone, have left the processor's buffer (measured:
-# 600 -> 480 ns with 15 sums; of 69 sums this takes longer than it saves).
+# numbers in it, which were stored separately, have left the processor's store buffer
+# (measured: 600 -> 480 ns with 15 sums; with 69 sums this takes longer than it saves).
 MOST_EDGES = 32
 
 _MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"

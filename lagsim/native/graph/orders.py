@@ -85,7 +85,7 @@ class _Orders:
         g, r = self.g, self.r
         self._numbers = [g.variable(x) for x in ORDERS]
         count = len(r.sums)
-        # The first sum and the width of each vector.
+        # The first sum, and the width, of each vector.
         self._vectors = [
             (i, WIDEST if count - i > NARROW else NARROW)
             for i in range(0, count, WIDEST)

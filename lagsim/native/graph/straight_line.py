@@ -102,8 +102,8 @@ def _longest(name: str, manner: Manner) -> int:
     return 1 if name in (*manner.once, *manner.rare) else LONG
 
 
-# Where more results of a function are identically zero, all results are cleared at
-# once, since LLVM compiles each store of a number.
+# If more results of a function are identically zero, all results are cleared at once,
+# since each single store takes time to compile.
 FEW_ZEROS = 100
 # A rare function of more nodes runs from a tape. An arm of seven joints: the 23,000 of
 # its roundoff take 0.1 s instead of 0.7 s to be made, and 56 us instead of 7 us a call.

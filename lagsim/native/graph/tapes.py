@@ -226,10 +226,10 @@ class _Tapes:
     ) -> None:
         self.g, self.layout = g, layout
         self.opcodes: dict[tuple[Any, ...], int] = {STORE: 1}
-        self.plain: dict[str, int] = {}  # of operations on values alone
+        self.plain: dict[str, int] = {}  # numbers of operations on values alone
         cone = g.cone(chain.from_iterable(functions.values()), stored)
         known = fixed_nodes(g, functions, layout.fixed)
-        # A number of a vector of sums stands where the vector has it.
+        # An element of a vector of sums has the index that it has in the vector.
         fixed = [n for n in known if g.ops[n] != PART]
         self.parts = [n for n in cone if g.ops[n] == PART]
         self.vectors = {n: words(payload(g, n)) for n in cone if g.ops[n] == ELEMENTS}

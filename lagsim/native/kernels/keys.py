@@ -37,7 +37,7 @@ def fingerprint(
 
     functions, statics : see `translation.translate`.
     """
-    # Minor versions of Python may read the same text differently.
+    # Minor versions of Python may parse the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
     parts.append(text_beside(__file__))
     files: dict[str, None] = {}

@@ -575,14 +575,15 @@ class _Function(Folding, ast.NodeVisitor):
         return self._op(result, f"bitcast {kind} {value.text} to {LLVM[result]}")
 
     def _truncated(self, value: Value) -> Value:
-        # Saturating: plain fptosi of nan or 1e300, where Python raises, is anything.
+        # Saturating: plain fptosi is undefined for nan or 1e300, where Python raises.
         return self._function("llvm.fptosi.sat.i64.f64", value, result="int")
 
     def _extremum(self, op: ast.cmpop, node: ast.Call) -> Value:
         values, kind = self._common(node, *map(self._number, node.args))
         best, llvm = values[0], LLVM[kind]
         for value in values[1:]:
-            # As CPython: a later one only where it is beyond, so never for nan.
+            # As in CPython: a later argument is selected only if it is beyond the best,
+            # so never for nan.
             better = self._compared(node, op, value, best).text
             text = f"select i1 {better}, {llvm} {value.text}, {llvm} {best.text}"
             best = self._op(kind, text)
@@ -765,8 +766,8 @@ class _Function(Folding, ast.NodeVisitor):
         start, stop = bounds if len(bounds) == 2 else [Value("0", "int"), *bounds]
 
         def body(now: Value, after: str, following: str) -> None:
-            # The variable is a copy: as in Python, storing into it does not move the
-            # loop, and afterwards it is the last one the body had.
+            # The variable is a copy: as in Python, assigning it does not affect the
+            # loop, and after the loop it has its last value in the body.
             self._store(node.target, now)
             self._body(node, after, following)
 
@@ -898,7 +899,7 @@ class _Translation:
         source = KernelText(function, self.statics, known)
         symbol, external = source.name, words.is_external(function)
         if external and symbol in self.exported:
-            # It denotes the translated function of its name.
+            # The name denotes the translated function of this name.
             found = next(x for s, x in self.known.values() if s == symbol)
             signature = [*found.parameters.values(), found.result]
             if signature != [*source.parameters.values(), source.result]:

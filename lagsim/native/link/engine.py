@@ -31,7 +31,7 @@ none is contracted, and elementary functions are lagsim's own."""
 
 _LIBRARY = "lagsim"
 
-# Known wherever they are of use.
+# Names of processors that are known on all systems.
 _COMMON = (PORTABLE, "generic", "x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4")
 _ASK = """
 import sys
@@ -123,7 +123,7 @@ def _demand_known(cpu: str) -> None:
     """
     import subprocess
 
-    # LLVM reports an unknown name on stderr only.
+    # LLVM reports an unknown processor on stderr only.
     asked = [sys.executable, "-P", "-c", _ASK, cpu]
     done = subprocess.run(asked, capture_output=True, check=False)
     if done.returncode or done.stderr:
@@ -273,9 +273,9 @@ class Engine:
         builder = llvm.JITLibraryBuilder().add_current_process()
         for code in objects:
             builder.add_object_img(code)
-        # An LLJIT for each: the name of a library stays taken when the library is gone.
-        # Its messages name undefined symbols. JITLink is LLVM's choice for ARM, where
-        # the older linker has limits.
+        # A separate LLJIT for each: the name of a library stays taken after the library
+        # is deleted. Its messages name undefined symbols. JITLink is LLVM's choice for
+        # ARM, where the older linker has limits.
         self._jit = llvm.create_lljit_compiler(
             _machine(target()),
             use_jit_link=platform.machine().lower() in ("arm64", "aarch64"),
@@ -286,8 +286,9 @@ class Engine:
             raise NativeError(f"native code does not link: {fault}") from fault
         self._trackers = [library]
         self._addresses: dict[str, int] = {}
-        # The code is freed before its compiler, also when both are found in a cycle.
-        # Not at exit: a callable may still be used there, and the process frees all.
+        # The code is freed before its compiler, also if both are found in a reference
+        # cycle. Not at exit: a callable may still be used there, and the process frees
+        # all memory.
         weakref.finalize(self, _close, self._trackers, self._jit).atexit = False
 
     def address(self, name: str) -> int:

@@ -54,10 +54,10 @@ NAME = "animation.html"
 ONLY = "point"
 # Bytes of a page's numbers before they are written as text, which takes a third more.
 ROOM = 1_900_000
-# Frames beyond these show nothing more, and cells of them are memory.
+# More frames are not distinguishable, and cells of frames take memory.
 MOST_FRAMES, MOST_CELLS = 1 << 15, 1 << 23
-# What would go so many times through the scene from a frame to the next is not
-# followed by its rate.
+# A component whose rate would carry it this many times through the scene between two
+# frames is not interpolated by its rate.
 SWIFT = 3.0
 
 
@@ -396,7 +396,7 @@ def film_of_energies(
 # In this order: each script uses the ones before it.
 COMMON = ("motion.js", "view.js", "draw.js", "panel.js", "player.js")
 SCRIPTS = (*COMMON, "page.js")
-# A page of its own takes nothing from anywhere.
+# A self-contained page loads no other resource.
 CLOSED = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
 # The data of a page, for `recorded`.
 _DATA = re.compile(
@@ -414,7 +414,7 @@ NEAR = 0.1
 MOST_EVENTS = 4000
 
 
-@np.errstate(all="ignore")  # a motion that diverges passes every number
+@np.errstate(all="ignore")  # a diverging motion overflows
 def record(film: Film) -> dict[str, Any]:
     """Return a film as JSON data for the script of the page; `page` joins such data."""
     size = longest_side(film.tracks)
@@ -592,7 +592,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
     runs : the films of the runs, as of `record`.
     """
     data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    # Nothing in it may end the element that it stands in.
+    # The data must not end the HTML element that contains it.
     data = data.replace("<", "\\u003c")
     return filled(
         title, kind="plays", script=wrapped(SCRIPTS), policy=CLOSED + "img-src data:",

@@ -29,11 +29,12 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model, Scene
 
-# Frames in which it is tried which points carry a constraint, and in which part of them
-# they must: at a dead point none may.
+# Number of frames in which it is tested which points carry a constraint, and the part
+# of the frames in which the points must: at a dead point no point may.
 TRIED, MOSTLY = 9, 0.75
 
-# Pairs that no link joins are tried among so many points, and forces shown.
+# Largest number of points among which pairs without a link are tried, and of displayed
+# forces.
 FEW_POINTS, MOST_PUSHES = 24, 64
 
 

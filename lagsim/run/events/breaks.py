@@ -189,8 +189,9 @@ class Division:
             states: Sequence[int | None] = cell.states or [None] * len(self.locators)
             pairs = zip(self.locators, states, strict=True)
             found = [time for x, state in pairs for time in x.times(cell, state)]
-            # A doubtful interval is known to step only when it ends. The place of the
-            # step in it is unknown: it is put no earlier than the last reported time.
+            # A doubtful interval is known to contain a step only when it ends. The
+            # place of the step in it is unknown: it is assumed no earlier than the last
+            # reported time.
             for time in sorted(found):
                 last = max(last, time)
                 yield last, False

@@ -152,7 +152,8 @@ class Truth:
         rates = np.zeros(len(arc.y))
         if arc.system.moreau is None:  # its scheme has accelerations after a step only
             rates = arc.rates(arc.t, arc.y)
-        # Positions to second order: two that begin together with one velocity separate.
+        # Positions to second order, so that two points that begin together with one
+        # velocity separate.
         middle = late * part / 2.0
         rates[arc.state.positions] = (arc.y + middle * rates)[arc.velocities]
         moved = arc.later(np.zeros(len(arc.y)), rates, late * part)

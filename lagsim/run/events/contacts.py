@@ -281,7 +281,7 @@ class Contacts(Source):
         some = [k for k, on in enumerate(closed) if on]
         if self.sliders:
             some = sorted({*some, *self.sliders})
-        # Whether the bound of a law falls depends on sides that are decided later.
+        # Whether the bound of a law decreases depends on sides that are decided later.
         if wrong := here.out_of_range(some, laws.closed if decided else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
@@ -484,7 +484,7 @@ class Contacts(Source):
         if corners is not None and corners.corners:
             blow = _blow_beside(corners, here, some, e, held)
         here, problem, rates, result, y = blow
-        # A flight that begins below the ground by rounding would end deeper by as much.
+        # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
         deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
         if deep:
@@ -526,7 +526,8 @@ class Contacts(Source):
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         elif not result.impulses.any():
-            found.rows = None  # the closing rates were rounding of their body's others
+            # the closing rates were rounding of the other motions of their bodies
+            found.rows = None
         self._warn(here, some, result, found, ending=bool(stopped))
         return there
 
@@ -545,7 +546,8 @@ class Contacts(Source):
         if result.open:
             self._report(found, IMPACT_ORDER, some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
-        # The end of a series is held, and may be pulled down from its last flight.
+        # At the end of a series the contact is held, which may pull it down from its
+        # last flight: no gain of energy is reported.
         if not ending and result.energy > COMPUTED_ZERO * (
             np.abs(result.impulses) @ speeds
         ):

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 # Modes of surfaces at whose levels the motion rests.
 AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL)
-# Largest number of corners all of whose sides are combined, and of rounds by turns.
+# Largest number of corners all of whose sides are combined, and of sweeps over corners
+# one by one.
 MOST = 6
 
 

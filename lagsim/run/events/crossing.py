@@ -97,19 +97,24 @@ class Crossing:
     modes: SurfaceModes
     known: Mapping[int, float]
     at_rest: Collection[int]  # surfaces whose rate is zero
-    left: float  # the time in which the motion comes to rest on the surfaces `at_rest`
-    hit: int  # the surface that has ended the arc before, or -1
+    left: float  # time until the motion comes to rest on the surfaces `at_rest`
+    hit: int  # the surface that has ended the last arc, or -1
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
     beside: LawsAt | None  # the laws at the instant, or None without laws
     shared: tuple[list[int], RowModes] | None = None  # see `LawsAt`
     laws: list[int] = field(default_factory=list)  # numbers of the laws that could act
-    open: list[int] = field(default_factory=list)  # surfaces that forces decide
-    loose: list[int] = field(default_factory=list)  # surfaces decided by open ones
-    hanging: list[int] = field(default_factory=list)  # open on some sides alone
-    undecided: list[int] = field(default_factory=list)  # surfaces left undecided
-    kept: list[int] = field(default_factory=list)  # constant at their levels
+    # surfaces whose side the forces decide
+    open: list[int] = field(default_factory=list)
+    # surfaces whose side open surfaces decide
+    loose: list[int] = field(default_factory=list)
+    # surfaces that are open on some sides of others only
+    hanging: list[int] = field(default_factory=list)
+    undecided: list[int] = field(default_factory=list)  # surfaces without a decision
+    # surfaces that are constant at their levels
+    kept: list[int] = field(default_factory=list)
     levels: dict[int, float] = field(default_factory=dict)
-    stale: set[int] = field(default_factory=set)  # sides changed since `rows`
+    # surfaces whose sides have changed since `rows`
+    stale: set[int] = field(default_factory=set)
     roundoff: Floats = field(init=False)  # roundoff bounds of open surfaces' rates (K,)
     led: Floats = field(init=False)  # see `_rounding_beside`
     values: Floats = field(init=False)
@@ -189,7 +194,8 @@ class Crossing:
         modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
         speeds = np.abs(J) @ modes.arc.seen[modes.arc.state.driven]
-        nested = any(modes.depends)  # the side of one is in the expression of another
+        # the expression of one surface depends on the side of another
+        nested = any(modes.depends)
         for k, level in self.levels.items():
             beside, square = moving == moving[k], float(J[k] @ J[k])
             off = 2.0 * abs(float(self.values[k]) - level)
@@ -201,7 +207,7 @@ class Crossing:
                 continue
             change = modes.along_rows(least / square * J[k])
             own = abs(float(J[k] @ change))
-            if own > HALF_OF_DIGITS * least:  # not held by the rows
+            if own > HALF_OF_DIGITS * least:  # not determined by the rows
                 change *= least / own
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
@@ -310,7 +316,7 @@ class Crossing:
                 if not (sign or modes.keeps(k) or self._parallel(rows, k)):
                     return False
             found.add((level, sign))
-        # At one level, with one rate, its side does not depend on the open surfaces.
+        # With one level and one rate, its side does not depend on the open surfaces.
         return len(found) > 1 or next(iter(found))[1] == 0.0
 
     def _corners(self) -> list[tuple[int, ...]]:
@@ -407,7 +413,7 @@ class Crossing:
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
             self.undecided = self.open
-        if self.loose:  # loose surfaces have the side of their leader, or follow it
+        if self.loose:  # loose surfaces have the side of their leader, or slide with it
             found = [SLIDING if side == REDUNDANT else side for side in found or now]
         before = self.modes.value.copy(), self.modes.kind.copy()
         self._store_modes(found or now, cone.shares)

@@ -37,7 +37,7 @@ SLOW = 2.0**-20
 # Largest distance of the curve from its level there, in sizes of the surface: a few
 # roots of a rounding.
 APART = FEW * RESIDUAL_ROUNDOFF**0.5
-# Time after which it is evaluated again, relative to the duration of the run.
+# Interval after which it is evaluated again, relative to the duration of the run.
 SOON = 1e-3
 
 

@@ -230,7 +230,7 @@ class FilippovCone:
         if not slides:
             return None
         held = tuple(LEVEL if k in slides else side for k, side in enumerate(sides))
-        # A force of the size of rounding would leave the level later.
+        # A force within rounding would leave the level later.
         if np.any(self.rates(held)[slides]):
             return None
         other = self._solved_beside(held, slides)

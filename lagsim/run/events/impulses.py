@@ -75,7 +75,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
     x = _followed(change, x, n) if function.is_curved else x + change(x)
     given, p = x[n:], arc.system.p
     count = len(p.row_impulses)
-    laws = given[count : count + len(p.impulses)]  # moreau has no laws
+    laws = given[count : count + len(p.impulses)]  # the method moreau has no laws
     return state(x[:n]), JumpImpulses(laws, given[:count])
 
 

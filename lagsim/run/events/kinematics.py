@@ -115,7 +115,7 @@ class MassAndRows:
         return np.abs(self.delassus.response)
 
 
-# The last few `MassAndRows`, from the latest on: they change seldom.
+# The last few `MassAndRows`, latest first: they change seldom.
 _LAST: list[MassAndRows] = []
 _KEPT = 4
 
@@ -447,7 +447,7 @@ class Kinematics:
             p.law_mode[:] = kept.OFF
             p.law_mode[[*some]] = mode[[*some]]
         along = arc.rates(t, y) if p.sliding else None
-        field = arc.field(t, y)  # last, as it leaves b and the bounds of laws
+        field = arc.field(t, y)  # called last, since it leaves b and the bounds of laws
         p.law_mode[:] = mode
         return field if along is None else along
 
@@ -542,7 +542,7 @@ class Kinematics:
 
     @cached_property
     def _strikes(self) -> list[bool]:
-        """`_struck` as a list, whose elements are read faster."""
+        """Whether each of the L laws is struck if it is closed, `_struck` as a list."""
         found: list[bool] = self._struck.tolist()
         return found
 

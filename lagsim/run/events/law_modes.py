@@ -199,8 +199,9 @@ def chosen_modes(
 def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
     """Return a mask (L,) of the laws whose motion no impact has changed, or None.
 
-    None in models in which the modes of all laws are decided at each instant: of few
-    laws, and where other decisions, or discs, couple rows.
+    The result is None if the modes of all laws are to be decided: in models with few
+    laws, and in models whose surfaces, massless sliders, events at given times or slips
+    in two directions couple the laws.
 
     before, after : the laws before and after the impacts of this instant.
     """
@@ -362,7 +363,8 @@ def set_slack(here: Kinematics, found: Chosen) -> None:
         size[held] = band[held] = here.roundoff[held] / pushed[held]
     slides = (mode == kept.SLIDING) & ~held
     size[slides] = here.still[slides]
-    band[slides] = 0.5 * p.law_floor[slides]  # a direction is kept so far back
+    # a direction is kept down to half of its floor
+    band[slides] = 0.5 * p.law_floor[slides]
     if (off := (mode == kept.OFF) & table.one_sided).any():
         rounding[off] = np.where(table.gapped, here.slack, here.still)[off]
         # A gap that has not opened yet has a slack.

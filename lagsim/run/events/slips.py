@@ -36,14 +36,15 @@ if TYPE_CHECKING:
     from lagsim.run.events.kinematics import Kinematics
 
 # Length of the first interval, relative to the time in which forces change by as much
-# as friction.
+# as the friction.
 STRETCH = 0.5
 # First of the times at which pulses ahead are located, relative to the interval.
 SOONEST = 1e-9
 # Largest numbers of halvings of the interval and of Newton's steps.
 HALVINGS = 8
 SWEEPS = 12
-# Floor that is large against every slip, so that d(t) alone determines the direction.
+# Floor that is large compared with every slip, so that d(t) alone determines the
+# direction.
 FAST = 1e100
 
 
@@ -96,7 +97,7 @@ def begin_slips(here: Kinematics, pairs: Ints, friction: Floats, steady: float) 
     if found is None or (found.speeds < p.law_floor[pairs[:, 0]]).any():
         return
     p.law_begun[rows], p.law_lasts[rows] = here.t, found.lasts
-    # Speeds at which friction turns a slip within the interval, and no faster.
+    # Speed at which friction turns a slip within the interval, and no faster.
     p.law_floor[pairs] = (friction * _own(D) * found.lasts)[:, None]
     p.law_direction[rows] = -found.ways[0]
     p.law_turn.reshape(here.count, TURNS)[rows] = -found.ways[1:].T
@@ -114,11 +115,11 @@ def _longest(here: Kinematics, steady: float) -> float:
     p, t = here.arc.system.p, here.t
     times = [here.arc.settings.end, *p.knot_times[int(p.passed) : int(p.known)]]
     left = min(x for x in times if x > t)
-    if steady < here.arc.settings.end - t:  # else no change of forces is known
+    if steady < here.arc.settings.end - t:  # otherwise no change of forces is known
         left = min(left, t + STRETCH * steady)
     left = float(left - t)
     if here.arc.system.timed:
-        # Only half of the time to the next pulse.
+        # Half of the time to the next pulse.
         ahead = np.append(0.0, np.geomspace(SOONEST, 2.0, SAMPLES))
         while found := pulses(here.arc, t + left * ahead):
             left = 0.5 * (found[0] - t)

@@ -27,8 +27,8 @@ KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SI
 DIRECTIONS = 3
 # Change of a state, relative to its ranges, from which constancy is tested.
 ASIDE = 1e-3
-# Parts of it at which the rounding of a constant expression is sampled: a few values
-# may be exact by chance.
+# Parts of this change at which the rounding of a constant expression is sampled: a few
+# values may be exact by chance.
 PARTS = (1.0, 0.83, 0.61, 0.47, 0.31, 0.19)
 
 
@@ -143,7 +143,7 @@ class SurfaceModes:
         self.value = np.where(none, 1.0, p.side)
         self.levels = np.zeros(self.count)
         self.carried: dict[int, Carried] = {}
-        self.watched: list[int] = []  # whose mode ends off their level
+        self.watched: list[int] = []  # surfaces whose mode ends off their level
         if selected is not None:
             self.levels[:] = selected.levels
             self.carried, self.watched = {**selected.carried}, [*selected.watched]

@@ -60,7 +60,7 @@ NOISE = 1e-4
 SHORT = 16.0
 # Velocities left at the limit of accumulating switches, relative to earlier ones.
 LEFT = 1e-4
-# Factor of the distance to a surface that was reached: it is known no better.
+# Factor of the distance to a surface that was reached: the distance is known no better.
 TWICE = 2.0
 # Allowance for the rounding of a constant expression, in parts of sampled values.
 LARGER = 8.0
@@ -449,8 +449,8 @@ class Switching(Source):
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        # A constant expression that is at its level exactly leaves it at any other
-        # value, and one that is there to rounding at a larger one.
+        # A constant expression that is exactly at its level leaves it at any other
+        # value; one that is at its level within rounding leaves it at a larger one.
         for k in modes.watched:
             if k in crossing.kept:
                 if k != crossing.hit and event_functions[k] == 0.0:
@@ -477,7 +477,7 @@ class Switching(Source):
         pushes = arc.state.parts[:n]
         if arc.system.laws:
             pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
-        # At the time of an event the last step is the one that ended there.
+        # At the time of an event the last step is the step that ended there.
         step = (arc.t - arc.state.step_t or arc.state.step_h) if arc.steps else 0.0
         ranges, velocities = arc.ranges_to(y), arc.velocities
         ranges[velocities] += step * pushes
@@ -526,7 +526,8 @@ class Switching(Source):
                 rest_soon(arc, REACH * (limit - arc.t))
             found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
             if found.decision.ending and often != several:
-                # A surface that a fast motion passes once has no part in it.
+                # A surface that a fast motion passes once is no part of the
+                # accumulation.
                 several = often
                 found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
             rested = [i for i in several if i in located]

@@ -118,7 +118,8 @@ class KnotTimes(_Ahead):
     def __init__(self, arc: Arc) -> None:
         modes = arc.system.switches.modes
         super().__init__(arc, [modes[k].discrete for k in clocks(arc)])
-        self._are_events: list[bool] = []  # of the knots in the kernel's memory
+        # whether each knot in the kernel's memory is an event
+        self._are_events: list[bool] = []
         self._told, self._last = 0, -inf
 
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
@@ -188,7 +189,7 @@ class KnotTimes(_Ahead):
         for k in range(first, self._told):
             time = float(p.knot_times[k])
             if self._are_events[k] and not time - self._last <= p.apart:
-                events.append(Event(time, "switch"))  # one, of several tables
+                events.append(Event(time, "switch"))  # one event for several tables
                 self._last = time
         return Decision(events=tuple(events))
 
@@ -313,7 +314,7 @@ class Pulses(Source):
     """
 
     def __init__(self) -> None:
-        self._seen = -inf  # up to this time
+        self._seen = -inf  # searched up to this time
 
     def set_out(self, arc: Arc) -> Decision:
         """Return the decision that raises the sizes of components by pulses ahead."""

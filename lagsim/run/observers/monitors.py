@@ -130,9 +130,10 @@ class Checkpoints:
 MOST_KEPT, FIRST_KEPT = 512, 32
 # The initial and final energies are medians over this part of the run.
 TENTH = 0.1
-# A change occurs in the second half if the first half has less than this part of it.
+# A change occurs in the second half if the change in the first half is below this part
+# of it.
 ABRUPT = 0.1
-# A change in the first tenth is permanent if later values keep this part of it.
+# A change in the first tenth is permanent if later values remain above this part of it.
 NO_WAY_BACK = 0.8
 # A motion is wrong if its energy error exceeds this part of the largest energy so far.
 WRONG = 0.3
@@ -318,7 +319,8 @@ class EnergyMonitor:
     @property
     def ranges(self) -> Floats:
         """Range, largest less smallest value, of each column: shape (columns,)."""
-        with np.errstate(invalid="ignore"):  # what is infinite in all rows has none
+        # a quantity that is infinite in all rows has no range
+        with np.errstate(invalid="ignore"):
             return np.asarray(self._extremes.high - self._extremes.low)
 
     @property
@@ -415,7 +417,7 @@ class Growth:
         noted : ndarray, shape (k,), optional
             Magnitudes in another unit for the history of growth; by default `sizes`.
         """
-        k = int(np.argmax(sizes))  # of the first nan, if there is one
+        k = int(np.argmax(sizes))  # the component of the first nan, if there is one
         if not sizes[k] <= self.size:
             self.row = rows[k].copy()
         # np.maximum, and not max, which would lose a nan.

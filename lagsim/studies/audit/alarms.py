@@ -246,7 +246,7 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
         whose = plan.method
         if plan.formulation == "drift":
             whose += " and of the formulation drift"
-        # Advise nothing that has been tried.
+        # Advise only settings that have not been tried.
         how += " keeps" if settings.method == "auto" else ", or `--method auto`, keeps"
         text += f": that is an error of {whose}; {how} it"
     return [Caution(ENERGY_GAINED if change > 0.0 else ENERGY_LOST, text)]

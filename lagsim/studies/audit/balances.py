@@ -266,8 +266,9 @@ class Energy:
         found = sorted(
             n for n in g.dependent([energy], self.names) if g.ops[n] in SWITCHES
         )
-        # The node whose value tells the side: the condition of a choice, the argument
-        # that changes its sign of an angle or a quotient, else the value of the switch.
+        # The node whose value decides the side: the condition of a choice, the argument
+        # whose sign changes for an angle or a quotient, otherwise the value of the
+        # switch.
         inner = {**CUT, "if": 0}
         ops = [g.ops[n] for n in found]
         pairs = [*zip(found, ops, strict=True)]

@@ -304,7 +304,7 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
                   strict=False)  # fmt: skip
     for held in (x for x in e.every_row if x.holonomic):
         own, nodes = [*held.A.entries], [held.residual, *held.A.entries.values()]
-        # The row of a slider without mass depends on how it moves, too.
+        # The row of a slider without mass depends on its motion, too.
         unknown = e.graph.depends(nodes) - values.keys()
         if unknown or not set(own) <= set(balance.coordinates):
             continue

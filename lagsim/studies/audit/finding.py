@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Bound of the energy drift, in relative tolerances, for any estimated error: rows with
 # a larger drift, which is also above UNEXPLAINED, are not valid.
 ACCURATE = 1e6
-# The relative tolerance that stands for an exact method.
+# The relative tolerance that is assumed for an exact method.
 EXACT_RTOL = 1e-12
 # A repeat follows another motion if it differs by the part PARTED of a range and by
 # TOLERANCES times the tolerance.

@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from lagsim.run.session import Case
 
 
-# Solves are repeated while they last together less than this, but not more often than
-# that: a millisecond is measured well by the least of twenty, a second by itself.
+# Solves are repeated until their total time exceeds this, up to a largest number: a
+# millisecond is measured well by the least of twenty, a second by itself.
 REPEATING_SECONDS = 0.2
 MOST_REPEATS = 20
 
 FORMULATIONS = ("auto", "full")
-# Rows that leave the constraints: no answer that `auto` might give.
+# Verdict on rows that violate the constraints: no result that `auto` might give.
 DRIFT = "drift"
 OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
 

@@ -142,8 +142,9 @@ CHOSEN = marker_pen("o", 8.0, fill="none")
 FRONT: Pen = {"color": "#F0E442", "linewidth": 6.0}
 FLOOR: Pen = {"color": "#888888", "dashes": (3.0, 2.0), "linewidth": 0.8}
 
-# Colour and dashes say the method: in each round of colours they meet others. The mark
-# says the round, a row, and the formulation, a column.
+# Colours and dashes identify the method; in each round of colours they are combined
+# differently. The mark identifies the round (a row of marks) and the formulation (a
+# column).
 MARKERS = (("o", "D", "P", "<"), ("s", "^", "X", ">"), ("v", "p", "h", "*"))
 SHIFT = 2
 FORMULATIONS = {"elimination": 1, "baumgarte": 2, "drift": 3}
@@ -687,7 +688,7 @@ def _work(part: SubFigure, document: Document) -> None:
     across, _ = cell_borders(varied.values.tolist())
     asked: list[tuple[str, Callable[[Document], float | None]]] = [
         ("evaluations / s", lambda cell: _share(cell["evaluations"], cell)),
-        # 0 has no place on logarithms.
+        # 0 cannot be shown on a logarithmic axis.
         ("1 + rejections", lambda c: c["evaluations"] and 1.0 + c["rejections"]),
         ("least step / run", lambda cell: _share(cell["smallest_step"], cell)),
     ]

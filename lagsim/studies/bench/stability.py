@@ -68,8 +68,8 @@ BEYOND = 1e3
 # The part of a run that is compared with its start, and with its middle.
 LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 
-# Every mode takes part: the velocities are changed by this part of the energy, in
-# directions drawn from this seed.
+# The velocities are changed by this part of the energy, in random directions from this
+# seed, so that every mode is excited.
 KICK = 1e-6
 SEED = 5
 # The relative amplitude that is assumed about an equilibrium.
@@ -336,12 +336,12 @@ def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
 # Cells of a strip, and of a map: steps, values of the parameter.
 STRIP = 48
 MAP = (24, 16)
-# Runs that find a border, besides.
+# Number of further runs that locate a border.
 SEARCH = 14
 # The range of steps: from BELOW times the smallest predicted border to ABOVE times the
 # largest, with a ratio of at most WIDEST.
 BELOW, ABOVE, WIDEST = 0.1, 1.6, 1e3
-# Without a border, in parts of the fastest period, or of the run.
+# The range if no border is predicted, in parts of the fastest period, or of the run.
 OF_PERIOD = (0.02, 1.0)
 OF_RUN = (1e-4, 0.1)
 # A border is located to three digits; steps at these ratios to a predicted border are
@@ -362,7 +362,7 @@ SWITCHING = 100_000
 # Operations of a switch in time. Their number is known, and a long step contains many.
 ARC = 1_000_000
 
-# Why there is no map of a model with laws.
+# The reason why a model with laws has no map.
 UNSTEADY = (
     "the model has constraints that hold at times: a stability limit belongs to one "
     "set of equations, and these change during the run"
@@ -482,7 +482,7 @@ def measure(
         If a method cannot be examined, or the model has laws.
     """
     interrupt = interrupt or Interrupt()
-    with interrupt.raised():  # there is nothing yet to be kept
+    with interrupt.raised():  # there is no result yet that could be lost
         made = _Map(case, wish, interrupt, progress)
     complete = interrupt.cut(made.run)
     return made.document(complete=complete)
@@ -516,7 +516,8 @@ class _Map:
         self.steps = self._steps()
         count = len(self.values) * len(self.fixed) * (len(self.steps) + SEARCH)
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
-        self.rest = _equilibrium(self.subject)  # before an end may be asked for
+        # computed before an interrupt is handled
+        self.rest = _equilibrium(self.subject)
         self.cells = {name: list[Any]() for name in (*self.fixed, *self.adaptive)}
         self.borders = {name: list[Any]() for name in self.fixed}
 

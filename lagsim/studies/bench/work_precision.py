@@ -63,26 +63,27 @@ if TYPE_CHECKING:
 
     Document = dict[str, Any]
 
-# The first of these that a model lets through makes the reference ...
+# The reference is computed by the first of these methods that can handle the model ...
 FIRST = ("taylor", "dop853")
-# ... and the one of these that comes closest to it verifies it.
+# ... and verified by the method of these whose result is closest to it.
 SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
 TIGHT = (1e-14, 1e-13, 1e-12, 1e-10, 1e-8, 1e-6)
 # Fixed steps are halved this often, from a quarter of a row's spacing on, ...
 HALVINGS = 10
 # Rows from which ranges are computed, since output rows may lie a period apart.
 MOMENTS = 4001
-# An agreement this good ends the search for a better one.
+# An agreement below this ends the search for a better one.
 GOOD = 1e-12
-# One solve may take this part of the time for all of them, or so many seconds where
-# there is little; as many there are for what verifies.
+# Limit of one solve: a part of the total time, or a number of seconds if the total is
+# short; the number of solves for the verification.
 OF_ONE, ONE_SECONDS = 0.25, 5.0
 SECONDS = 40.0
 
-# Rows count as known while both agree to this part of each coordinate's range: to the
-# first of these that holds for all rows ...
+# Rows count as known while both solutions agree to this part of each coordinate's
+# range: to the first of these levels that holds for all rows ...
 WHOLE = (1e-10, 1e-8, 1e-7)
-# ... or else for more than a few of them: so many, or a part where rows are few.
+# ... or else to the first level that holds for more than a few rows: a number, or a
+# part if rows are few.
 LEVELS = (*WHOLE, 1e-6, 1e-4, 1e-2)
 MANY, FEW = 50, 0.1
 
@@ -125,7 +126,7 @@ def _solved(
         if solved.outcome == TOO_SLOW:
             if fixed:
                 return
-            next(left, None)  # a little looser takes as long
+            next(left, None)  # a slightly looser tolerance takes as long
         elif not len(solved.rows):
             failed = not fixed
         elif not (failed and _drifts(solver.names, solved.rows)):
@@ -450,22 +451,21 @@ TOLERANCES = (1e-3, 1e-13)
 # The longest fixed step, in output steps, and the largest number of halvings.
 LARGEST_STEP = 16
 MOST_HALVINGS = 20
-# Seconds for everything.
+# Time limit of the whole study, in s.
 BUDGET = 180.0
 # Time limit of a solve in s, and relative to the time of `auto` at the tightest
 # tolerance: a slower curve lies outside the chart.
 PATIENCE_SECONDS = 1.0
 PATIENCE_TIMES = 30.0
-# Steps are halved until two halvings do not halve an error that is this small: it is
-# rounding.
+# Steps are halved until two halvings do not halve an error below this: it is rounding.
 STALLED = 1e-6
 # Steps that are too long for a model can take the longest time. This number of slow
 # solves ends a curve without an answer.
 GIVE_UPS = 4
 OUT_OF_TIME = "out of time"
-# Of the seconds for everything the part that the reference may take, how many times
-# the share of another curve one that `auto` takes has, the least for a curve and the
-# part for a solve.
+# Part of the time limit for the reference; ratio of the time of a curve that `auto`
+# selects to that of another curve; least time of a curve, in s; part of a curve's time
+# for one solve.
 OF_REFERENCE, OF_AUTO, LEAST_SECONDS, ONE = 0.3, 5.0, 0.2, 0.1
 
 COLUMNS = (
@@ -473,7 +473,7 @@ COLUMNS = (
     "error_lambda", "energy_drift", "constraint_residual", "outcome", "chosen",
 )  # fmt: skip
 COSTS = ("seconds", "evaluations")
-# Without these no chart can be drawn.
+# Columns that a chart needs.
 NEEDED = (
     "lagsim", "versions", "machine", "date", "model", "end", "reference", "refused",
     "rows",
@@ -738,7 +738,7 @@ def measure(
     report = progress or (lambda _fraction: None)
     interrupt = interrupt or Interrupt()
     refused: list[Row] = []
-    with interrupt.raised():  # there is nothing yet to be kept
+    with interrupt.raised():  # there is no result yet that could be lost
         reference = make_reference(
             case, OF_REFERENCE * wish.budget, lambda x: report(OF_REFERENCE * x)
         )
@@ -764,7 +764,7 @@ def measure(
                 so_far = (sum(shares[:done]) + part * shares[done]) / sum(shares)
                 report(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
                 with interrupt.raised():
-                    pass  # raises where an end is asked for
+                    pass  # raises if an interrupt was requested
         report(1.0)
 
     complete = interrupt.cut(solve)

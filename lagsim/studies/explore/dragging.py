@@ -36,17 +36,17 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
 
-# Steps of one drag, halvings of a step, and the part of the first distance to the
-# target that counts as none. A drag is followed by the next one, from where it ended.
+# Largest numbers of steps of one drag, and of halvings of a step; the part of the first
+# distance to the target that counts as 0. The next drag begins at the end of this one.
 MOST_STEPS, MOST_HALVINGS, NONE = 50, 20, 1e-9
 # Newton steps onto the constraints; where more are needed, the step was too long.
 MOST_CORRECTIONS = 15
 # The longest step, of the one before.
 LONGER = 4.0
-# Relative decrease of the distance below which a drag has come as near as it can.
+# Relative decrease of the distance below which a drag has reached its minimum.
 SLOW = 1e-12
-# Step aside from a dead point, relative to coordinates and distance; the part of the
-# distance by which it must come nearer.
+# Step aside from a dead point, relative to coordinates and distance; the least relative
+# decrease of the distance that counts.
 ASIDE, NEARER = 0.01, 1e-7
 # Relative change of coordinates below which a Newton iteration has converged.
 CONVERGED = 1e-15

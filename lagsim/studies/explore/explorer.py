@@ -153,7 +153,7 @@ class Explorer:
         """Replace the model whose motions are computed by `model`."""
         sliders, content = _sliders(model, self._vary), pickle.dumps(model)
         self.model, self._content = model, content
-        # The model is read again for other numbers of members, while the browser opens.
+        # The ranges for other numbers of members are found while the browser opens.
         limits = self._limits = _Limits(content, sliders)
         limits.start()
         self._forms = Forms(content, {}, WHO)
@@ -231,7 +231,7 @@ class Explorer:
         from lagsim.show.lagrange import derived
         from lagsim.show.mathml import as_mathml
 
-        # Of its own, for motions are computed meanwhile.
+        # A separate copy, since motions are computed meanwhile.
         model = pickle.loads(self._content)
         equations = derive(model, chained=has_many_rows(model), trees=False)
         return as_mathml(derived(equations, matrices=False))
@@ -480,7 +480,7 @@ class Explorer:
             angles = _angles(session)
             for x in self._limits.sliders():
                 if math.isnan(x.low):
-                    # A member that these values do not make has no motion.
+                    # A member that does not exist with these values has no motion.
                     values = columns.get(x.name, np.zeros(0))
                     ends = _around(x, values, angle=x.name in angles)
                 else:
@@ -501,10 +501,10 @@ class Explorer:
 
 
 class _Limits(threading.Thread):
-    """Thread that finds the ends of sliders for numbers of members of families.
+    """Thread that finds the range of each slider for a number of members.
 
-    Within the ends the file can be read with each number. The number is fixed in a file
-    that lists a value for each member.
+    The range consists of the numbers with which the file can be read. It is a single
+    number where the file lists a value for each member of a family.
 
     Parameters
     ----------
@@ -525,7 +525,7 @@ class _Limits(threading.Thread):
 
     def run(self) -> None:
         """Find the ends of the sliders of whole numbers, in a thread."""
-        # Members of families among these are directions or choices, and may be many.
+        # Names that are not families are directions or choices; there may be many.
         counts = {x.name for x in self._given if x.whole and "." not in x.name}
         if counts:
             model = pickle.loads(self._content)

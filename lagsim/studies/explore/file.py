@@ -88,7 +88,7 @@ if TYPE_CHECKING:
 
     Document = dict[str, Any]
 
-# The codes whose numbers stand in messages of the page, by the names there.
+# Error codes whose numbers appear in messages of the page, by the names there.
 NUMBERS: dict[str, ErrorCode] = {
     "syntax": EXPRESSION_SYNTAX, "name": EXPRESSION_NAME,
     "number": EXPRESSION_NUMBER, "not-finite": EXPRESSION_NOT_FINITE,
@@ -184,7 +184,7 @@ def _text(document: Document) -> bytes:
     ).encode()
 
 
-# --- What a page cannot compute
+# --- Features that a page cannot compute
 
 
 def _refused(feature: str) -> Exception:

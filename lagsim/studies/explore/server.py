@@ -40,8 +40,8 @@ MOST_BYTES, SECRET_BYTES, PATIENCE, MOST_CONNECTIONS = 1 << 16, 24, 20.0, 64
 # Bytes and seconds of a refused request that are read, so that its sender, who may
 # still be sending, receives the answer.
 MOST_IGNORED, LINGERING = 1 << 26, 2.0
-# Seconds between looks at the file, between signs of life to pages, and from the close
-# of the last page to the end of the server.
+# Intervals in s between checks of the file, and between keep-alive messages to pages;
+# time from the close of the last page to the end of the server.
 LOOK, SIGN, LINGER = 0.25, 1.0, 60.0
 JSON, HTML, BYTES = (
     "application/json",
@@ -147,7 +147,7 @@ class Server(ThreadingHTTPServer):
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
-    # --- Pages that listen for news
+    # --- Pages that wait for events of the server
 
     def _tell(self) -> None:
         with self._told:
@@ -256,7 +256,7 @@ class Handler(BaseHTTPRequestHandler):
             assert route is not None
             route()
         except RefusedError as refused:
-            # The body, if there is one, was not read: the connection cannot go on.
+            # A body, if there is one, was not read: the connection cannot be continued.
             self.close_connection = True
             self._send(refused.status.phrase.encode(), "text/plain", refused.status)
             self._ignore()
@@ -280,7 +280,7 @@ class Handler(BaseHTTPRequestHandler):
         if self.command == "POST" and site != "same-origin":
             raise RefusedError(HTTPStatus.FORBIDDEN)
 
-    # --- What is read
+    # --- Requests
 
     def _body(self) -> dict[str, Any]:
         """Return the JSON object of a request.
@@ -319,7 +319,7 @@ class Handler(BaseHTTPRequestHandler):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
         return found, values
 
-    # --- What is answered
+    # --- Answers
 
     def _page(self) -> None:
         content = explorer(self.server.explorer.model.name)

@@ -145,6 +145,6 @@ def _note(fit: Fit, found: Found) -> str:
     for one, value, size in zip(fit.names, found.x.tolist(), sizes, strict=True):
         name = letters.name(one.name) + one.label.removeprefix(one.name)
         error = f" ± {size:.2g}" if np.isfinite(size) else ""
-        # A line breaks between names alone.
+        # A line breaks between names only.
         parts.append(f"{name} = {value:.6g}{error}".replace(" ", "\u00a0"))
     return ",   ".join(parts)

@@ -20,7 +20,7 @@ LINEAR = "linear"
 LOSSES = (LINEAR, "soft_l1", "huber")
 # Least ratio of a singular value to the largest of a combination that is determined.
 DETERMINED = 1e-7
-# Degrees of freedom where none are left.
+# Degrees of freedom if none remain.
 SPENT_ROWS = 1e-9
 # Parts of a combination below this size are rounding.
 TINY_PART = 1e-5

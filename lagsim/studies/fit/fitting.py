@@ -76,14 +76,14 @@ CONVERGED, SPENT, INTERRUPTED = "converged", "no convergence", "interrupted"
 SAME_COST, SAME_VALUES, MOST = 1e-10, 1e-10, 200
 # Most evaluations of a fit to a part of the records.
 MOST_OF_PART = 30
-# Derivatives on the way to the solution: by differences of lower order, of steps that
-# need no search; and those at the solution.
+# Options of derivatives before the solution: differences of lower order, with steps
+# that need no search; and at the solution.
 ROUGH: dict[str, Any] = {"order": 4, "first": 1e-4, "spare": 8}
 ACCURATE: dict[str, Any] = {}
-# Parts of the residuals, and of the data, below which the step that is left at the
-# solution counts as none.
+# Size of the remaining Newton step, relative to the residuals and to the data, below
+# which the fit has converged.
 LEFT, LEFT_OF_DATA = 0.05, 1e-9
-# Relative change of the data by a name, below which it counts as none.
+# Relative change of the data by a name below which the name has no effect.
 NO_CHANGE = 1e-9
 # Ratio of the standard deviation of normal values to the median of their sizes.
 OF_MEDIAN = 1.4826
@@ -252,8 +252,8 @@ class Fit:
             elapsed.append((record.times - record.times[0])[rows])
             numbers.append(np.full(len(rows), len(numbers)))
         self.data = np.concatenate(data)
-        # Of each measurement the numbers of its match and record, the time since the
-        # begin of the record, and whether the fit counts it now.
+        # For each measurement: the numbers of its match and record, the time since the
+        # begin of the record, and whether the fit includes it now.
         self.of = np.concatenate(columns)
         self.number = np.concatenate(numbers)
         self.elapsed = np.concatenate(elapsed)
@@ -507,7 +507,7 @@ class Fit:
             J = self.jacobian(z * s, self.how).J
             return np.vstack([determined(J * self._per_row(weights)[:, None]), rows])
 
-        # A part of a record may determine so little that values run away.
+        # A part of a record may determine so few names that values diverge.
         whole = bool(self.counts.all())
         ends = [(x.low, x.high) if whole else near_bounds(x) for x in self.names]
         found = least_squares(
@@ -755,7 +755,7 @@ class Fit:
             if not own.any():
                 found[k] = 1.0
                 continue
-            # Beside the rounding errors of the runs.
+            # In addition to the rounding errors of the runs.
             least = COMMON * float(np.max(np.abs(self.data[own]))) or COMMON
             spread = math.sqrt(float(np.mean(raw[own] ** 2)))
             if self.loss != LINEAR:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from lagsim.studies.fit.names import Varied
     from lagsim.studies.workers import Hired
 
-# Processor time of a Jacobian, in s, above which further processes compute the next.
+# Processor time of a Jacobian, in s, above which further processes are started.
 WORTH_SECONDS = 0.5
 
 

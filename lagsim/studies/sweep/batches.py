@@ -413,7 +413,7 @@ class Ensemble:
     """
 
     def __init__(self, session: Session) -> None:
-        # A repeat by another method works in the memory of the system's own method.
+        # A repeat by another method uses the memory of the system's own method.
         system = session.system.bound(session.system.model, session.system.plan)
         self.session = session._replace(system=system)
         run = Run(self.session.first_arc(), [])

@@ -145,7 +145,7 @@ class Runs:
             self.batch = None if batch.refusal else batch
         model, complete = session.case.model, trajectory.outcome.complete
         numbers = extremes.end[None] if work.ends else extremes.stacked
-        # Columns that a run with other members lacks are nan.
+        # Columns that a run with other members does not have are nan.
         cells = np.full((len(numbers), len(self.columns)), np.nan)
         cells[:, [self.columns.index(name) for name in own]] = numbers
         return SweepRow(
@@ -170,7 +170,8 @@ class Runs:
 
         clock, work = Stopwatch(), self.work
         assert work.kept is not None
-        width = len(str(work.grid.runs))  # its number is its row in sweep.csv, from 1
+        # the number of the run is its row in sweep.csv, from 1
+        width = len(str(work.grid.runs))
         folder = Path(work.kept, f"run-{number + 1:0{width}}")
         units = of_table(session.equations, session.columns.of_table)
         with open_results(folder) as results:

@@ -288,12 +288,12 @@ def made_of(found: SweepRows, *, plots: bool) -> Iterator[Made]:
 
 # --- Points of a sweep that are no grid: rows of a table, and random samples
 #
-# A sample is the same on every machine. The 53 bits of each draw are those of Philox, a
+# A sample is the same on every machine. The 53 bits of each draw come from Philox, a
 # counter-based generator whose stream numpy promises not to change (J. K. Salmon et
-# al., Parallel random numbers, 2011); its key is the seed and the place of the name, so
-# that a name that is added does not change the draws of those before it. What a
-# distribution makes of them takes sums, products and roots, which IEEE 754 rounds alike
-# everywhere, and a logarithm of lagsim's own.
+# al., Parallel random numbers, 2011); its key is the seed and the position of the name,
+# so that an added name does not change the draws of the names before it. A distribution
+# is computed from the draws by sums, products and roots, which IEEE 754 rounds alike
+# everywhere, and by a logarithm of lagsim's own.
 
 EXAMPLE = "such as --sample K=normal(25.6, 0.5) --sample theta=uniform(0, 1) -N 500"
 _DRAWN = re.compile(r"(normal|uniform)\s*\((.*),(.*)\)", re.DOTALL)
