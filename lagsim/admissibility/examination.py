@@ -745,9 +745,9 @@ class _Examiner:
         return judged._replace(repair={name: new for name, (_, new) in changed.items()})
 
     def _at_other_rest(self, point: Point) -> _Judged:
-        """Analyse a state of rest near the start, with all values as unknowns.
+        """Search a rest near the start with all start values free, and judge it.
 
-        The changed values are the `repair` of the result.
+        The result's `repair` has the start values that differ from the file.
         """
         found = self._rest(range(self.n), range(len(self.e.states)))
         if found is None:

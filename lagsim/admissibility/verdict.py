@@ -421,7 +421,7 @@ def _against_levers(
 def judge_rest(
     point: Point, laws: Sequence[RelationResiduals], *, velocities: bool = True
 ) -> list[RelationResiduals]:
-    """Return verdicts on velocities or, if these vanish, accelerations, all to be 0.
+    """Return verdicts on a rest: velocities, or accelerations if velocities vanish.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`lagsim compare`: whether a result is still what it was."""
+"""`lagsim compare`: comparison of two results, column by column."""
 
 from __future__ import annotations
 

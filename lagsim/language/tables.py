@@ -244,9 +244,10 @@ def functions() -> list[Callable[..., Any]]:
 
 
 def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
-    """Return `kernel` as a function whose first `count` arguments are of type Data.
+    """Adapt a kernel of arrays to arguments of type Data.
 
-    The kernel itself takes the arrays of the data.
+    The result is a function that passes the arrays `values` of its first `count`
+    arguments, and its other arguments unchanged.
     """
     return lambda *args: kernel(*(a.values for a in args[:count]), *args[count:])
 

@@ -65,9 +65,9 @@ def rank_metric(M: Floats, A: Floats) -> Floats:
 
 
 def solving_metric(M: Floats, A: Floats) -> Floats:
-    """Return the metric (n, n) of least change in which accelerations are solved for.
+    """Return the positive matrix (n, n) in whose norm accelerations change least.
 
-    This is `completed(M, A)`, or the identity where that matrix is singular, too.
+    It is `completed(M, A)`, or the identity if this matrix is singular.
 
     Parameters
     ----------

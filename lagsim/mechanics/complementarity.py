@@ -422,11 +422,11 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
 
 
 def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
-    """Yield a point of Newton's method with the single rows that hold eliminated.
+    """Yield a solution after the elimination of held rows outside of discs.
 
-    The inertia in the directions of a disc can differ by the ratio of masses with and
-    without the rows that hold. The problem of the remaining rows is therefore scaled
-    anew.
+    Without the held rows, the inertias in the two directions of a disc can differ by
+    the ratio of masses. The problem of the remaining rows is scaled by its own
+    diagonal.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class Impact:
     after : ndarray, shape (r,)
         The rates of the rows after the impact.
     open : bool
-        Another order of the impacts would end in other rates: the result is a
+        Whether the result depends on the order of the impacts, in which case it is a
         convention of the impact law.
     energy : float
         The change of the kinetic energy in the frame of the struck bodies: the sum of

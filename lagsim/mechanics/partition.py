@@ -494,7 +494,7 @@ class Partition(Elimination):
         return self._whole.correction(residuals)
 
     def smallest_singular_value(self) -> int:
-        """Return the smallest volume of a block, see `volume`, as a node.
+        """Return the node of the smallest volume of all blocks, see `volume`.
 
         The length of a row counts as at least the variable `length.<name>`.
         """

@@ -208,7 +208,7 @@ class Closed:
 
     @cached_property
     def columns(self) -> Floats:
-        """Matrix (k, r) with D = factor^T columns: `pushes` if given, else `factor`."""
+        """Matrix C (k, r) with D = factor^T C: `pushes`, or `factor` without these."""
         return self.factor if self.pushes is None else self.pushes
 
     def with_shares(self, D: Floats, bounds: Floats) -> Closed:

@@ -56,13 +56,15 @@ if TYPE_CHECKING:
 
 
 def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int] | None:
-    """Return the condition under which a branch of an `if` has a value, and a branch.
+    """Return the domain of a branch of an `if`, and an expression defined everywhere.
 
-    The condition is that the arguments of roots and logarithms below the node `branch`
-    are in their domains. The result's branch has them mirrored at the ends of their
-    domains. Only functions outside nested branches count, and only functions of the
-    variables in `decides`, on which the condition of the `if` depends. The result is
-    None if there are no such functions.
+    The domain is a condition (node): the arguments of roots and logarithms in the
+    branch are in the domains of these functions. The second result is the branch with
+    these arguments mirrored at the ends of the domains. Functions in nested branches do
+    not count, and neither do functions without the variables in `decides`, on which the
+    condition of the `if` depends. The result is None if no function counts.
+
+    branch : node of the branch.
     """
     found = None
     seen: set[int] = set()
@@ -204,9 +206,16 @@ def mixed(g: Graph, part: int, low: int, high: int) -> int:
 
 
 class TimeSwitch(NamedTuple):
-    """Time switch: the name of its mode variable, and its discrete function (node).
+    """Switch of t alone.
 
-    At levels in the open interval `smooth` it steps without a jump of y'.
+    Attributes
+    ----------
+    variable : str
+        Name of the mode variable.
+    discrete : int
+        Node of the discrete function, which is constant between breaks.
+    smooth : tuple of float
+        Open interval of levels at which the switch steps without a jump of y'.
     """
 
     variable: str

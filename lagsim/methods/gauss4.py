@@ -130,9 +130,9 @@ def start(s: Gauss, p: Parameters) -> None:
 
 
 def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
-    """Compute `new` a step h later, at the time `after`; return DONE or a code.
+    """Compute the state s.new (size,) after a step h, at the time `after`.
 
-    See `fixed.make`.
+    Return DONE, or the code of a failure. See `fixed.make`.
     """
     predict(s)
     if solve_stages(s, p, h) == 0:

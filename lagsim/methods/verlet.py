@@ -79,7 +79,7 @@ STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
-    """Return the reason why positions and velocities cannot advance in turn, or "".
+    """Return the reason why a model cannot be split into kicks and drifts, or "".
 
     scene : the structure of the model.
     """

@@ -1,9 +1,8 @@
-"""The pictures of a run: energy, trajectory, constraint forces, the model's plots.
+"""Pictures of a run: energy, trajectory, constraint forces, and the plots of the model.
 
-Besides, one picture of several runs: a panel for each column, a curve for each run.
-
-Columns against time are drawn in a grid of panels, plots of the model file against time
-or against each other.
+A picture of several runs has a panel for each column and a curve for each run. Columns
+against time are drawn in a grid of panels; plots that the model file requests are drawn
+against time or against another column.
 """
 
 from __future__ import annotations

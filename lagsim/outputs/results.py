@@ -147,9 +147,9 @@ class Results:
         return {name: self._digests[name] for name in self.names}
 
     def stand(self, manifest: bytes) -> None:
-        """Place a manifest and the files written so far, before others are complete.
+        """Move a manifest and the files written so far to their names in the folder.
 
-        `commit` places the later files.
+        Later files are moved by `commit`.
 
         manifest : the content of run.json.
 

@@ -39,7 +39,7 @@ class InstantRecord:
     arc : Arc
         The arc, with the state, and the modes of the file, rows and surfaces.
     t : float
-        The time of the instant, with which everything is dated.
+        The time of the instant, which all its events and rows have.
     located : Located
         The event function that has ended the arc.
     due : Due

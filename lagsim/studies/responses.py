@@ -167,8 +167,10 @@ def _starts(case: Case, base: SampledMotion) -> Iterator[tuple[str, float]]:
 def _table(changes: _Changes, table: Table) -> Document:
     """Return the entry of a table in the JSON of a golden.
 
-    It has the number of points, the least ratio of the changes that fail the
-    comparison, and the points whose change passes it.
+    Its keys: `points`, the number of points; `changed`, the number of points that were
+    changed in turn; `least`, the detected change with the least ratio of difference to
+    bound; `unseen` and `unresponsive`, the points whose change the comparison does not
+    detect, though the motion responds to it, or since it does not.
     """
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)

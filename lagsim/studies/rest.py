@@ -84,7 +84,7 @@ class NoRestError(LagsimError):
 
 
 class Setting(NamedTuple):
-    """Model at its start, with constraints that stand still.
+    """Model at the time of its start, with all constraints constant in time.
 
     Attributes
     ----------

@@ -399,10 +399,10 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 
 
 def jump_along(p: Parameters, i: int) -> float:
-    """Return the sum of the |jumps| of acceleration i at the surfaces of sliding.
+    """Return the sum of the |jumps| of acceleration i across surfaces of sliding.
 
-    The surfaces are those along which the motion slides. At a corner of an equality the
-    jump is the acceleration by the whole jump of the constraint force.
+    The surfaces are those along which the motion slides. At a kink of an equality the
+    jump is the acceleration that the jump of the constraint force causes.
     """
     width = p.size + p.m
     j = 0

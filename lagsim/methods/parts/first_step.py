@@ -121,14 +121,14 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
-    """Return the time in which a rate changes by its own size, the least of all rates.
+    """Return the least time h |y_i'| / |change of y_i'| over all components i.
 
-    Rates that begin at 0 do not count, nor do changes within the tolerances; OVERFLOW
-    if no rate counts, and h/1000 if a rate is not finite. The rate of a state counts
-    also where it changes its sign, by h/1000 at least: the state is stiff, and the
-    Euler step leads far past its equilibrium.
+    Components whose rate begins at 0, or changes within the tolerance, are omitted. The
+    result is OVERFLOW if all are omitted, and h/1000 if a rate is not finite. The rate
+    of a first-order state that changes its sign is never omitted, and contributes at
+    least h/1000: the state is stiff, and the Euler step ends far past its equilibrium.
 
-    k, slopes : (size,), y' at times h apart.
+    k, slopes : (size,), y' at the start and at the end of the Euler step of length h.
     """
     least = OVERFLOW
     for i in range(s.size):

@@ -451,11 +451,11 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
 
 
 def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) -> float:
-    """Return the error of a function by the error of the state; 0 if not finite.
+    """Return the error of a function caused by the error of the state; 0 if not finite.
 
     slopes : (count,), the derivatives by the first components of the state.
-    coarse : the error of times, by which positions are off at their largest velocities;
-        or 0.
+    coarse : the error of times, or 0. Positions have this error times their largest
+        velocities.
     """
     found = 0.0
     for i in range(count):

@@ -218,10 +218,9 @@ class FilippovCone:
     def _at_levels(self, sides: Corner, trial: SideSolution) -> SideSolution | None:
         """Return the solution with followed surfaces at rest at their levels, or None.
 
-        Where all rates are 0 with the values of switches at the level, which the file
-        defines, the motion also rests with these values. The shares of a sliding mode
-        mix the values on both sides. None where the motion cannot rest with these
-        values.
+        In it the switches have their values at the level, as the file defines these
+        (sign(0) = 0), and not a combination of the values on both sides. The result is
+        None if with these values a rate is not 0, or a force leads away from the level.
 
         sides : the side of each surface.
         trial : the solution with these sides.

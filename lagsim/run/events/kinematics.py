@@ -359,9 +359,9 @@ class Kinematics:
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
         """Return (y', b, bounds, statics) of `_free` just before the present time.
 
-        The time before differs from t by the rounding of times, and the state by the
-        motion without laws in that time: bounds just before t show which of two equal
-        ones fell.
+        That time is t less the rounding of times, with the state of the motion without
+        laws. If the bounds of a law while it slides and while it sticks are equal at t,
+        the bounds just before t show which of the two has decreased.
         """
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))

@@ -381,9 +381,10 @@ def set_slack(here: Kinematics, found: Chosen) -> None:
 
 
 def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -> None:
-    """Store slack and band of slider k, which has no mass, in `size` and `band` (L,).
+    """Store slack and band of the massless slider k in `size` and `band` (L,).
 
-    A lossless slider may return to its limit.
+    A slider at rest has the band of a law at its edge, since it may return to its limit
+    without loss.
     """
     arc, slider = here.arc, here.laws[k].slider
     assert slider is not None

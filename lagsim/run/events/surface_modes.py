@@ -379,10 +379,11 @@ class SurfaceModes:
         return {k: float(most[k]) for k in np.flatnonzero(found).tolist()}
 
     def drifts(self) -> Floats:
-        """Return the largest changes (K,) of the expressions by rounding of forces.
+        """Return bounds (K,) of the changes of expressions by the rounding of forces.
 
-        The changes are those in the duration of the run: where laws hold the motion at
-        rest, the sizes of positions and velocities so far may all be 0.
+        The rounding of an acceleration acts for the duration of the run: if laws hold
+        the motion at rest, all positions and velocities so far may be 0, and have no
+        rounding of their own.
         """
         arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
         bounds = arc.runner.function("rounding")(arc.t, arc.y)[:n]

@@ -359,5 +359,5 @@ def _impulse(arc: Arc, k: int) -> tuple[Floats, Ending | None]:
 
 
 def _with_energy(event: Event, energy: float, names: Collection[str]) -> Event:
-    """Return the event, with the energy of the impulses if its name is in `names`."""
+    """Return the event, with `energy` as its energy if its name is in `names`."""
     return event._replace(energy=energy) if event.name in names else event

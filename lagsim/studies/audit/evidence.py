@@ -145,13 +145,15 @@ def _residuals_off(
 ) -> Iterator[tuple[str, float, float]]:
     """Yield constraints whose residual exceeds the part SATISFIED of their scale.
 
-    Each item has the name, the residual relative to the scale of the constraint, and
-    the residual relative to the motion, which is the size of the motion of the
-    coordinates multiplied by the slopes of the constraint. The second one decides where
-    all terms of a constraint are close to zero, so that their sizes are no scale. It is
-    0 for a residual within the rounding of its state.
+    Each item consists of
 
-    Residuals that one step explains are left out.
+    - the name of the constraint,
+    - the residual relative to the scale of the constraint,
+    - the residual relative to the motion: the ranges of the coordinates times the
+      slopes of the constraint; 0 for a residual within the rounding of its state. It
+      decides if all terms of the constraint are close to 0, so that they are no scale.
+
+    Residuals that arise within one step are omitted.
 
     coarse : see `worst_residual`.
     """
@@ -289,9 +291,10 @@ def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> floa
 def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> float:
     """Return the change of energy by rounding errors of position constraints.
 
-    A constraint holds to the rounding error of its residual, and a residual r changes
-    the energy by lambda r. The multiplier is that which fits the largest constraint
-    forces best: in a corner the force on one coordinate may be 0.
+    A constraint is satisfied up to the rounding error r of its residual, which changes
+    the energy by lambda r. The multiplier lambda is the least-squares fit to the
+    largest constraint forces on all coordinates: at a kink the force on a single
+    coordinate may be 0.
 
     balance : the balance of the energy, with its worst row.
     state : rounding errors (size,) of the state variables.

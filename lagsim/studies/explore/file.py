@@ -509,7 +509,7 @@ def _push(
     names: Sequence[str],
     dimension: int,
 ) -> Document:
-    """Return the equation A^T = J^T f for the forces of a constraint on points.
+    """Return the equation A^T = J^T f for the forces f of a constraint on points.
 
     Parameters
     ----------

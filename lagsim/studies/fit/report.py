@@ -140,8 +140,8 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
 def with_values(fit: Fit, found: Found, given: Mapping[str, Any]) -> str:
     """Return the text of the model file with the values of the fit; comments are kept.
 
-    Of names that each data file has of its own, those of the first file are written.
-    Values in `given` replace those of the file, too.
+    If a name has a value for each data file (`theta@2`), the value for the first data
+    file is written. Values in `given` are written, too.
 
     Raises
     ------
