@@ -46,9 +46,16 @@ import math
 import struct
 from functools import partial
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeGuard
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 from lagsim.native.kernels import words
+from lagsim.native.kernels.instructions import (
+    LLVM,
+    PASSED,
+    RETURNED,
+    Instructions,
+    Value,
+)
 from lagsim.native.kernels.keys import KernelError, as_kernel
 from lagsim.native.kernels.source import (
     Folding,
@@ -63,24 +70,6 @@ if TYPE_CHECKING:
 
     from lagsim.native.kernels.keys import Static
     from lagsim.native.layout import Field
-
-
-LLVM: Final = {
-    "int": "i64",
-    "float": "double",
-    "bool": "i1",
-    "Floats": "ptr",
-    "None": "void",
-}
-PASSED: Final = LLVM | {"bool": "i1 zeroext"}
-RETURNED: Final = LLVM | {"bool": "zeroext i1"}
-
-
-class Value(NamedTuple):
-    """A value of the IR: its text, and its kind, a key of LLVM's types."""
-
-    text: str
-    kind: str
 
 
 def translate(
@@ -138,36 +127,26 @@ _FUNCTIONS: Final[dict[object, str]] = {
 _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
 
 
-class _Function(Folding, ast.NodeVisitor):
+class _Function(Folding, Instructions, ast.NodeVisitor):
     """Translation of one function, by a method for each kind of syntax node.
 
     Attributes
     ----------
-    lines, allocated : list of str
-        The instructions so far; allocations of its variables, for the entry block.
     kinds : dict
         Kind of each variable, in the order of their first assignment.
     loops : list of (str, str)
         Labels of the targets of `break` and `continue` of the enclosing loops.
     element : str
         Within an assignment to a slice, the index of the current element.
-    live : bool
-        Whether the current position is reachable.
-    reached : set of str
-        Labels that are targets of a jump.
     """
 
     def __init__(self, source: KernelText, program: _Translation) -> None:
-        super().__init__(source)
+        Folding.__init__(self, source)
+        Instructions.__init__(self)
         self.program = program
-        self.lines: list[str] = []
-        self.allocated: list[str] = []
         self.kinds: dict[str, str] = {}
         self.loops: list[tuple[str, str]] = []
         self.element = ""
-        self.live = True
-        self.reached: set[str] = set()
-        self._names = 0
         self._calls: dict[object, Callable[[ast.Call], Value]] = {
             min: partial(self._extremum, ast.Lt()),
             max: partial(self._extremum, ast.Gt()),
@@ -199,60 +178,6 @@ class _Function(Folding, ast.NodeVisitor):
         head = f"define {linkage}{RETURNED[source.result]} @{symbol}({given})"
         body = [*self.allocated, *self.lines]
         return "\n".join([f"{head} nounwind {{", "entry:", *body, "}\n"])
-
-    # Instructions.
-
-    def _name(self, stem: str) -> str:
-        self._names += 1
-        return f"%{stem}.{self._names}"
-
-    def _op(self, kind: str, text: str) -> Value:
-        """Append an instruction; return its result.
-
-        kind : the kind of the result.
-        text : the instruction, without the name of its result.
-        """
-        name = self._name("x")
-        self.lines.append(f"  {name} = {text}")
-        return Value(name, kind)
-
-    def _allocate(self, stem: str, kind: str) -> str:
-        """Allocate a variable on the stack; return the name of its address in the IR.
-
-        stem : beginning of the name.
-        kind : kind of the variable.
-        """
-        place = self._name(stem)
-        self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
-        return place
-
-    def _put(self, value: Value, place: str) -> None:
-        self.lines.append(f"  store {LLVM[value.kind]} {value.text}, ptr {place}")
-
-    def _get(self, kind: str, place: str) -> Value:
-        return self._op(kind, f"load {LLVM[kind]}, ptr {place}")
-
-    def _address(self, array: str, index: object) -> str:
-        text = f"getelementptr inbounds double, ptr {array}, i64 {index}"
-        return self._op("Floats", text).text
-
-    def _jump(self, label: str) -> None:
-        """End a block with a jump to `label`, if the current position is reachable."""
-        if self.live:
-            self.lines.append(f"  br label {label}")
-            self.reached.add(label)
-        self.live = False
-
-    def _branch(self, test: Value, yes: str, no: str) -> None:
-        """End a block with a jump to label `yes` if `test` is true, else to `no`."""
-        self.lines.append(f"  br i1 {test.text}, label {yes}, label {no}")
-        self.reached |= {yes, no}
-
-    def _begin(self, label: str) -> None:
-        """Begin the block `label`; write no line if no jump has it as its target."""
-        self.live = label in self.reached
-        if self.live:
-            self.lines.append(f"{label[1:]}:")
 
     # Expressions.
 
