@@ -8,7 +8,7 @@ scalars have a `MemberReading` for their member. The reader then handles scalars
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard
 
 from lagsim import limits
 from lagsim.codes.known import (
@@ -32,6 +32,7 @@ from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
 from lagsim.model.expansion.scene import SceneExpansion
 from lagsim.model.expansion.scope import (
     Family,
+    FamilyEntry,
     HiddenReading,
     MemberReading,
     Scope,
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
     from lagsim.language.parser import ExpressionCode, Parsed, ParsedRelation
     from lagsim.model.expansion.bodies import Drawn
     from lagsim.model.expansion.frames import FrameReader, TurnedFrame
-    from lagsim.model.expansion.scope import Indices
+    from lagsim.model.expansion.scope import Indices, Members
 
 # Keys of the value in an entry of each section.
 _VALUES = {
@@ -82,7 +83,6 @@ _COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 
 # Function that expands a node, or such functions by key (`*`: each key).
 Rules: TypeAlias = "Callable[[Node, MemberReading], Node] | dict[str, Any] | None"
-Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
 
 
@@ -93,20 +93,6 @@ class Report(Protocol):
         self, code: ErrorCode, text: str, at: Place | Node | None, hint: str = "", /
     ) -> None:
         """Record a fault."""
-
-
-class _Given(NamedTuple):
-    """Entry of a section whose key declares or names members of a family.
-
-    Fields: key and value of the entry, the family, the parsed key, and the members as
-    pairs of index values and subscripts.
-    """
-
-    key: Scalar
-    node: Node
-    family: Family
-    parsed: Key
-    members: Members
 
 
 class Expansion:
@@ -212,7 +198,7 @@ class Expansion:
 
     def _sections(self) -> dict[str, Node]:
         """Return the YAML nodes of the sections that were expanded, by section."""
-        given: dict[str, list[_Given]] = {}
+        given: dict[str, list[FamilyEntry]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
         for section in _DECLARING:
@@ -423,7 +409,7 @@ class Expansion:
             ]  # fmt: skip
         return found
 
-    def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
+    def _declared(self, key: Scalar, node: Node, section: str) -> FamilyEntry | None:
         """Declare the family that an entry of `section` names; return the entry.
 
         None after a fault.
@@ -448,7 +434,7 @@ class Expansion:
             self.broken.add(name)
         if indexed and not self._may_be(name, family, section, key):
             return None
-        return self._join(_Given(key, node, family, parsed, members))
+        return self._join(FamilyEntry(key, node, family, parsed, members))
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
         """Whether a name is free for a family of a section; else a fault is reported.
@@ -473,7 +459,7 @@ class Expansion:
         self.broken.add(name)
         return False
 
-    def _join(self, one: _Given) -> _Given | None:
+    def _join(self, one: FamilyEntry) -> FamilyEntry | None:
         """Add the members that an entry declares to its family; return the entry.
 
         None after a fault, as where the family already has a member.
@@ -529,7 +515,7 @@ class Expansion:
         except ExpressionError as fault:  # it reports others
             self.scope.of_tables |= {name} if fault.code == EXPRESSION_RANGE else set()
 
-    def _resolve(self, given: list[_Given]) -> None:
+    def _resolve(self, given: list[FamilyEntry]) -> None:
         """Determine the number of components of each definition.
 
         A definition is evaluated after the definitions that it contains.
@@ -550,7 +536,7 @@ class Expansion:
         for one in given:
             one.family.resolved = True
 
-    def _letters(self, one: _Given) -> tuple[str, ...]:
+    def _letters(self, one: FamilyEntry) -> tuple[str, ...]:
         """Return the names of an entry's components, `('x', 'y')`; () for a number.
 
         The names follow from the value of the entry's first member.
@@ -619,7 +605,7 @@ class Expansion:
             and last.text not in self.scope.variables
         )
 
-    def _written(self, one: _Given) -> Iterator[Entry]:
+    def _written(self, one: FamilyEntry) -> Iterator[Entry]:
         """Yield the entries to which an entry of the file expands.
 
         There is one for each member of its family and each component.
@@ -633,7 +619,7 @@ class Expansion:
         return self._by_members(one, section, letters)
 
     def _by_members(
-        self, one: _Given, section: str, letters: tuple[str, ...]
+        self, one: FamilyEntry, section: str, letters: tuple[str, ...]
     ) -> Iterator[Entry]:
         key, node, parsed = one.key, one.node, one.parsed
         keys = _VALUES.get(section, ())
@@ -675,7 +661,7 @@ class Expansion:
                 yield full, self._placed(value, keys, reading, key)
 
     def _is_one_vector(
-        self, inner: Node, letters: tuple[str, ...], one: _Given
+        self, inner: Node, letters: tuple[str, ...], one: FamilyEntry
     ) -> TypeGuard[Sequence]:
         """Whether the list given for a range of members is one vector for all members.
 
@@ -742,7 +728,7 @@ class Expansion:
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:
             one = self._referred(key, node, outer)
-            if not isinstance(one, _Given):
+            if not isinstance(one, FamilyEntry):
                 found |= {key.text: (one, False)} if one else {}
                 continue
             ranged, again = one.parsed.ranged, ""
@@ -752,9 +738,8 @@ class Expansion:
                 if other == ranged or section != "initial":
                     again = again or name * (name in found)
                 if not ranged or name not in found:
-                    found.pop(
-                        name, None
-                    )  # at the position of the entry with precedence
+                    # Takes the position of the entry with precedence.
+                    found.pop(name, None)
                     found[name] = entry, ranged
             if again and not _COLUMN.fullmatch(key.text):
                 self.report(DUPLICATE_MEMBER, f"`{again}` is given twice", key)
@@ -762,11 +747,11 @@ class Expansion:
 
     def _referred(
         self, key: Scalar, node: Node, outer: Indices | None
-    ) -> _Given | Entry | None:
+    ) -> FamilyEntry | Entry | None:
         """Return the entry whose key refers to a name, such as a force on `q(i)`.
 
-        For a family the result is a `_Given` with the members that the key selects, for
-        any other name the unchanged entry. None after a fault.
+        For a family the result is a `FamilyEntry` with the members that the key
+        selects, for any other name the unchanged entry. None after a fault.
         """
         found = self._key(key, outer)
         if found is None and key.text.partition("(")[0] in self.broken:
@@ -794,7 +779,7 @@ class Expansion:
         if code:
             self.report(code, text, key)
             return None
-        return _Given(key, node, family, parsed, members)
+        return FamilyEntry(key, node, family, parsed, members)
 
     def spread(self, node: Node, reading: MemberReading) -> Node:
         """Return a vector-valued expression as a YAML list with an item per component.
@@ -835,7 +820,7 @@ class Expansion:
         parsed, members = found
         family = Family(parsed.name, "", key.place, True)
         family = space.setdefault(parsed.name, family)
-        if self._join(_Given(key, node, family, parsed, members)) is None:
+        if self._join(FamilyEntry(key, node, family, parsed, members)) is None:
             return
         items = items_of(node)
         several = parsed.ranged and any(isinstance(n, Sequence) for n in items)

@@ -12,7 +12,7 @@ import math
 import sys
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import limits
 from lagsim.codes.known import (
@@ -51,12 +51,14 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import ExpressionCode, Steps, Token
-    from lagsim.model.expansion.grammar import Inner
+    from lagsim.model.expansion.grammar import Inner, Key
     from lagsim.model.expansion.trees import Frame
+    from lagsim.model.nodes import Node, Scalar
 
     # Numbers, or what the word `bodies` denotes.
     Indices = dict[str, Tree]
     Member = tuple[int, ...]
+    Members = list[tuple[Indices, Member]]
     Parser = Callable[[str], Any]
 
 # Letters of a file's text that count for each operation.
@@ -122,6 +124,20 @@ class Family:
         ends = (min(self.members), max(self.members))
         first, last = (_called(self.name, m) for m in ends)
         return f"`{self.name}` has the members {first} to {last}"
+
+
+class FamilyEntry(NamedTuple):
+    """Entry of a section whose key declares or names members of a family.
+
+    Fields: key and value of the entry, the family, the parsed key, and the members as
+    pairs of index values and subscripts.
+    """
+
+    key: Scalar
+    node: Node
+    family: Family
+    parsed: Key
+    members: Members
 
 
 def dotted(name: str, member: Member = (), letter: str = "") -> str:
