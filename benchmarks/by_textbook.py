@@ -12,7 +12,7 @@ from lagsim.language.graph import Graph
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
-from lagsim.program.system import FUNCTION
+from lagsim.program.signatures import FUNCTION
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ import json, sys, time
 import numpy as np
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
-from lagsim.program.system import FUNCTION
+from lagsim.program.signatures import FUNCTION
 laps = [time.process_time()]
 def lap():
     laps.append(time.process_time())

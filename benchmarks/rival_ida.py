@@ -16,7 +16,7 @@ from lagsim.language.derivatives import gradient
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
-from lagsim.program.system import FUNCTION
+from lagsim.program.signatures import FUNCTION
 from lagsim.studies.bench import solved
 
 FORMS = ("GGL", "index 1")

@@ -52,7 +52,8 @@ def candidates(n):
 
     from lagsim.model.reader import read
     from lagsim.plan.plan import by_loops
-    from lagsim.program.system import FUNCTION, System
+    from lagsim.program.signatures import FUNCTION
+    from lagsim.program.system import System
     from lagsim.run.session import open_case
 
     case = open_case(read(rod_chain(n, 1.0), "rods.yaml"))

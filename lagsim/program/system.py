@@ -7,7 +7,6 @@ memory, so that new values of parameters require no compilation.
 
 from __future__ import annotations
 
-import ctypes
 from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -21,7 +20,7 @@ from lagsim.mechanics.equations import has_poles
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
-from lagsim.methods.parts import crossings, driver, no_sections, search, truth
+from lagsim.methods.parts import driver, no_sections, search
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.methods.parts.search_table import POINTS
 from lagsim.native.graph import keys, lanes, polynomials
@@ -45,6 +44,14 @@ from lagsim.program.localized import indicators
 from lagsim.program.output_row import Columns
 from lagsim.program.pace import Pace
 from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
+from lagsim.program.signatures import (
+    ADVANCE,
+    AT_CONDITIONS,
+    AT_SECTIONS,
+    FUNCTION,
+    PROJECTION,
+    TABULATE,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -70,34 +77,6 @@ KNOTS = 256
 CONDITIONS = (
     "located", "located_slopes", "sets", "impulses", "sections", "section_slopes",
 )  # fmt: skip
-_POINTER = ctypes.c_void_p
-# Result and arguments of the functions of a model: t, y, p, out.
-FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
-_PROJECTION = (None, (ctypes.c_double, _POINTER, _POINTER))
-_ADVANCE = (
-    ctypes.c_int64,
-    (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
-)
-# Kernels that a run calls at an instant: of sections, and of conditions.
-_SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    crossings.update_relations: (None, (_POINTER, _POINTER)),
-    crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
-}
-_CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    truth.evaluate_with_bounds: (None, (_POINTER, _POINTER, ctypes.c_int64)),
-    truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
-    truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.decide_before: (None, (_POINTER, _POINTER, ctypes.c_int64)),
-    truth.mark_satisfied: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.mark_true: (None, (_POINTER, _POINTER)),
-    truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
-    truth.choose_sides: (None, (_POINTER, _POINTER)),
-}
-_TABULATE = (
-    None,
-    (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
-)
 
 
 def kernels(system: System) -> Iterator[ProgramPart]:
@@ -689,7 +668,7 @@ class Runner:
 
     def __init__(self, system: System, name: str) -> None:
         statics = _statics(system, name)
-        at_instants = _SECTIONS if system.columns.wants_sections else {}
+        at_instants = AT_SECTIONS if system.columns.wants_sections else {}
         method_part = kernel_part(*of_method(system, name))
         self.program = [
             *system.program,
@@ -699,8 +678,8 @@ class Runner:
         ]
         if statics["UNTIL"]:
             known = {"RATED": system.moreau is None}
-            self.program.append(kernel_part(list(_CONDITIONS), known))
-            at_instants = at_instants | _CONDITIONS
+            self.program.append(kernel_part(list(AT_CONDITIONS), known))
+            at_instants = at_instants | AT_CONDITIONS
         self.system = system
         parts = [*self.program, *runtime(target())]
         self.engine = Engine([part.object for part in parts])
@@ -708,10 +687,10 @@ class Runner:
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         self._prepare = self.engine.function("prepare", *FUNCTION)
-        self._advance = self.engine.function("advance", *_ADVANCE)
+        self._advance = self.engine.function("advance", *ADVANCE)
         if system.watched > 0:
-            self._project = self.engine.function("project_sliding", *_PROJECTION)
-        self._tabulate = self.engine.function("tabulate", *_TABULATE)
+            self._project = self.engine.function("project_sliding", *PROJECTION)
+        self._tabulate = self.engine.function("tabulate", *TABULATE)
         self.at_instants = {
             kernel.__name__: self.engine.function(kernel.__name__, *kind)
             for kernel, kind in at_instants.items()
@@ -889,7 +868,7 @@ def _of_output(system: System, statics: dict[str, object]) -> Iterator[ProgramPa
     kernels: list[Callable[..., Any]] = [driver.tabulate]
     if system.columns.wants_sections:
         known = {name: x for name, x in statics.items() if name != "ADAPTIVE"}
-        yield kernel_part([search.find_crossings, *_SECTIONS], known)
+        yield kernel_part([search.find_crossings, *AT_SECTIONS], known)
     else:
         kernels.append(no_sections.find_crossings)
     yield kernel_part(kernels, {"TOGETHER": system.together})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from lagsim.methods.parts import driver
-from lagsim.program.system import FUNCTION
+from lagsim.program.signatures import FUNCTION
 from tests.kernels import bind
 
 

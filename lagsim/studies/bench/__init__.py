@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from lagsim.errors import InputError
-from lagsim.program.system import FUNCTION
+from lagsim.program.signatures import FUNCTION
 from lagsim.run.trajectory import Statistics
 from lagsim.studies.comparison import on_grid
 from lagsim.studies.trials import (
