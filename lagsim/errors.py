@@ -132,7 +132,7 @@ class Problem(NamedTuple):
 
     @property
     def whole(self) -> Problem:
-        """The fault with a hint: its own or, without one, the hint of its code."""
+        """The fault with a hint: its own, or else the hint of its code."""
         return self if self.hint else self._replace(hint=self._row.hint)
 
     @property

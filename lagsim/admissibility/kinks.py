@@ -267,7 +267,7 @@ class Kinks:
         *,
         beyond: bool,
     ) -> KinkCrossing | None:
-        """Return the first surface that a straight path crosses; None without one.
+        """Return the first surface that a straight path crosses, or None.
 
         Parameters
         ----------

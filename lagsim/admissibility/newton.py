@@ -659,7 +659,7 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def lower(self) -> _Slope | None:
-        """Return the `_Slope` at a point that is nearer to x0; None without one.
+        """Return the `_Slope` at a point that is nearer to x0, or None.
 
         The point satisfies the relations. It is reached by the largest part (1, 1/2,
         ...) of `step` that comes nearer.

@@ -260,8 +260,8 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
 def _member(point: Point, node: int) -> int | None:
     """Return the node of a member's term that has no finite value or slope.
 
-    It is the first such term of the elements below `node`, written out; None without
-    one.
+    It is the first such term of the elements below `node`, written out; None if all
+    terms are finite.
     """
     g = point.g
     vectors = [n for n in g.cone([node]) if g.ops[n] == ELEMENTS]

@@ -181,7 +181,7 @@ class _Builder:
         self.nodes = 0
 
     def run(self) -> Node | None:
-        """Return the root YAML node, None without one; append faults to `problems`."""
+        """Return the root YAML node or None; append faults to `problems`."""
         for event in yaml.parse(self.source.text, Loader=_LOADER):
             if isinstance(event, yaml.DocumentStartEvent):
                 self.documents += 1

@@ -297,7 +297,7 @@ class Panels:
 def bands_of(
     data: PlotData, columns: Iterable[str], drawn: Iterable[tuple[Array, Array]]
 ) -> list[Band | None]:
-    """Return the band of one standard deviation of each column, None without one.
+    """Return the band of one standard deviation of each column, or None.
 
     drawn : times and values of each column.
     """

@@ -251,7 +251,7 @@ def _energies(equations: Equations) -> list[int]:
 
 
 def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
-    """Return the common unit of all energies with a known unit; PURE without one."""
+    """Return the common unit of all energies with a known unit, or PURE."""
     known = [u for node in _energies(equations) if (u := dimensions.unit(node))]
     # A unit without a mass: the mass is 1 and has no unit, and energies have none.
     if not known or any(set(unit) <= MOTION for unit in known):

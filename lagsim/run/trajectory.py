@@ -56,7 +56,7 @@ class Outcome(Enum):
 
     @property
     def failure(self) -> dict[str, Any] | None:
-        """Entry of run.json for a failure: code, number, advice; None without one."""
+        """Entry of run.json for a failure: code, number, advice; or None."""
         if not self.failed:
             return None
         from lagsim.codes import failure

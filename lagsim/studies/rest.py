@@ -478,7 +478,7 @@ class Search:
         return full_turn_angles(self._point)
 
     def nearby(self, *ways: Way) -> AtRest | None:
-        """Return the rest to which a search from the start leads; None without one.
+        """Return the rest to which a search from the start leads, or None.
 
         ways : the ways of the search, see `admissibility.rest.find_rest`; by default
             all.

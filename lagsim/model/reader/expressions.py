@@ -285,7 +285,7 @@ class Expressions:
     def compile(
         self, node: Node | None, what: str, most: Level, *, condition: bool = False
     ) -> int | None:
-        """Return the graph node of an expression; None without one, or after a fault.
+        """Return the graph node of an expression; None if it is absent or faulty.
 
         node, what : the expression in the file, and its name in messages.
         most : the highest level of names that it may contain, see `model.model.Level`.

@@ -581,7 +581,7 @@ class _SceneReader:
         return [(pair, look, length) for pair in pairs]
 
     def _length(self, found: Fields) -> StringLength | None:
-        """Return the length of a string, an expression of parameters; None without one.
+        """Return the length of a string, an expression of parameters, or None.
 
         found : the entry of the link.
         """

@@ -441,7 +441,7 @@ class Initial(_Numbers):
     def read(self, entry: Entry | None, root: Place) -> tuple[InitialValue, ...]:
         """Return the start values: positions, velocities, states, then definitions.
 
-        entry : the section `initial`; None without one.
+        entry : the section `initial`, or None if it is absent.
         root : place of the file.
         """
         x = self.x

@@ -262,7 +262,7 @@ class TimeBreaks(_Ahead):
         return arc.t >= self._next - width(arc.settings, arc.t)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to pass a break at the time reached; None without one.
+        """Return the decision to pass a break at the time reached, or None.
 
         code : the kernel's return code.
         """

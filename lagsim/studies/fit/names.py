@@ -90,7 +90,7 @@ def own_values(
 
 
 def _clock(text: str) -> float:
-    """Return the difference of clocks in a text, in units of time; nan without one."""
+    """Return the difference of clocks in a text, in units of time, or nan."""
     try:
         return float(text)
     except ValueError:

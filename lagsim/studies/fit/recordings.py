@@ -56,7 +56,7 @@ class Setup(NamedTuple):
     guesses: Collection[str] = ()
 
     def clock(self, values: Mapping[str, float]) -> float:
-        """Return the difference of the clocks of record and run; 0 without one.
+        """Return the difference of the clocks of record and run; 0 by default.
 
         values : values of the names, among these `t0` if it is this difference.
         """
