@@ -68,6 +68,7 @@ def test_a_night_has_a_part_of_each_family(tmp_path, cases, count):
     assert f"{count} passed" in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("marked", ["", pytest.param("slow", marks=pytest.mark.slow)])
 def test_of_many_cases_some_are_quick(tmp_path, marked):
     many = '@pytest.mark.parametrize("k", range(60))\ndef test_a(k): pass\n'

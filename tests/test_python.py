@@ -38,6 +38,7 @@ def test_the_page_says_what_happens():
     assert runner.failures == 0, "".join(told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["elastic-pendulum", pytest.param("bouncing-ball", marks=pytest.mark.slow)]
 )

@@ -42,6 +42,7 @@ def test_what_fails_is_a_row():
     assert found.record["outcomes"] == {"unusable": 1, "failed": 1, "done": 1}
 
 
+@pytest.mark.slow
 def test_it_is_written_as_the_command_writes_it(command, tmp_path):  # noqa: F811
     (tmp_path / "model.yaml").write_text(PENDULUM, encoding="utf-8")
     assert command("sweep", "model.yaml", "g=1:9:3", "-o", "one").code == 0

@@ -177,6 +177,7 @@ def test_one_problem_in_several_tools():
     assert len([e for e in result.events if e.kind == "impact"]) == 2
 
 
+@pytest.mark.slow
 @of("frame-of-one-storey")
 def test_a_frame_answers_a_record(result):
     # Exactly between the points: x = (u, u', a, a') has constant coefficients.

@@ -145,6 +145,7 @@ CORNERS = {f"track {k}": x for k, x in TRACKS.items()}
 CORNERS |= {f"energy {k}": x for k, x in ENERGIES.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "want"), CORNERS.values(), ids=CORNERS)
 def test_a_guess_beside_a_corner_leads_into_it(text, want):
     result = lagsim.simulate(text, error_bar="never")
@@ -157,6 +158,7 @@ def test_a_guess_beside_a_corner_leads_into_it(text, want):
         assert np.all(np.abs(result[f"{name}_dot"]) <= 1e-12 * scale)
 
 
+@pytest.mark.slow
 def test_rest_in_a_corner_of_a_large_track_lasts():
     """The rounding of a height of 1,000 m is no jump of a body at rest."""
     shape = "0.5*abs(x - 2000) + 2*abs(x) + 0.02*x + 0.001*x^2/2"

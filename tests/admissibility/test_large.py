@@ -58,6 +58,7 @@ def test_values_that_are_solved_for(monkeypatch):
     assert max(abs(v.position.value) for v in sparse.verdicts) < 1e-15
 
 
+@pytest.mark.slow
 def test_many_rods():
     n = 67
     e = derive(read(rod_chain(n, 1.0), "rods.yaml"))

@@ -164,6 +164,7 @@ def test_a_rate_whose_terms_vanish_is_judged_by_the_motion(speed, miss):
 # Guesses of relations that only rounding satisfies, and of relations with far roots
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [None, "1", "1e9"])
 @pytest.mark.parametrize("guess", ["-1", "0.3", "1", "40"])
 @pytest.mark.parametrize(

@@ -110,6 +110,7 @@ def test_units_and_origin_do_not_matter(change, bound, how):
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("radau", "taylor")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", *SLOW])
 def test_the_run_begins_there_and_stays(tmp_path, method):
     path = tmp_path / "chain.yaml"
@@ -286,6 +287,7 @@ def modes(start):
     return {v.name: v.mode for v in start.verdicts}
 
 
+@pytest.mark.slow
 def test_a_block_rests_on_a_rough_slope_that_is_not_too_steep():
     start = at_rest(INCLINE.replace("MU", "0.32"))  # tan(0.3) = 0.309
     assert modes(start) == {"f": "sticks"}
@@ -306,6 +308,7 @@ def test_friction_that_does_not_suffice_lets_it_slide_to_the_lowest_point():
     assert coordinates(start)[0] == pytest.approx(0.05, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_ladder_between_two_contacts():
     start = at_rest(LADDER.replace("MU", "0.6").replace("SPRING", "0"))
     assert modes(start) == {"floor": "sticks", "wall": "closed"}

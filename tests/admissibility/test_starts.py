@@ -144,6 +144,7 @@ def parallelogram(angle, b_dot="1"):
     return scene(PARALLELOGRAM, {"a": angle} | LINKAGE | rates)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", ["0", "pi"])
 def test_a_singular_configuration_is_told_from_a_relation_too_many(angle):
     start = judged(parallelogram(angle))

@@ -74,6 +74,7 @@ def test_units_do_not_matter():
     assert 1e3 * two == pytest.approx(one, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pendulum-cartesian", "heavy-top", "rolling-disk"])
 def test_they_are_those_of_the_rows(name):
     model = lagsim.load(MODELS / f"{name}.yaml")

@@ -24,6 +24,7 @@ simulation: {duration: 4, output_step: 0.01}
 STOP = "constraints: {stop: {relation: theta >= -0.1, restitution: 0.5}}\n"
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_a_page_that_computes_the_motion():
     page = lagsim.load(SWING).explore()
     shown = page._repr_html_()

@@ -97,6 +97,7 @@ simulation: {duration: 1.9, output_step: 0.25}
 """
 
 
+@pytest.mark.slow
 def test_a_path_of_few_rows_is_smooth_and_passes_through_them():
     orbit = simulate(lagsim.load(ORBIT))
     [axes] = orbit.plot("y", against="x").axes
@@ -143,6 +144,7 @@ def test_columns_that_are_not_there_are_told(result):
             call()
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_result_in_a_line_and_on_a_page(result, tmp_path):
     assert repr(result) == "<Result of swing <1> & 2: done, t = 0 to 2, 201 rows>"

@@ -222,6 +222,7 @@ def test_a_range_is_two_different_numbers(ends):
         lagsim.modes(DRIVEN, response=["x:x"], frequencies=ends)
 
 
+@pytest.mark.slow
 def test_a_range_may_have_its_larger_end_first():
     found = lagsim.equilibrium(DRIVEN, vary={"k": (5, 1)})
     values = [point["value"] for branch in found.branches for point in branch]

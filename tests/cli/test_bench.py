@@ -119,6 +119,7 @@ def test_several_models(lagsim, write):
     assert called.reports("E101", "missing.yaml")
 
 
+@pytest.mark.slow
 def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):
     called = lagsim("bench", write(FALL), code=3)
     assert called.reports("E511")

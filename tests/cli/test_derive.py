@@ -49,6 +49,7 @@ def test_formats_into_files(lagsim, tmp_path):
     assert found == [".lagsim-2.new", "json", "latex"]
 
 
+@pytest.mark.slow
 def test_python_stands_alone_and_needs_no_sympy(tmp_path):
     target = tmp_path / "equations.py"
     code = (

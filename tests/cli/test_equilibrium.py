@@ -55,6 +55,7 @@ def test_json_is_one_document(lagsim, write):
     assert distances == sorted(distances)
 
 
+@pytest.mark.slow
 def test_the_model_file_is_written_with_its_comments(lagsim, write):
     path = write(CHAIN)
     options = "--write", "rest.yaml", "--no-plots", "-q", "--set", "m=2"

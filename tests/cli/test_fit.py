@@ -65,6 +65,7 @@ def test_json_is_one_document(lagsim, write, data):
     assert "k: 10" in text
 
 
+@pytest.mark.slow
 def test_options_of_runs_and_values_of_one_file(lagsim, write, data):
     path = write(MODEL.replace("duration: 10", "duration: 1"))
     options = "--vary", "x", "--set", "x@2=0.5", "--set", "k=10", "--json", "--no-plots"
@@ -91,6 +92,7 @@ def test_options_of_runs_that_cannot_be_used(lagsim, write, data, name):
     assert name in called.err.lower()
 
 
+@pytest.mark.slow
 def test_a_model_without_duration_needs_the_option(lagsim, write, data):
     path = write(MODEL.replace("simulation: {duration: 10}\n", ""))
     options = data("a.csv"), "--vary", "x", "--no-plots", "-q"

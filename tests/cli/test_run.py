@@ -73,6 +73,7 @@ def test_the_rows_are_at_the_output_times(lagsim, write):
     assert manifest("out")["rows"] == 30
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 @pytest.mark.parametrize("form", ["svg", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, form):
@@ -136,6 +137,7 @@ def test_run_json_has_the_keys_of_the_contract(lagsim, write):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_the_files_of_plots_and_their_default_folder(lagsim, write):
     text = PENDULUM + "output: {plots: [{x: theta, y: theta_dot, title: Phase}]}\n"

@@ -96,6 +96,7 @@ def test_the_summary_counts_impacts_and_tells_of_rest(lagsim, write):
     assert "2 coordinates, 2 contacts" in called.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [3, 5])
 def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     monkeypatch.setattr(arcs, "MOST_EVENTS", most)

@@ -119,6 +119,7 @@ def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
     assert called.out.splitlines()[-1].split() == ["b", "not", "begun"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("lagsim", "heeded_signals")
 @pytest.mark.skipif(os.name == "nt", reason="pipes of another kind")
 def test_what_a_model_prints_is_read_while_the_next_one_runs(write):

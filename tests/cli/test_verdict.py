@@ -58,6 +58,7 @@ simulation: {duration: 3}
         assert "--method" not in called.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "allowed"), [("0", 1e-7), ("1e5", 1e-4)])
 def test_no_repeat_accuses_a_linkage_at_a_change_point(lagsim, write, offset, allowed):
     # A place of 1e5 is known to 1e-11, which the passage divides by the independence.

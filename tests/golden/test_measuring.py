@@ -221,6 +221,7 @@ def test_an_impact_at_the_time_of_a_row_is_kept():
     assert np.max(golden.bounds("x_dot")) < 1e-8
 
 
+@pytest.mark.slow
 def test_jumps_at_every_row_that_is_kept_cost_none():
     golden, _ = new_golden(open_case(read(SAW, "saw.yaml")))
     assert len(golden.rows) == 101

@@ -91,6 +91,7 @@ simulation: {{duration: 2, output_step: 0.01}}
 """
 
 
+@pytest.mark.slow
 def test_data_at_every_second_row_are_guarded():
     golden, _ = measured(LOADED)
     assert len(golden.rows) >= 50

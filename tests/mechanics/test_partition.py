@@ -147,6 +147,7 @@ def by_hand(_, y):
     return [u, v, w, *np.linalg.solve(K, [*f, *right])[:3]]
 
 
+@pytest.mark.slow
 def test_a_bar_passes_the_pose_in_which_it_does_not_determine_the_others():
     result = run(FOUR_BAR)
     choices = [x.choice for x in result.trajectory.choices]

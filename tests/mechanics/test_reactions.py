@@ -96,6 +96,7 @@ SCENES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_against_the_multipliers_of_explicit_constraints(name):
     energy, constraint, start = SCENES[name]

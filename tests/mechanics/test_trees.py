@@ -177,6 +177,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("shape", [chain, branched])
 def test_a_tree_has_the_equations_of_products_of_matrices(case, shape):
@@ -268,6 +269,7 @@ def test_a_long_tree_is_planned_along_its_joints():
     assert any("along chains" in x.reason for x in plan.choices)
 
 
+@pytest.mark.slow
 def test_equations_for_readers_are_in_the_definitions_of_the_file():
     text = lagsim.derive(lagsim.load(tree(*chain(22)))).as_text()
     assert "accelerations are too long to be read" in text

@@ -74,6 +74,7 @@ def test_a_chain_that_begins_to_stretch(method, u, v):
     assert off < allowed * 0.02 + 32 * 2.0**-53 * size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "taylor", "radau"])
 @pytest.mark.parametrize(
     ("mass", "u", "more"),

@@ -125,6 +125,7 @@ RING_END = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_states_that_begin_at_zero_by_symmetry_have_a_scale():
     # The run ended in its first step: a state without a scale was computed to 3e-322.
     found = run(RING)

@@ -127,6 +127,7 @@ def test_a_symmetric_start_needs_four_coefficients(rtol):
     assert found.trajectory.statistics.rejections == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [

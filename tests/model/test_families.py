@@ -117,6 +117,7 @@ def planets_by_hand():
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.slow
 def test_vectors_are_their_components():
     family, hand = columns(PLANETS), columns(planets_by_hand())
     for i in range(1, BODIES + 1):
@@ -138,6 +139,7 @@ def test_vectors_are_their_components():
         np.testing.assert_allclose(family[f"L.{c}"], momentum[k], atol=1e-14)
 
 
+@pytest.mark.slow
 def test_another_number_of_members():
     """A structural parameter reads the file again; others are bound as ever."""
     text = CHAIN.replace("[1, 1, 2, 1]", "1").replace("q(3): 0.1, ", "")
@@ -447,6 +449,7 @@ def test_values_that_replace_others(given, code, name):
         )
 
 
+@pytest.mark.slow
 def test_a_sweep_over_the_number_of_members():
     """Runs of other members share a table: columns that a run has not are nan."""
     text = CHAIN.replace("[1, 1, 2, 1]", "1").replace("q(3): 0.1, ", "")

@@ -256,6 +256,7 @@ def test_constraint_forces_and_multipliers():
         assert_drawn(panel, (T, columns[name]))
 
 
+@pytest.mark.slow
 def test_paths_of_the_scene():
     x, y, z = 5 + np.cos(T), 0.25 * np.sin(T), -1e3 + 0.1 * T
     points = {"point.p.1": x, "point.p.2": y, "point.p.3": z}
@@ -370,6 +371,7 @@ def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own(
     assert label.box.x1 < again.panels[0].box.x0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("x", "y", "log"),
     [

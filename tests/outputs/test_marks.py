@@ -96,6 +96,7 @@ def test_marks_are_short_ticks_that_do_not_touch(kind):
         assert len(ticks.x) >= min(count, 30)
 
 
+@pytest.mark.slow
 def test_kinds_of_events_are_told_apart_and_named():
     """By a mark at the top of each: filled where something holds from then on."""
     times = {"stick": [1.0, 3.0], "slip": [2.0], "release": [2.5], "switch": [3.5]}
@@ -190,6 +191,7 @@ def test_impulses_are_stems():
 QC, LAMBDA = below("Qc", "y"), below("λ", "floor")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("impulses", "more", "labels", "said"),
     [
@@ -258,6 +260,7 @@ def with_corners(columns, times):
     return thinning
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("horizon", [np.inf, 100.0, 4.0])
 def test_nothing_is_pale_before_the_horizon(horizon):
     """Paths pass through states at events, which are no rows; they are trusted too."""

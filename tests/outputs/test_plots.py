@@ -190,6 +190,7 @@ def test_a_part_of_the_energy_that_is_the_whole_is_seen():
     assert blue.sum(axis=0).astype(bool).mean() > 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_style_of_the_user_does_not_show(count):
     theirs = {
@@ -241,6 +242,7 @@ def test_nothing_written_lies_over_data_or_over_other_text():
         assert_legible(drawing)
 
 
+@pytest.mark.slow
 def test_energy_says_which_energy_it_is():
     run = record(swing())
     assert "energy T + V" in drawn(plots.energy, run).written()
@@ -254,6 +256,7 @@ def test_energy_says_which_energy_it_is():
     assert "energy minus its first value: 0 in every row" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "said"), [(1e-6, "1.5 × 10⁻¹²"), (1.0, "1.5 × 10⁻⁶"), (1e6, "1.5")]
 )
@@ -330,6 +333,7 @@ def scales_of(panel):
     return (right - left) / panel.box.width, (high - low) / panel.box.height
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3])
 def test_scenes_have_equal_scales(count):
     drawing = helix()[1] if count == 3 else drawings()[1]
@@ -356,6 +360,7 @@ def test_a_scene_in_space_is_seen_from_aside_too():
         assert np.ptp(found - expected / scale) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("across", [0.2, 1.0, 3.0])
 def test_views_of_scenes_fill_the_sheet(across):
     t = np.linspace(0, 6, 300)
@@ -376,6 +381,7 @@ def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():
     assert [line.dots for line in paths] == [False]
 
 
+@pytest.mark.slow
 def test_paths_are_pale_past_the_horizon():
     coloured = []
     for part in (0.1, 0.5, 1.0):
@@ -437,6 +443,7 @@ def test_gaps_and_single_values_are_drawn():
     assert panel.box.y0 < y < panel.box.y1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "count", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))]
 )

@@ -267,6 +267,7 @@ def test_what_is_near_is_drawn_last_on_paper():
     assert far > near
 
 
+@pytest.mark.slow
 def test_every_shape_is_legible_on_paper():
     text = BLOCK + ", d: {disk: 0.5, at: hub, frame: a}, r: {ring: 0.4, at: [x, 0]}, "
     text += "p: {polygon: [[0, 0], [1, 0], [0, 1]]}, g: {ground: [[-2, -6], [4, -6]]}, "

@@ -78,6 +78,7 @@ def check(model, **options):
         assert np.max(np.abs(found - expected) / size) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITHOUT_LAWS)
 def test_shipped_models(name):
     """Solved straight or by loops, in turn as commits go by."""

@@ -222,6 +222,7 @@ def test_steps_end_at_the_points_of_a_smooth_table(how, outside, name, argument)
 # --- points that are passed within an arc
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dop853", "taylor", "rk4"])
 def test_kinks_in_time_are_passed_in_one_arc(name):
     """Four thousand, each where it is: the motion is that of numpy's own pieces."""
@@ -444,6 +445,7 @@ def test_an_event_at_the_end_of_a_run_where_a_table_ends(every):
     assert found["ticks"][-1] == round(2.0 / every) + 1
 
 
+@pytest.mark.slow
 def test_a_table_beside_everything_else():
     """Starts, events, contact, friction, `until`, sweeps and other values."""
     floor = {"relation": "y >= 0", "restitution": 0.5, "friction": 0.1, "slip": "x_dot"}
@@ -486,6 +488,7 @@ def test_accelerations_derivations_and_the_module_know_tables():
             assert force(t, [x], [0.0]) == pytest.approx([expected], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_shipped_car_is_that_of_scipy():
     path = str(MODELS / "car-on-a-road.yaml")
     found = simulate(path, duration=2)

@@ -70,6 +70,7 @@ def torques(q, v, a, axes=AXES, g=9.81):
     return np.array(found[::-1])
 
 
+@pytest.mark.slow
 def test_an_arm_moves_as_newton_and_euler_have_it():
     r = simulate(lagsim.load(ARM))
     q, v, a = (
@@ -92,6 +93,7 @@ def test_another_number_of_links(n):
     np.testing.assert_allclose(found, -0.05 * v, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_other_axes_by_values_of_parameters():
     bound = lagsim.load(BY_TURNS, n=4).bind(**{"ay.3": 1})
     r = simulate(bound, duration=0.1)
@@ -168,6 +170,7 @@ def test_a_quaternion_keeps_its_length(method, formulation):
     assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
 
 
+@pytest.mark.slow
 def test_forces_that_are_zero_have_no_picture(tmp_path):
     r = simulate(lagsim.load(QUATERNION), duration=0.01)
     r.write(tmp_path)
@@ -261,6 +264,7 @@ def freely(method, step=None, more=""):
     return np.array([r[f"w.{c}"] for c in "xyz"]), r
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", [pytest.param("dop853", marks=pytest.mark.slow), "taylor"]
 )
@@ -276,6 +280,7 @@ def test_a_body_that_tumbles(method):
     assert np.max(r["gauss.G"]) < 1e-20
 
 
+@pytest.mark.slow
 def test_a_body_that_tumbles_in_steps():
     """Moreau's time stepping is of order 1, and keeps the length to h^2."""
     errors = []

@@ -167,6 +167,7 @@ simulation: {duration: 0.2, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 def test_net_moves_as_scipy_has_it() -> None:
     n = 21
     assert read(NET, "net.yaml").graph.of((ELEMENTS,))

@@ -99,6 +99,7 @@ def test_reference(name, tolerance):
         assert digits(found, state) >= min(wanted, least), (state.t, least)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [name for name in TWO_SIDED if "initial_accelerations" in PROBLEMS[name]]
 )

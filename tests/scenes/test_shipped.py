@@ -117,6 +117,7 @@ def test_the_quadruped_is_carried_by_its_feet():
         assert r[name][after] == pytest.approx(r[name][before], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_feet_that_come_to_rest_gain_no_energy():
     # Damped so, two feet end their series of impacts at one time, 1.308 s. Each impact
     # of a series has about a hundredth of the speed of the last, so that rounding

@@ -266,6 +266,7 @@ def test_four_bars_in_angles(N, speed, length):
     assert result.drift < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [pytest.param(1.0, marks=pytest.mark.slow), 2.3])
 def test_two_mechanisms_side_by_side(speed):
     # They lose rank at other times, or all at the same.
@@ -335,6 +336,7 @@ EDGES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("relation", "potential", "start", "end"), EDGES)
 def test_a_relation_ends_at_its_edge(relation, potential, start, end):
     """The run ends there as well; eliminated, the motion would be thrown back."""

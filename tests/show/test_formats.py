@@ -158,6 +158,7 @@ def test_python_keeps_off_names_of_its_own():
     assert scope["constraint_rhs"](0, [0, 0], [0, 0]).shape == (0,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_ascii_is_ascii_and_lines_break(name):
     text = as_text(content_of(name), ascii_only=True)

@@ -94,6 +94,7 @@ def test_terms_add_up_to_the_equation(name):
         assert left - right == pytest.approx(total, rel=0, abs=1e-12 * (size or 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_accelerations_are_told_where_they_are_short(name):
     told = document_of(name)["accelerations"] is not None

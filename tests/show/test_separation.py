@@ -129,6 +129,7 @@ def check_by_value(e):
     return d, known
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_equations_are_those_of_the_graph(name, monkeypatch):
     monkeypatch.setattr(shown, "MOST_ROWS", -1)
@@ -143,6 +144,7 @@ def test_torques_slips_and_losses_along_definitions(monkeypatch):
     assert d["separated"]["forces"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [60, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_long_chain_is_shown_as_one_of_30(links):
     texts = {}
@@ -153,6 +155,7 @@ def test_a_long_chain_is_shown_as_one_of_30(links):
     assert re.sub(r"\b29\b", str(links - 1), longer) == texts[links]
 
 
+@pytest.mark.slow
 def test_the_arm_by_recursive_newton_and_euler():
     """Forces and torques from link to link (Featherstone, section 5.3)."""
     e = equations_of("seven-joint-arm")

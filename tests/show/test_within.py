@@ -112,6 +112,7 @@ def test_forty_links_are_derived_in_their_closed_form():
         assert sp.expand(found.document["equations"][i]["left"] - expected) == 0
 
 
+@pytest.mark.slow
 def test_products_of_sums_are_not_multiplied_out():
     # Each of the constraints has 2^24 terms; no clock is asked while they are compared.
     names = [f"q{k}" for k in range(24)]

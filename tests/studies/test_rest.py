@@ -105,6 +105,7 @@ def test_a_double_pendulum_has_four_rests():
             assert near[0]["stable"] is (a == b == 0)
 
 
+@pytest.mark.slow
 def test_a_cartesian_pendulum_hangs_by_its_constraint():
     found = lagsim.equilibrium(CARTESIAN)
     assert len(found.equilibria) == 2
@@ -115,6 +116,7 @@ def test_a_cartesian_pendulum_hangs_by_its_constraint():
     assert one(found, y=0.7)["reason"] == "eigenvalues"
 
 
+@pytest.mark.slow
 def test_of_two_rests_at_one_distance_the_stable_one_is_first():
     """A pendulum held level is as far from hanging as from standing."""
     model = lagsim.load(str(MODELS / "pendulum-cartesian.yaml"))
@@ -213,6 +215,7 @@ initial: {s: 0.7, a: 0.4}
     assert [x["stable"] for x in found.equilibria] == [True, False]
 
 
+@pytest.mark.slow
 def test_friction_that_sticks_holds_where_the_start_is():
     found = lagsim.equilibrium(BLOCK)
     assert found.continuum

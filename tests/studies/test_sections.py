@@ -30,6 +30,7 @@ def sections(section, text=OSCILLATOR, **options):
     return simulate(model, error_bar="never", **options).sections["cut"]
 
 
+@pytest.mark.slow
 def test_henon_and_heiles():
     found = simulate(str(MODELS / "henon-heiles.yaml"), error_bar="never").sections[
         "cut"
@@ -217,6 +218,7 @@ def test_modes_that_jump_over_a_section(section, times, modes):
     assert tuple(found["u"]) == modes  # after the event
 
 
+@pytest.mark.slow
 def test_files(lagsim, tmp_path):  # noqa: F811
     path = tmp_path / "model.yaml"
     path.write_text(OSCILLATOR.replace("SECTION", "at: x = 0, plot: [x_dot, x_ddot]"))

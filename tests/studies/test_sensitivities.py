@@ -141,6 +141,7 @@ def test_a_row_between_the_impacts_of_two_runs_is_not_differentiable():
     assert np.isnan(found.values[1]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names", [("x", "x0"), pytest.param(("g", "g"), marks=pytest.mark.slow)]
 )

@@ -137,6 +137,7 @@ def test_a_box_rests_on_four_legs(pull):
             assert found.multipliers[k] == pytest.approx(found.direction[k] * bound)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [1.0, 1e-6])
 @pytest.mark.parametrize("patches", [2, 4])
 @pytest.mark.parametrize("part", [0.3, 0.8, 0.999])

@@ -94,6 +94,7 @@ def run_scene(name, scene, start, simulation):
     return run(f"{text}simulation: {{start: {start}, method: {name}, {simulation}}}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "scene"), PAIRS)
 def test_order_of_whole_runs_with_a_fixed_step(name, scene):
     counts = COUNTS[method(name).ORDER]

@@ -177,6 +177,7 @@ def test_breaks_that_accumulate():
     assert 0.0 < first[0] < first[1] < first[2] < 1e-9
 
 
+@pytest.mark.slow
 def test_a_wave_faster_than_the_doubles_is_given_up():
     text = "if(floor(1e20*t) - 2*floor(5e19*t) > 0.5, 1, 0)"
     assert len(breaks(text, 1.0, 2.0)) <= 2

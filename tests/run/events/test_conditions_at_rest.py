@@ -81,6 +81,7 @@ def test_in_other_units_and_places(at, other):
 
 
 # As a force, whose jump holds the rate at 0, too.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("at", "count"),
     [*((at, 0) for at in NEVER), *((at, 1) for at in ONCE)],

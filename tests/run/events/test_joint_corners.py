@@ -88,6 +88,7 @@ PLACES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize(("slopes", "kinks"), PAIRS)
 @pytest.mark.parametrize("place", PLACES)

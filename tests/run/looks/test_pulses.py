@@ -83,6 +83,7 @@ def strikes(shape, c, w, *, x, duration):
     assert found["x"][known] == pytest.approx(moved[known], abs=within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", range(12))
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_pulse_strikes_what_swings(shape, case):
@@ -164,6 +165,7 @@ def test_a_pulse_in_the_first_and_the_last_instant():
 STRUCK = [(3.0e-4, 2.6e-5, 1.0e-3), (6.2e-4, 1.0e-4, 5.9e-4), (4.2e-3, 3.0e-5, 5.6e-4)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("after", "width", "size"), STRUCK)
 def test_a_pulse_soon_after_a_slip_has_begun(after, width, size):
     begins = 0.5 * 9.81 / 6

@@ -402,6 +402,7 @@ def crank(end):
         angle = STROKES[k][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", one_quick("dop853", "taylor", "radau"))
 def test_an_engine_runs_by_its_crank_angle(method):
     model = f"""

@@ -27,9 +27,13 @@ WORDS = [
 TABLE = "tables: {tb: {points: [[-9, 9], [0, 0], [9, 9]], outside: extend}}"
 
 
+def slow(value):
+    return pytest.param(value, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize("words", WORDS)
 @pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("k", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("k", [slow(0.5), 1.0, slow(2.0)])
 @pytest.mark.parametrize(
     "place",
     [
@@ -37,9 +41,9 @@ TABLE = "tables: {tb: {points: [[-9, 9], [0, 0], [9, 9]], outside: extend}}"
         {"unit": 1000.0, "z": (0.5, -1.0)},
         {"far": 1e5, "mass": 30.0},
         {"z": (0.3, 0.1), "heavy": True},
-        {"options": {"method": "dopri5"}},
-        {"options": {"method": "rk4", "step": 0.01}},
-        {"options": {"method": "taylor"}, "z": (0.0, 1.0)},
+        slow({"options": {"method": "dopri5"}}),
+        slow({"options": {"method": "rk4", "step": 0.01}}),
+        slow({"options": {"method": "taylor"}, "z": (0.0, 1.0)}),
     ],
 )
 def test_a_kink_of_kinks_holds_a_bead_up_to_its_reaction(place, k, side, words):

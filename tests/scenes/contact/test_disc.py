@@ -133,6 +133,7 @@ def pushed(name, **simulation):
     ))  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUSHES)
 def test_a_slip_that_begins_takes_tens_of_steps(name):
     found = pushed(name, method="dop853")

@@ -425,6 +425,7 @@ def test_a_limit_that_is_0_within_rounding_is_not_negative(relation):
     close(found["x_dot"], 2 + found.t - braked)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order", "least"), [("rk4", 3.8, 1e-10), ("rattle", 0.95, 4e-4)]
 )

@@ -523,6 +523,7 @@ def test_stars_far_from_the_origin(words, values, near):
     assert true / 30 < error < 30 * true
 
 
+@pytest.mark.slow
 def test_energy_that_drifts_without_an_estimate_has_one_warning_too():
     _, codes = told_of(stars(PLAIN, D=1e9), error_bar="never")
     assert codes.count("error-unknown") == 1

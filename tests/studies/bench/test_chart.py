@@ -113,6 +113,7 @@ def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
     assert name == "long names" or not any("…" in said for said in drawing.written())
 
 
+@pytest.mark.slow
 def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
     rows = crowd()
     found = curves_below(rows, 3.0)
@@ -188,6 +189,7 @@ def test_names_stand_beside_a_sample_of_their_curve():
         assert sample == (look.mark["marker"], look.line["color"])
 
 
+@pytest.mark.slow
 def test_what_is_better_and_what_it_was_measured_on_is_said():
     drawing = drawn(work_precision, DOCUMENTS["one"])
     for panel in drawing.panels:

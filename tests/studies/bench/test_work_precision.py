@@ -273,6 +273,7 @@ def test_the_reference_of_chaos_ends_where_solutions_part():
     assert reference.floor <= 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4)])
 def test_located_impacts_keep_the_order(struck, method, order):
     # Three impacts move, for `euler` over rows: what jumps there is in no error.

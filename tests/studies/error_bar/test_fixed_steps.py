@@ -39,7 +39,9 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [0.05, 0.01, 0.002])
+@pytest.mark.parametrize(
+    "step", [0.05, *(pytest.param(h, marks=pytest.mark.slow) for h in (0.01, 0.002))]
+)
 @pytest.mark.parametrize(
     "method",
     ["euler", "rk4", "midpoint", "gauss4", "generalized-alpha", "verlet", "rattle",

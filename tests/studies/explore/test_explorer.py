@@ -279,6 +279,7 @@ def admits(model, values):
     return lagsim.check(model.bind(**values)).admissible
 
 
+@pytest.mark.slow
 def test_a_target_far_out_of_reach_leaves_the_rods_as_long_as_they_are():
     engine = explorer_of(MODELS / "chain-cartesian.yaml")
     found = engine.drag({}, 0.5, "p5", [5.0, 5.0], "page")
@@ -336,6 +337,7 @@ def test_a_point_that_is_dragged_into_a_floor_slides_along_it():
     assert up["y"] == pytest.approx(0.25, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ball", "target"), [("b1", 0.3), ("b5", -0.6), ("b2", 0.2)])
 def test_a_dragged_ball_pushes_those_that_it_meets(ball, target):
     engine = explorer_of(MODELS / "newtons-cradle.yaml")
@@ -411,6 +413,7 @@ def test_a_rate_that_only_rounding_changes_has_a_slider_of_its_size():
     assert (low, high) == pytest.approx((0.0, 3.0))
 
 
+@pytest.mark.slow
 def test_a_number_of_members_counts_from_1_and_may_leave_values_without_a_motion():
     engine = explorer_of(MODELS / "chain-angles.yaml")
     [slider] = [x for x in engine.document["sliders"] if x["name"] == "n"]

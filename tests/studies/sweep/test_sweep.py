@@ -338,6 +338,7 @@ def test_a_start_value_is_called_so_and_ends_are_points():
     assert not any("start" in text for text in seen.written())
 
 
+@pytest.mark.slow
 def test_ends_alone_have_no_greatest():
     for arguments in (("theta=0.1,0.2",), ("theta=0.1,0.2", "g=1,2")):
         result = found(PENDULUM, *arguments, ends=True)
