@@ -751,7 +751,9 @@ class _Examiner:
         """
         found = self._rest(range(self.n), range(len(self.e.states)))
         if found is None:
-            why = "no rest was found near the start, whatever may change"
+            why = (
+                "no rest was found near the start, even if all start values may change"
+            )
             return self._analysed(point, ())._replace(unsolved=why)
         near = found.point.of(self.e)
         changed = self._changes(self.stated, near)

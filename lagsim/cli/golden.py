@@ -335,7 +335,9 @@ def _store(case: Case, folder: Path) -> _Answer:
     counts = f"{_rows(golden)}, "
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
     lines = [f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"]
-    lines.append(f"  it sees changes of {counted(known.seen, 'number')} of the model")
+    lines.append(
+        f"  it detects changes of {counted(known.seen, 'number')} of the model"
+    )
     if known.unresponsive:
         names = several(known.unresponsive, 8)
         lines.append(f"  the motion does not respond to: {names}")
@@ -361,7 +363,7 @@ def _horizon(golden: Golden) -> str:
 
 def _unseen(known: Summary) -> str:
     names = several(known.blind, 8)
-    return f"small changes that alter the motion, and would not be seen: {names}"
+    return f"small changes that alter the motion, but would not be detected: {names}"
 
 
 def _doubts(golden: Golden, known: Summary) -> list[Caution]:

@@ -398,7 +398,8 @@ class Stiffness(Source):
         self._reviewed, self._review_at = stiff.state.copy(), arc.steps + REVIEWED
         reason = (
             f"the step was held at the stability bound by {_named(fast.where)}, at "
-            f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
+            f"{fast.rate:.3g} per unit of time; the step of {STIFF} is {gained:.0f} "
+            "times larger"
         )
         return by_method(stiff, reason, {})
 

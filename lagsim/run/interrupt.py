@@ -85,13 +85,16 @@ class Horizon:
 
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""The signals that ask for an end."""
+"""The signals that request an end."""
 
 AGAIN_SECONDS = 0.2
-"""A signal that comes so soon after another is the same wish: `timeout` sends two."""
+"""Time after a signal, in s, within which a second one counts as a repetition.
+
+`timeout` sends two signals.
+"""
 
 heard: list[int] = []
-"""The signals that were raised since a command began; one that raises may be lost."""
+"""Signals since a command began; the exception of such a signal may be lost."""
 
 _noting: list[Interrupt] = []
 

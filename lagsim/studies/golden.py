@@ -736,7 +736,7 @@ def _changed(model: Model, about: Document) -> tuple[list[str] | None, list[Plac
             other = f"in the golden {was[name]!r}" if name in was else "and is new"
             found.append(f"{word} `{name}` is {now[name]!r}, {other}")
             places += [where[name]] if name in where else []
-        found += [f"{word} `{n}` is no longer there" for n in was if n not in now]
+        found += [f"{word} `{n}` no longer exists" for n in was if n not in now]
     return found, places
 
 

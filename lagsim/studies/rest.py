@@ -776,11 +776,11 @@ def stability_of(x: Steady) -> tuple[bool | None, str]:
         return None, "not decided: undamped, and forces without an energy act"
     losses = np.linalg.eigvalsh(D + D.T)
     if np.min(losses, initial=0.0) < -COMPUTED_ZERO * np.max(np.abs(D), initial=0.0):
-        return None, "not decided: forces may feed the undamped motion"
+        return None, "not decided: forces may add energy to the undamped motion"
     curvatures = np.linalg.eigvalsh(K + K.T)
     small = COMPUTED_ZERO * np.max(np.abs(curvatures), initial=0.0)
     if np.any(curvatures < -small):
-        return None, "not decided: gyroscopic forces alone hold it"
+        return None, "not decided: gyroscopic forces alone stabilise it"
     if np.sum(curvatures <= small) > len(x.free):
         return None, "not decided: the energy is level to second order"
     return True, "energy minimum"

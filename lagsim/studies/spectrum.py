@@ -195,7 +195,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     """
     apart = np.diff(t)
     if not (apart >= 0.0).all():
-        raise unusable(NO_SPECTRUM, "the times of the rows do not go forward")
+        raise unusable(NO_SPECTRUM, "the times of the rows do not increase")
     # Two rows have one time at an impact.
     struck = np.append(apart == 0.0, False) | np.insert(apart == 0.0, 0, False)
     plain = np.flatnonzero(~struck[:-1])

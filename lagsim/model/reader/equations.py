@@ -82,7 +82,7 @@ def energy_fields(top: Fields) -> Fields:
         faults.add(BOTH_GIVEN, text, found.place_of("lagrangian"), hint)
     elif given:
         for missing in ("kinetic", "potential"):
-            found.needs(missing, f"where there is none, say so: `{missing}: 0`")
+            found.needs(missing, f"if there is none, write `{missing}: 0`")
     elif found.sound and "lagrangian" not in found:
         text = "`energy` has neither `kinetic` and `potential` nor `lagrangian`"
         faults.add(MISSING_KEY, text, found.place)

@@ -246,7 +246,7 @@ class Reference:
                 "is not known: errors are computed from the rows before"
             )
         elif self.floor > LEVELS[-1]:
-            text += ": the two disagree, and the errors mean little"
+            text += ": the two solutions disagree, so that the errors are not reliable"
         elif self.floor > WHOLE[0]:
             text += ": smaller errors cannot be resolved"
         return text

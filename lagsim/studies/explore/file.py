@@ -107,7 +107,7 @@ OUTCOMES = {
     "NEWTON_FAILED": Outcome.NEWTON_FAILED, "STATE_JUMPS": Outcome.STATE_JUMPS,
     "TOO_MANY_STEPS": Outcome.TOO_MANY_STEPS,
 }  # fmt: skip
-ONE_PLAN = "a page in a file cannot solve otherwise within a run"
+ONE_PLAN = "a page in a file cannot change the solver within a run"
 LIVE = "`lagsim explore` without -o integrates it"
 
 
@@ -397,7 +397,7 @@ def _fallback(session: Session) -> str:
     name, asked = session.plan.method, session.case.settings.method
     if name == ANY or (asked != "auto" and name != SERIES):
         return ""
-    return f"from there {ANY} takes the place of {name} in lagsim's own runs: {LIVE}"
+    return f"from this time on a run of lagsim uses {ANY} in place of {name}: {LIVE}"
 
 
 def _failure(outcome: Outcome) -> Document:
