@@ -249,7 +249,7 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
 
 
 def impress(p: Parameters, rank: int) -> None:
-    """Store in p.u (n,) the constraint forces in scaled form, L^-1 A^T lambda = Q w.
+    """Store in p.u (n,) the scaled constraint forces, L^-1 A^T lambda = Q w.
 
     On entry p.w (rank,) is the right side of R^T w = p.w, which is solved in place.
     """

@@ -38,7 +38,7 @@ def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
 
 
 def _conditions(g: Graph, laws: Iterable[Law]) -> list[int]:
-    """Return, for each law, the node of its condition `when`, or of 1 without one."""
+    """Return, for each law, the node of its condition `when`; 1 by default."""
     return [g.one if law.when is None else law.when for law in laws]
 
 
@@ -256,8 +256,9 @@ def surface_functions(
 def _levers(equations: Equations, switches: Switches) -> list[int]:
     """Return the nodes of the levers of all surfaces (surfaces, 1 + m), flat.
 
-    The levers of a surface determine the jump of a corner's row across the surface, see
-    `corners`; without corners the list is empty.
+    The levers of a surface are the components, along its gradient, of the forces and of
+    each row; their jumps across the surface determine the motion at a corner, see
+    `corners`. The list is empty without corners.
 
     switches : the switches of the equations.
     """

@@ -393,9 +393,9 @@ def products(p: Parameters) -> int:
 def share_by(p: Parameters, count: int, y: Floats) -> float:
     """Compute multipliers within their bounds in p.share_found (laws,).
 
-    The multipliers are the projection onto the bounds of a combination of the `count`
-    rows stored in p.free, with the factors y (count,). Return the value of the convex
-    function whose minimum over y is the solution.
+    The multipliers are P(sum_i y_i g_i): the projection onto the bounds of a
+    combination of the `count` rows g_i stored in p.free, with the factors y (count,).
+    Return the value of the convex function of y whose minimum is the solution.
     """
     laws = p.laws
     found = 0.0
@@ -831,7 +831,7 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 
 def is_bounded(p: Parameters, k: int) -> bool:
-    """Whether the multiplier of law k has bounds of both signs."""
+    """Whether the multiplier of law k has an upper and a lower bound."""
     return float(p.law_high[k]) < OVERFLOW
 
 
@@ -874,7 +874,7 @@ def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Return the event function of law k, which sticks: its bound less |lambda|.
+    """Return the event function of sticking law k: its bound less |lambda|.
 
     Two slips on a disc have one event function, stored for the first.
     """

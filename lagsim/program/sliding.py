@@ -222,7 +222,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
 def weigh(p: Parameters) -> None:
     """Store the 1-norm of the gradient of each followed surface in p.B (surfaces,).
 
-    The elements of other surfaces are 0.
+    Elements of surfaces that are not followed are 0.
     """
     for k in range(p.surfaces):
         p.B[k] = 0.0

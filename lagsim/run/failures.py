@@ -552,7 +552,7 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Return a mask (k,) of the speeds (k,) above the part FAST of the largest one.
+    """Return a mask (k,) of the speeds (k,) above the part FAST of the largest speed.
 
     All are True if all speeds are 0.
     """

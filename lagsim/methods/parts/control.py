@@ -431,14 +431,16 @@ def adapt_to_roundoff(
 def bound_by_others(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats
 ) -> None:
-    """Raise tolerances of states and works to the effect of other components' errors.
+    """Raise tolerances of states and works to the effects of other components' errors.
 
-    A state that follows a constrained coordinate, or the power on it, has no scale but
-    the tolerance of that coordinate; another state may follow this state. A state with
-    a range of its own, far above these errors, keeps its tolerance. Each state is
-    raised at most once in a step, by coordinates and velocities first, then by states
-    that were raised before: the error of a stiff state does not raise its own
-    tolerance, nor that of others in a cycle, since an implicit method damps it.
+    A state that follows a constrained coordinate, or the power on it, has the tolerance
+    of that coordinate as its only scale; another state may follow this state. A state
+    with a range of its own, far above these errors, keeps its tolerance.
+
+    Each state is raised at most once in a step: first by coordinates and velocities,
+    then by states that were raised. So the error of a stiff state raises neither its
+    own tolerance nor the tolerances of states in a cycle with it, since an implicit
+    method damps this error.
 
     h, new, k : see `allow_roundoff`.
     """

@@ -105,9 +105,9 @@ class Crossings(SearchTable):
 def begin_search(s: Crossings, p: Parameters) -> None:
     """Store the crossings caused by acts at the start of the last step.
 
-    Acts are impacts and events; a crossing is caused if a relation is past 0 after
-    them. A relation that is 0 waits: where the motion stays on the section, it has
-    reached it then.
+    Acts are impacts and events; a crossing is caused if a relation is past 0 after the
+    acts. A relation that is 0 after the acts waits: if the motion stays on the section,
+    it has reached the section at this time.
     """
     s.banded = 0.0
     for j in range(s.sections):
@@ -272,7 +272,10 @@ def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> floa
 
 
 def wait(s: Crossings, j: int, t: float, y: Floats) -> None:
-    """Let section j wait, which the motion has reached at time t in state y (size,)."""
+    """Mark section j as waiting, since the motion has reached it at time t in state y.
+
+    y : (size,).
+    """
     s.waits[j] = 1.0
     kept = s.waiting[j * (1 + s.size) :]
     kept[0] = t
@@ -375,7 +378,7 @@ def shown_time(s: Crossings, t: float) -> float:
 
 
 def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
-    """Whether the relation of section j is past 0 by more than its band.
+    """Whether the relation of section j is past 0 by more than its bound `band`.
 
     x : the fraction of the last step, at which the projected state is evaluated.
     side : 1 or -1, the side of 0 from which the motion comes.

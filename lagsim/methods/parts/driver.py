@@ -218,10 +218,10 @@ def meets_level(s: State, p: Parameters, passed: int) -> bool:
     """Whether the expression of a surface is at its level, within rounding.
 
     The test is made after a point of a linear table has been passed. From there on the
-    expression may remain at the level, as `q*table(t)` does where the table falls to 0
-    and stays 0: its value then never exceeds the level, and the search for zeros
-    would not end the step. The surface found is stored in s.switched. Surfaces whose
-    sides decide no jump (points of tables) do not count.
+    expression may remain at the level, as `q*table(t)` does if the table falls to 0 and
+    stays 0: its value then never exceeds the level, and the search for zeros would not
+    end the step. The surface found is stored in s.switched. Surfaces whose sides decide
+    no jump (points of tables) do not count.
 
     passed : the surface of the table.
     """
@@ -645,10 +645,11 @@ def usable_step(s: State, p: Parameters) -> float:
 def record_speed(
     s: State, h: float, held: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
-    """Store the rate of the fastest motion, from states y and z (size,) at one time.
+    """Store the estimated rate of the fastest motion.
 
-    The step h counts as held at the stability bound if h times the rate exceeds `held`;
-    such steps in sequence are counted.
+    The estimate is computed from states y and z (size,) at one time. The step h counts
+    as limited by stability if h times the rate exceeds `held`; successive steps of this
+    kind are counted.
 
     k, slope : (size,), y' at y and at z.
     """

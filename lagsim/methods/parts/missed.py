@@ -300,10 +300,10 @@ def closest(s: SearchTable, k: int) -> float:
 
 
 def nearest(s: SearchTable, k: int, half: int) -> float:
-    """Return a bound of signal k in half the stretch, on the side of its activity.
+    """Return a bound of signal k in half of the stretch, on the side of its activity.
 
-    The signal is nowhere closer to that value in half of the stretch, see
-    `search_table.lowest`.
+    The signal is nowhere closer than this bound to the value at which its term is
+    active, see `search_table.lowest`.
     """
     kind = s.kinds[k - events(s)]
     low = lowest(1.0, s, k, half)
@@ -497,7 +497,7 @@ def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
 
 
 def hardly_varies(s: SearchTable, p: Parameters, k: int) -> bool:
-    """Whether signal k varies by rounding and tolerances alone on the stretch.
+    """Whether signal k varies by no more than rounding and tolerances on the stretch.
 
     Along a chain at rest, motion spreads with increasing powers of the time: at first
     no step, however short, resolves the shape of the signal.

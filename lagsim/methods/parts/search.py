@@ -324,8 +324,8 @@ def store_values(s: SearchTable, p: Parameters, x: float) -> None:
 def goes_on(s: Crossings, p: Parameters, k: int) -> bool:
     """Whether the step continues past a point at which condition k has been located.
 
-    True at the end of a condition that was true, which is armed there, and at a jump of
-    the function of an equation, which is no passage of 0.
+    It continues at the end of a condition that was true, which is armed there, and at a
+    jump of the function of an equation, which does not count as a zero.
     """
     row, rounding = s.surfaces + k, MANY * float(s.zero[k])
     if follows(s, k):

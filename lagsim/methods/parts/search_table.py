@@ -368,9 +368,9 @@ def width(s: SearchTable) -> float:
 
 
 def off(of_slope: Static, s: SearchTable, k: int) -> float:
-    """Return |row k - the cubic of its ends| at the middle point of the stretch.
+    """Return |row k - its cubic| at the middle point of the stretch.
 
-    The cubic has the values and slopes of both ends.
+    The cubic interpolates values and slopes at both ends.
 
     of_slope : 0, or 1 for the difference of the slopes, times the length of the stretch
         and TURNED.
@@ -421,7 +421,7 @@ def lowest(way: float, s: SearchTable, k: int, half: int) -> float:
 
 
 def error_between(s: SearchTable, k: int) -> float:
-    """Return how far row k is from the cubic of its ends on the stretch, see `off`."""
+    """Return the largest known |row k - its cubic| on the stretch, see `off`."""
     return max(off(0, s, k), off(1, s, k))
 
 

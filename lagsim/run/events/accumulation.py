@@ -50,7 +50,7 @@ NO_PART = 1e-4
 
 
 def series_left(last: float, ratio: float) -> float:
-    """Return the sum of the terms after `last` of a geometric series with a ratio."""
+    """Return the sum of all terms after `last` of a geometric series with a ratio."""
     return last * ratio / (1.0 - ratio)
 
 

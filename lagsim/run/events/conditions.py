@@ -178,8 +178,8 @@ class Truth:
     def jumped(self, met: Iterable[int]) -> frozenset[int]:
         """Return the conditions among `met` whose values have jumped past 0.
 
-        Their values are beyond the rounding of 0 although their conditions were just
-        met.
+        Their values exceed the rounding of 0, although the motion has just satisfied
+        the conditions.
         """
         state = self.state
         return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
@@ -271,12 +271,12 @@ def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:
 
 
 def allow_closed(arc: Arc, y: Floats, closed: Floats) -> None:
-    """Set a leeway for conditions that are met at gaps of 0, after an impact.
+    """Set a leeway for conditions that are satisfied at gaps of 0, after an impact.
 
     After an impact rounding leaves a gap of either sign, and the motion opens the gap:
-    with its old leeway, `x <= 0` may never become true at the ground `x >= 0`. A false
-    condition that is true at the state `closed` gets a leeway of the size by which it
-    misses 0 at y.
+    with its old leeway, the condition `x <= 0` might never become true at the ground `x
+    >= 0`. The leeway of a false condition that is true at the state `closed` is set to
+    the distance of its value from 0 at y.
 
     Parameters
     ----------

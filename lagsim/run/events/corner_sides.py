@@ -245,10 +245,10 @@ class CornerSides:
         return True
 
     def _by_turns(self, jump: Jump, some: list[int]) -> Sides:
-        """Return the sides onto which a jump leads, found corner by corner.
+        """Return the sides onto which a jump leads, by iteration over the corners.
 
         Each corner in turn gets the side onto which the jump leads with the present
-        sides of the others, until no side changes. Arguments: see `_solution`.
+        sides of the other corners, until no side changes. Arguments: see `_solution`.
         """
         still = (SLIDING,) * len(self.corners)
         sides = self._with(still, some, [ABOVE] * len(some))

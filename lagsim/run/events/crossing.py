@@ -350,8 +350,9 @@ class Crossing:
     def _settle(self, corner: Sequence[int]) -> set[int]:
         """Store given sides of open surfaces, and the sides that follow from these.
 
-        Loose and hanging surfaces are put on the sides of their expressions' values. An
-        open surface is, too, if its expression leaves its level beside other open ones.
+        Loose and hanging surfaces are set to the sides of their expressions' values. So
+        is an open surface whose expression leaves its level because of the sides of
+        other open surfaces.
 
         Parameters
         ----------

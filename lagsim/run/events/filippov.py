@@ -176,9 +176,10 @@ class FilippovCone:
     def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
         """Return [k], the first surface whose side has to be exchanged, or [] for none.
 
-        The motion on the present side of surface k does not lead away from the surface,
-        and that on its other side does; or k is at its level, and the motion leaves it.
-        `select` exchanges the side of each surface in the list and solves again.
+        The side of surface k is exchanged in two cases: the motion on its present side
+        does not lead away from the surface while the motion on its other side does; or
+        k is at its level, and the motion leaves the level. `select` exchanges the side
+        of each surface in the list and solves again.
 
         Surfaces from which the motion leads away on both sides set `is_fork`. A surface
         to which the motion returns from both sides is followed, although its rate

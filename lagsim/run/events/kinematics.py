@@ -245,10 +245,11 @@ class Kinematics:
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
-        """Compute accelerations (L,) of laws if no law exerts a force, and term sizes.
+        """Compute accelerations (L,) of the laws without forces of laws, and term
+        sizes.
 
-        They are stored in `free`, `bounds`, `statics`, `accelerations`, `forces`,
-        `pushes` and `moves`.
+        The results are stored in `free`, `bounds`, `statics`, `accelerations`,
+        `forces`, `pushes` and `moves`.
         """
         n = self.arc.system.n
         self.free, b, self.bounds, self.statics = self._free(self.t, self.y)

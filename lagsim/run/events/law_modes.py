@@ -219,11 +219,11 @@ def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
 def kept_on_by(
     here: Kinematics, some: list[int], steady: Flags | None, ended: Collection[int]
 ) -> list[int]:
-    """Return the laws of `some` that stay in the modes of the arc that has ended.
+    """Return the laws of `some` that keep the modes of the arc that has ended.
 
-    These laws hold or slide, clearly within the range of their modes, and the laws
-    whose modes are decided anew do not reach them: laws whose modes have ended, or
-    begin, and laws that an impact has changed.
+    A law keeps its mode if it holds or slides clearly within the range of this mode,
+    and if it is not coupled with a law whose mode is decided anew. The latter are laws
+    whose modes have ended or begin, and laws that an impact has changed.
 
     Parameters
     ----------

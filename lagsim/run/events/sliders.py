@@ -76,9 +76,9 @@ class Settled(NamedTuple):
 
 
 def at_edge(arc: Arc) -> float:
-    """Return the largest relative distance from its limit of a force that is at it.
+    """Return the relative distance from its limit up to which a force is at its limit.
 
-    The distance of the force from its limit is divided by the limit.
+    The distance is divided by the limit.
     """
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 

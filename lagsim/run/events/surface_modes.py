@@ -178,9 +178,9 @@ class SurfaceModes:
 
     @property
     def bound(self) -> Floats:
-        """Mask (K,) of the surfaces whose side is not that of their expression's value.
+        """Mask (K,) of surfaces whose side their expression's value does not decide.
 
-        They are followed, at rest at their level, or carried.
+        Such surfaces are followed, at rest at their level, or carried.
         """
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
@@ -306,10 +306,11 @@ class SurfaceModes:
         )
 
     def roundoff_around(self, k: int) -> float:
-        """Return the largest distance from its level of surface k, constant around it.
+        """Return the roundoff of surface k's expression, constant around the state.
 
-        The distance is rounding: `phi - (abs(phi + b) - abs(phi - b))/2` is 0 exactly
-        at phi = 0, and 1e-17 beside it; `max(t - 1, 0)^3` is 0 exactly.
+        The result is the largest distance of the expression from its level at nearby
+        states: `phi - (abs(phi + b) - abs(phi - b))/2` is 0 exactly at phi = 0, and
+        1e-17 beside it; `max(t - 1, 0)^3` is 0 exactly.
         """
         values = [self.values(t, y)[k] for y, t in map(self._displaced, PARTS)]
         return float(np.max(np.abs(np.array(values) - self.levels[k])))
@@ -331,8 +332,9 @@ class SurfaceModes:
     def decisive(self) -> Floats:
         """Return 1 for each surface whose side decides another one's rest, shape (K,).
 
-        The expression of a surface that rests at its level depends on the side: beside
-        a knot of a linear table, `abs(table(q))` may leave 0, at which it has been.
+        The expression of a surface at rest at its level may depend on the side of
+        another surface: beside a knot of a linear table, the expression `abs(table(q))`
+        may leave the value 0 that it has at the knot.
         """
         found = np.zeros(self.count)
         for k in np.flatnonzero(self.kind == kept.LEVEL).tolist():
@@ -502,10 +504,10 @@ class SurfaceModes:
         return found
 
     def sizes_along_rows(self) -> Floats:
-        """Return magnitudes (size,) whose rounding includes that along rows in force.
+        """Return magnitudes (size,), including rounding along rows in force.
 
-        A position may be near 0 where a row gives it the rounding of others, as y in
-        the corner of y = abs(x - 1e5).
+        A row gives a coordinate the rounding of other coordinates, however small its
+        own value is, as y at the kink of y = abs(x - 1e5).
         """
         found = self.arc.seen
         for aside in self._asides_along():
@@ -533,10 +535,10 @@ class SurfaceModes:
         return change
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Yield states (size,) near the state reached, for tests of its neighbourhood.
+        """Yield states (size,) close to the state reached, to test its neighbourhood.
 
-        Each component differs from that of the state by rounding plus `reach`, a number
-        or an array (size,).
+        Each component is changed by its rounding plus `reach`, a number or an array
+        (size,).
         """
         step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
         i = np.arange(len(step))

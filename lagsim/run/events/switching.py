@@ -297,10 +297,12 @@ class Switching(Source):
     ) -> tuple[list[Event], frozenset[int]]:
         """Project velocities onto the equalities at corners, or stop them there.
 
-        The sides selected count first; where the velocities after the projection do not
-        lead onto these, other sides do, or velocities are stopped (`CornerSides`).
-        Velocities are also stopped that forces reverse before the position changes by
-        more than rounding. Return the events of rest by the latter, and the corners at
+        The projection uses the selected sides. If the projected velocities do not lead
+        onto these sides, other sides are tried; if no sides are a solution, the
+        velocities are stopped (`CornerSides`). Velocities are also stopped if forces
+        reverse them before the position changes by more than rounding.
+
+        Return the events of rest of velocities stopped by forces, and the corners at
         which velocities are stopped.
 
         Parameters
@@ -417,7 +419,9 @@ class Switching(Source):
         return held
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
-        """Return a caution, once, that the motion past surfaces is not unique.
+        """Return a caution, given once, that the motion past surfaces is not unique.
+
+        () if there are no such surfaces.
 
         several : the indices of the surfaces; () is returned if there are none.
         """
