@@ -1,4 +1,4 @@
-"""Warnings about a start: angles in degrees, digits, dependent rows, and the like."""
+"""Warnings about a start: angles in degrees, digits, dependent rows, unused names."""
 
 from __future__ import annotations
 

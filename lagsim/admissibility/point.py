@@ -494,9 +494,9 @@ class Lengths:
         """Return the shortest length of the conditions at each coordinate, (n,).
 
         Only lengths that exceed `least` count. A length that exceeds `most` times the
-        shortest of its condition belongs to a special direction, as along a rod, and is
-        replaced by the shortest. Affine conditions, which have no length of their own,
-        pass the lengths of their coordinates on to each other.
+        shortest length of its condition belongs to a special direction, as along a rod,
+        and is replaced by the shortest. Affine conditions have no length of their own;
+        they propagate the lengths of one coordinate to their other coordinates.
         """
         found = np.full(self.point.n, np.inf)
         for form in self.forms:

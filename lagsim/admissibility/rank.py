@@ -382,7 +382,8 @@ def _contradictions(
 ) -> dict[str, float]:
     """Return the differences between row i's right-hand sides and the implied ones.
 
-    Only those beyond rounding, by level ("position", ...).
+    The result contains the differences that exceed rounding, by level ("position",
+    ...).
 
     demands : the result of `_demands`.
     i : index of the row.

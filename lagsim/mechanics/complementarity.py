@@ -478,11 +478,11 @@ def _proximal(
 def _start(unit: ComplementarityProblem) -> Floats:
     """Return the multipliers (r,) from which Newton's method starts.
 
-    Where no bound depends on another multiplier and D is symmetric and positive
-    definite, the solution is unique: the start is then the solution with all rows held,
-    cut at the bounds. (From 0, Newton's method would reach the rows of a stack one by
-    one.) In other cases, as for dependent rows, the start is 0: the former start would
-    end at an arbitrary one of several solutions.
+    If no bound depends on another multiplier and D is symmetric and positive definite,
+    the solution is unique: the start is then the solution with all rows held, cut at
+    the bounds. (From 0, Newton's method would reach the rows of a stack one by one.)
+    Otherwise, as for dependent rows, the start is 0, since the former start would lead
+    to an arbitrary one of several solutions.
 
     unit : the scaled problem.
     """

@@ -117,7 +117,7 @@ def of_those_left(
     f: Sequence[int],
     momenta: Sequence[int],
 ) -> Equations:
-    """Return equations restricted to some coordinates, with new M, f and momenta.
+    """Return equations of the remaining coordinates, with new M, f and momenta.
 
     Parameters
     ----------

@@ -202,10 +202,11 @@ def _of_one(
 
 
 def _leaves(own: float, soon: tuple[Floats, Floats], way: float, left: int) -> bool:
-    """Whether a single tied row does not hold, by the rate of its acceleration.
+    """Whether a single tied row is released, by the rate of its acceleration.
 
-    The closed form of `complementarity.rates_at`. A row also leaves where its
-    multiplier cannot change and it has reached the end of its mode at this time.
+    This is the closed form of `complementarity.rates_at` for one row. The row is also
+    released if its multiplier cannot change and it has already reached the end of its
+    mode at this time.
 
     Parameters
     ----------

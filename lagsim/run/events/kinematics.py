@@ -245,8 +245,7 @@ class Kinematics:
         return Kinematics(self.arc, y, t, self)
 
     def _let_go(self) -> None:
-        """Compute accelerations (L,) of the laws without forces of laws, and term
-        sizes.
+        """Compute accelerations (L,) of the laws, all laws off, and sizes of terms.
 
         The results are stored in `free`, `bounds`, `statics`, `accelerations`,
         `forces`, `pushes` and `moves`.
