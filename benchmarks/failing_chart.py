@@ -23,7 +23,7 @@ from lagsim.outputs.scale import (
     finite_range,
     log_scale,
     per_inch,
-    put_around,
+    set_equal_scales,
     time_scale,
     value_scale,
 )
@@ -115,7 +115,7 @@ def _panel(picture, axes, view):
     if view.square:
         ends = [finite_range(*(c[k] for c in view.curves)) for k in (1, 2)]
         picture.adjust.append(
-            lambda: put_around(axes, ends, 1.1 * per_inch(axes, ends))
+            lambda: set_equal_scales(axes, ends, 1.1 * per_inch(axes, ends))
         )
     for _, x, y, pen in view.curves:
         curve(axes, x, y, pen)

@@ -113,7 +113,9 @@ class Rest(Relations):
             A = {place[x]: slope for x, slope in found.items()}
             wanted.append(Condition(name, node, A, scale_of(g, node, (), {})))
         self.names = names
-        self._ask(point, wanted, {k: k for k in place.values()}, velocities=False)
+        self._set_conditions(
+            point, wanted, {k: k for k in place.values()}, velocities=False
+        )
         self._x0 = self.first(point)
 
     def first(self, point: Point) -> Floats:
@@ -229,7 +231,7 @@ def _contracted(rest: Rest, metric: Floats) -> Floats | None:
     for _ in range(MOST_STEPS):
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
             return None
-        if rest.hold(x, STATE_ROUNDOFF * np.abs(x)):
+        if rest.are_satisfied(x, STATE_ROUNDOFF * np.abs(x)):
             return x
         Y, lengths = rows_of_length_one(J, L)
         z = least_squares(Y, -r / lengths)
@@ -310,7 +312,7 @@ def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> 
     gain : float
         Decrease of the merit function predicted by the slopes at x.
     """
-    m, part, (r, J) = rest.relations, 1.0, rest.looked_at(x)
+    m, part, (r, J) = rest.relations, 1.0, rest.evaluated(x)
     lengths = np.linalg.norm(J[:m] / np.sqrt(np.diag(rest.metric)), axis=1)
     lengths = np.maximum(lengths, TINY)[:, None]
 
@@ -319,7 +321,7 @@ def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> 
 
     before = height(x, r[:m])
     while part > SMALLEST_DAMPING:
-        other, slopes_there = rest.looked_at(x + part * step)
+        other, slopes_there = rest.evaluated(x + part * step)
         turned = (slopes_there - J)[:m] * step / lengths
         whole = np.where(turned, J[:m] * step / lengths, 0.0)
         straight = np.linalg.norm(turned) <= CONTRACTION * np.linalg.norm(whole)

@@ -81,9 +81,9 @@ class Relations:
         names = (e.q, e.velocities, [x.name for x in e.states])[self.block]
         self.names = [names[j] for j in self.free]
         place = {j: k for k, j in enumerate(self.free)}
-        self._ask(point, wanted, place, velocities=velocities)
+        self._set_conditions(point, wanted, place, velocities=velocities)
 
-    def _ask(
+    def _set_conditions(
         self,
         point: Point,
         wanted: Sequence[Condition],
@@ -153,9 +153,9 @@ class Relations:
         """Return r (m,) and dr/dx (m, k), and count the operations of a dense step."""
         m, k = len(self.targets), len(self.names)
         self.point.g.count(m * k * min(m, k) / STEP)
-        return self.looked_at(x)
+        return self.evaluated(x)
 
-    def looked_at(self, x: Floats) -> tuple[Floats, Floats]:
+    def evaluated(self, x: Floats) -> tuple[Floats, Floats]:
         """Return r (m,) and dr/dx (m, k) at x; no operations of a step are counted."""
         r, entries = self._with_entries(x)
         return r, entries.dense(len(r), len(self.names))
@@ -173,7 +173,7 @@ class Relations:
         j = np.array([j for row in slopes for j in row], dtype=int)
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
-    def hold(self, x: Floats, errors: Floats) -> bool:
+    def are_satisfied(self, x: Floats, errors: Floats) -> bool:
         """Whether all relations are satisfied at x (k,), see `violated`.
 
         errors : error bounds (k,) of x.
@@ -420,7 +420,7 @@ def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
             gone = diverges(relations, relations.sparse, x0, x, errors)
             return (
                 NewtonResult(x, converged=True)
-                if relations.hold(x, errors) and not gone
+                if relations.are_satisfied(x, errors) and not gone
                 else None
             )
         last = length
@@ -514,7 +514,7 @@ def _reached(
         if halvings >= HALVINGS:  # add the sum of a geometric series in one step
             jump, step = k, step / (1.0 - part)
             halvings = 0
-        hold = relations.hold(x, STATE_ROUNDOFF * largest + moved * ulp)
+        hold = relations.are_satisfied(x, STATE_ROUNDOFF * largest + moved * ulp)
         jumped |= hold and not polished and k - jump <= ARRIVED
         polished += hold
         damped = _damped(relations, x, r, lengths, step, once=hold)
@@ -524,7 +524,7 @@ def _reached(
         largest = np.maximum(largest, np.abs(x))
         moved = max(moved, float(np.linalg.norm(L.T @ (x - x0))))
     errors = STATE_ROUNDOFF * largest + moved * ulp
-    hold = not np.any(r) or relations.hold(x, errors)
+    hold = not np.any(r) or relations.are_satisfied(x, errors)
     if hold and diverges(relations, relations, guess, x, errors):
         return NewtonResult(x, converged=False, trouble=Trouble.DIVERGES)
     # Far from a simple root steps can shrink by this ratio, too; then the last steps do
@@ -609,7 +609,7 @@ def _explained(
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
     moved = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
-    if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + moved)):
+    if relations.are_satisfied(x, STATE_ROUNDOFF * (np.abs(x) + moved)):
         return NewtonResult(x, converged=True)
     return NewtonResult(x, converged=False, trouble=Trouble.MINIMUM)
 

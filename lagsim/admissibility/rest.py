@@ -358,15 +358,15 @@ class _Walk:
         begun = x[first:] * size
         begun[:n] = 0.5
         fit = bounded(
-            lambda z: (rest.looked_at(of(z))[0] / weights)[m:],
+            lambda z: (rest.evaluated(of(z))[0] / weights)[m:],
             begun,
-            jac=lambda z: (rest.looked_at(of(z))[1] / weights[:, None])[m:, first:]
+            jac=lambda z: (rest.evaluated(of(z))[1] / weights[:, None])[m:, first:]
             / size,
             bounds=(low, high),
             xtol=1e-15, ftol=1e-15, gtol=1e-15,
         )  # fmt: skip
         found = of(np.asarray(fit.x, dtype=float))
-        return found if rest.hold(found, STATE_ROUNDOFF * np.abs(found)) else x
+        return found if rest.are_satisfied(found, STATE_ROUNDOFF * np.abs(found)) else x
 
     def _meets(self, ways: Iterable[Point], *, beyond: bool) -> bool:
         """Move the state to the first surface on one of the ways, and hold it there.

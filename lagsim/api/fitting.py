@@ -110,7 +110,7 @@ class Fitted(Analysis):
             If the disk is full; the folder is then left unchanged.
         """
         contents = dict(self._contents)
-        Results(Path(folder), report.MANIFEST).keep(report.name_of(self._fit))
+        Results(Path(folder), report.MANIFEST).refuse_changed(report.name_of(self._fit))
         if plots:
             contents["fit.png"] = self._drawn()
         self._write(folder, report.MANIFEST, contents)

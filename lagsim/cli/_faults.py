@@ -51,7 +51,7 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
     def called(**given: Any) -> int:
         documents: list[Any] = []
         try:
-            with _paths_told():
+            with _paths_reported():
                 return command(**given)
         except LagsimError as error:
             as_json = given.get("as_json") or str(given.get("form")) == "json"
@@ -66,7 +66,7 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
 
 
 @contextlib.contextmanager
-def _paths_told() -> Iterator[None]:
+def _paths_reported() -> Iterator[None]:
     """Context manager: report a path that cannot be accessed as a wrong argument."""
     try:
         yield

@@ -246,7 +246,7 @@ def writing(path: Path) -> Iterator[None]:
         raise UnwritableError(text) from None
 
 
-def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
+def write_file(path: Path, content: bytes, *, folders: bool = False) -> None:
     """Write a file atomically; with `folders` create its missing folders.
 
     Raises
@@ -292,7 +292,7 @@ def _named_in(model: Model) -> list[set[str]]:
     return [{one.name for one in each} for each in named]
 
 
-def put_picture(
+def write_picture(
     path: Path, draw: Callable[[], bytes], *, folders: bool = False
 ) -> bool:
     """Write a picture to a file; return whether it could be drawn.
@@ -304,7 +304,7 @@ def put_picture(
     """
     content = drawn_or_reported(path.name, draw, [])
     if content is not None:
-        put_file(path, content, folders=folders)
+        write_file(path, content, folders=folders)
     return content is not None
 
 

@@ -89,7 +89,7 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Compare the methods: error against computing time."""
-    wish = _wish(methods, tolerances, steps, budget)
+    wish = _parsed_options(methods, tolerances, steps, budget)
     overrides = assignments(sets)
     documents, faults, codes = list[Any](), list[Any](), [0]
     for path in models:
@@ -177,7 +177,7 @@ def _written(
     return Measured(document, tables, f"work_precision.{form}", draw, summary)
 
 
-def _wish(
+def _parsed_options(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> BenchOptions:
     """Parse the options of the command into `BenchOptions`."""

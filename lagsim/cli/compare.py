@@ -15,9 +15,9 @@ from lagsim.cli._shared import (
     coloured,
     option,
     print_stdout,
-    put_picture,
     quiet,
     show_json,
+    write_picture,
 )
 from lagsim.codes import failure, number
 from lagsim.codes.known import DIFFERS, USAGE
@@ -64,7 +64,7 @@ def command(
     tables = read_results(golden), read_results(new)
     verdict = compare(*tables, *tolerances)
     if plot is not None:
-        put_picture(plot, partial(_picture, *tables, verdict))
+        write_picture(plot, partial(_picture, *tables, verdict))
     remarks = [*tables[0].remarks, *tables[1].remarks, *notes(verdict)]
     names = [table.name for table in tables]
     if as_json:

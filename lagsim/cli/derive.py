@@ -16,7 +16,7 @@ from lagsim.cli._shared import (
     flag,
     harmless,
     option,
-    put_file,
+    write_file,
     write_stdout,
 )
 from lagsim.codes.known import OUTPUT_FILE, USAGE
@@ -68,7 +68,7 @@ def command(
         write_stdout(lambda: _print(content))
     else:
         # The file behind a link is replaced, not the link.
-        put_file(output.resolve() if output.is_file() else output, content)
+        write_file(output.resolve() if output.is_file() else output, content)
     return 0
 
 

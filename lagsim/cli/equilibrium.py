@@ -24,9 +24,9 @@ from lagsim.cli._shared import (
     output_folder,
     parse_range,
     print_warning,
-    put_file,
     quiet,
     titled_rows,
+    write_file,
 )
 from lagsim.codes.known import UNKNOWN_NAME
 from lagsim.errors import Problems, counted, did_you_mean
@@ -98,7 +98,7 @@ def command(
             document |= branches.record
             cells = branching.tables(document)
         if write is not None:
-            put_file(write, rest.with_start(search.setting, found, given).encode())
+            write_file(write, rest.with_start(search.setting, found, given).encode())
 
         def draw() -> bytes:
             from lagsim.studies.rest_drawing import diagram, picture

@@ -16,7 +16,7 @@ from lagsim.cli._shared import (
     option,
     parse_range,
     print_stderr,
-    put_file,
+    write_file,
     write_stdout,
 )
 from lagsim.codes.known import OUTPUT_FILE, USAGE
@@ -91,7 +91,7 @@ def _written(
         raise unusable(OUTPUT_FILE, f"{output} cannot be written: {why}")
     explorer = Explorer(model, assignments(sets), _ranges(vary), error_text)
     content = page_in_a_file(explorer)
-    put_file(output.resolve() if output.is_file() else output, content)
+    write_file(output.resolve() if output.is_file() else output, content)
     write_stdout(
         lambda: print(f"{explorer.model.name}: {output}, {len(content) / 1000:.0f} kB")
     )

@@ -26,9 +26,9 @@ from lagsim.cli._shared import (
     output_folder,
     print_stderr,
     print_warning,
-    put_file,
     quiet,
     titled_rows,
+    write_file,
 )
 from lagsim.cli.run import with_settings
 from lagsim.codes.known import USAGE
@@ -113,7 +113,7 @@ def command(
         jobs=jobs,
     )  # fmt: skip
     where = folder or Path("results") / read.name / "fit"
-    Results(where, report.MANIFEST).keep(report.name_of(fit))
+    Results(where, report.MANIFEST).refuse_changed(report.name_of(fit))
     for record in fit.records:
         if unused := fit.unused(record):
             text = f"note: {record.name}: not used: {', '.join(unused)}"
@@ -126,7 +126,7 @@ def command(
             print_warning(caution)
         document, contents = report.files_of(fit, found, given)
         if write is not None:
-            put_file(write, contents[report.name_of(fit)])
+            write_file(write, contents[report.name_of(fit)])
 
         def draw() -> bytes:
             from lagsim.studies.fit.chart import chart

@@ -24,10 +24,10 @@ from lagsim.cli._shared import (
     print_stderr,
     print_stdout,
     print_warning,
-    put_file,
-    put_picture,
     quiet,
     show_json,
+    write_file,
+    write_picture,
     writing,
 )
 from lagsim.cli.compare import differing, judgement, notes, verdict_line
@@ -122,7 +122,7 @@ def command(
         if interrupt.requested:
             raise exception_of(interrupt.signal)
         if junit is not None:
-            put_file(junit, junit_document(SUITE, outcomes), folders=True)
+            write_file(junit, junit_document(SUITE, outcomes), folders=True)
     except LagsimError as error:
         answers.append(_failed(error, None, as_json=as_json))
     code = max(answer.code for answer in answers)
@@ -294,7 +294,7 @@ def _answer(task: _Task) -> _Answer:
     lines += differing(verdict)
     if not verdict.passed and task.plots is not None:
         path = task.plots / f"{model.name}.png"
-        if put_picture(path, partial(picture, case, verdict), folders=True):
+        if write_picture(path, partial(picture, case, verdict), folders=True):
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
     compared = f"{model.name}, {_rows(stored)} compared{_horizon(stored)}"

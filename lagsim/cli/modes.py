@@ -26,8 +26,8 @@ from lagsim.cli._shared import (
     output_folder,
     parse_range,
     print_warning,
-    put_file,
     quiet,
+    write_file,
 )
 from lagsim.codes.known import USAGE
 from lagsim.errors import Problem, Problems, counted
@@ -89,7 +89,7 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Frequencies, damping and shapes of small motions."""
-    pairs, between = _wish(responses, frequencies, matrices)
+    pairs, between = _parsed_options(responses, frequencies, matrices)
     read = read_file(model, assignments(sets))
     small = SmallMotions(read, at.value)
     space, response = small.response(pairs, between) if pairs else (None, None)
@@ -120,7 +120,7 @@ def command(
     return experiment("modes", measure, where, MANIFEST, quiet=quiet, as_json=as_json)
 
 
-def _wish(
+def _parsed_options(
     responses: list[str] | None, frequencies: str | None, matrices: Path | None
 ) -> tuple[list[tuple[str, str]], tuple[float, float] | None]:
     """Parse the options of the command.
@@ -155,7 +155,7 @@ def _write_matrices(path: Path, space: StateSpace) -> None:
     if path.suffix == ".json":
         from lagsim.outputs.manifest import encode
 
-        put_file(path, encode(matrices_of(space)))
+        write_file(path, encode(matrices_of(space)))
         return
     import io
 
@@ -164,7 +164,7 @@ def _write_matrices(path: Path, space: StateSpace) -> None:
     file = io.BytesIO()
     arrays = {name: np.array(x) for name, x in space._asdict().items()}
     np.savez(file, allow_pickle=False, **arrays)
-    put_file(path, file.getvalue())
+    write_file(path, file.getvalue())
 
 
 def _summary(document: Document, files: str) -> str:

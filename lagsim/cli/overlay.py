@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from lagsim.cli._shared import option, print_stdout, print_warning, put_picture, quiet
+from lagsim.cli._shared import option, print_stdout, print_warning, quiet, write_picture
 from lagsim.codes.known import NOTHING_TO_DRAW, USAGE
 from lagsim.errors import InputError, Problem, counted, unusable
 from lagsim.notes import Caution
@@ -79,7 +79,7 @@ def _wrote(
         draw = partial(
             overlay.picture, runs, overlay.shown_columns(runs, names), form[1:]
         )
-        return put_picture(path, draw, folders=True)
+        return write_picture(path, draw, folders=True)
     found, reasons = overlay.motions(runs)
     if not found and not also:
         raise InputError([Problem(NOTHING_TO_DRAW, text) for text in reasons])
@@ -88,4 +88,4 @@ def _wrote(
     if not found:
         return False
     title = f"{overlay.title(runs)}: {counted(len(found), 'run')}"
-    return put_picture(path, lambda: animation.page(found, title), folders=True)
+    return write_picture(path, lambda: animation.page(found, title), folders=True)

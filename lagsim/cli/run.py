@@ -459,7 +459,7 @@ class Job:
         made = drawings(found, form, self._draw)
         # If the disk is too full for this, the pictures report it.
         with contextlib.suppress(OSError):
-            results.stand(encode(document | {"sha256": results.digests()}))
+            results.publish(encode(document | {"sha256": results.digests()}))
         try:
             self.interrupt.cut(
                 lambda: document["warnings"].extend(

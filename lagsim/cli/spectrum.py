@@ -15,9 +15,9 @@ from lagsim.cli._shared import (
     option,
     print_stderr,
     print_stdout,
-    put_file,
-    put_picture,
     show_json,
+    write_file,
+    write_picture,
 )
 from lagsim.codes.known import UNKNOWN_NAME, USAGE
 from lagsim.errors import Problem, Problems, counted, did_you_mean, unusable
@@ -54,9 +54,9 @@ def command(
     for file in output or ():
         if file.suffix == ".csv":
             rows = zip(found.frequency.tolist(), found.amplitude.tolist(), strict=True)
-            put_file(file, table_of(("frequency", "amplitude"), rows))
+            write_file(file, table_of(("frequency", "amplitude"), rows))
         else:
-            put_picture(file, partial(_picture, found, result, file.suffix[1:]))
+            write_picture(file, partial(_picture, found, result, file.suffix[1:]))
     if as_json:
         show_json({"result": str(result), **found.record})
     else:

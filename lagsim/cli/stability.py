@@ -73,7 +73,7 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Map where each method is stable and where it fails."""
-    wish = _wish(methods, steps, vary)
+    wish = _parsed_options(methods, steps, vary)
     read = read_file(model, assignments(sets)).written_out()
     settings = wanted(read, "stability")
     _check_parameter(read, wish.name)
@@ -118,7 +118,9 @@ def _check_parameter(model: Model, name: str | None) -> None:
         raise unusable(USAGE, text, hint="give it another name")
 
 
-def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> MapOptions:
+def _parsed_options(
+    methods: str | None, steps: str | None, vary: list[str] | None
+) -> MapOptions:
     """Parse the options of the command."""
     problems = Problems()
     names = methods_of(methods)

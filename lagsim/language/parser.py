@@ -458,12 +458,12 @@ class Parser:
     def _apply(self, top: Pending) -> None:
         first = self.kinds[-top.arity][1] if top.arity == 2 else top.token
         condition = top.op in JOINING
-        self._take(top, [condition] * top.arity)
+        self._check_kinds(top, [condition] * top.arity)
         self.kinds.append((condition or top.power == _COMPARES, first))
         if top.op != "+":
             self.output.append((top.op, top.arity, top.token))
 
-    def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
+    def _check_kinds(self, top: Pending, wanted: Sequence[bool]) -> None:
         """Check the kinds of an operation's arguments; remove these from `kinds`.
 
         top : the operation.
@@ -494,7 +494,7 @@ class Parser:
         if top.arity != self._arity(top.op):
             text = f"`{top.op}` takes {self._count(top.op)}, found {top.arity}"
             raise top.token.fault(text, "", EXPRESSION_ARITY)
-        self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
+        self._check_kinds(top, [top.op == "if", *(False,) * (top.arity - 1)])
         self._value(top.token, top.op, top.arity)
         return False
 

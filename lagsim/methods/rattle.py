@@ -94,7 +94,7 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
     new[:n] = y[:n] + h * v[:n]
     # The constraint forces in k are those of y''; the missing or excess part is along
     # the same gradients.
-    if CONSTRAINED and hold(s, p, after, h) == 0:
+    if CONSTRAINED and move_onto(s, p, after, h) == 0:
         return at.PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 1.0
@@ -114,7 +114,7 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
     return at.DONE
 
 
-def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
+def move_onto(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
     Return 0 on failure, else 1. A Newton step would be along the gradients at the new

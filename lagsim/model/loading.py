@@ -192,7 +192,7 @@ class _Builder:
                     break
             elif isinstance(event, yaml.CollectionEndEvent):
                 self._close(event)
-            elif isinstance(event, yaml.NodeEvent) and not self._take(event):
+            elif isinstance(event, yaml.NodeEvent) and not self._add(event):
                 return None
         return self.root
 
@@ -206,7 +206,7 @@ class _Builder:
             place = where.place
         self.problems.append(Problem(code, text, place, hint))
 
-    def _take(self, event: yaml.NodeEvent) -> bool:
+    def _add(self, event: yaml.NodeEvent) -> bool:
         """Add the YAML node that an event begins; return False past a size limit."""
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)

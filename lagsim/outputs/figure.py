@@ -314,8 +314,8 @@ def frame(
     colour : str
         Colour of the y axis.
     """
-    x.put(axes, "x")
-    y.put(axes, "y")
+    x.apply(axes, "x")
+    y.apply(axes, "y")
     # a fifth of the time of a layout, without effect
     for spine in axes.spines.values():
         spine.set_in_layout(False)
@@ -594,7 +594,7 @@ class PlottedColumn(NamedTuple):
     values: Floats
     log: bool = False
 
-    def stand_at(self, axis: Axis) -> None:
+    def label_axis(self, axis: Axis) -> None:
         """Label an axis with the name and the unit of the column."""
         name_axis(axis, self.name, self.unit)
 
@@ -621,7 +621,7 @@ def figure(
         _draw(axes, against, group)
         if equal:
             axes.set_aspect("equal", adjustable="datalim")
-    against.stand_at(panels[-1].xaxis)
+    against.label_axis(panels[-1].xaxis)
     found.align_ylabels()
     return found
 
@@ -638,8 +638,8 @@ def crossed(title: str, x: PlottedColumn, y: PlottedColumn, kind: str) -> Pictur
     axes.margins(0.05)
     if x.unit and x.unit == y.unit:
         axes.set_aspect("equal", adjustable="datalim")
-    x.stand_at(axes.xaxis)
-    y.stand_at(axes.yaxis)
+    x.label_axis(axes.xaxis)
+    y.label_axis(axes.yaxis)
     return found
 
 
@@ -664,7 +664,7 @@ def spectrum_figure(
     found = Picture(stack_height(1, SPECTRUM), title, subject)
     axes = found.subplots()
     _draw(axes, across, [up._replace(log=True)])
-    across.stand_at(axes.xaxis)
+    across.label_axis(axes.xaxis)
     largest = float(up.values.max(initial=0.0))
     if largest:
         axes.set_ylim(SHOWN * largest, 5 * largest)
@@ -738,12 +738,12 @@ def map_figure(
             vmin=scale.low, vmax=scale.high,
         )  # fmt: skip
         bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
-        column.stand_at(bar.ax.yaxis)
+        column.label_axis(bar.ax.yaxis)
         axes.tick_params(length=2.0, labelbottom=k + abreast >= len(maps))
         if k % abreast == 0:
-            up.stand_at(axes.yaxis)
+            up.label_axis(axes.yaxis)
         if k + abreast >= len(maps):
-            across.stand_at(axes.xaxis)
+            across.label_axis(axes.xaxis)
     for axes in panels.flat[len(maps) :]:
         axes.remove()
     return found
@@ -766,7 +766,7 @@ def _draw(axes: Axes, against: PlottedColumn, group: Sequence[PlottedColumn]) ->
     axes.margins(x=0.0 if against.name == "t" else 0.03)
     values = [column.values for column in group]
     if is_level(*values) and not group[0].log:
-        value_scale(*values).put(axes, "y")
+        value_scale(*values).apply(axes, "y")
     # Before the labels, since they contain the powers of ten of linear scales.
     if against.log:
         axes.set_xscale("log")
@@ -774,7 +774,7 @@ def _draw(axes: Axes, against: PlottedColumn, group: Sequence[PlottedColumn]) ->
         axes.set_yscale("log", nonpositive="mask")
         axes.minorticks_off()
     if len(group) == 1:
-        group[0].stand_at(axes.yaxis)
+        group[0].label_axis(axes.yaxis)
     else:
         name_axis(axes.yaxis, "", group[0].unit)
         legend_above(axes, [(c.name, pen) for c, pen in zip(group, PENS, strict=False)])

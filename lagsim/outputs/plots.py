@@ -62,8 +62,8 @@ from lagsim.outputs.scale import (
     log_scale,
     noise_scale,
     per_inch,
-    put_around,
     read_off,
+    set_equal_scales,
     spread_scale,
     time_scale,
     value_scale,
@@ -426,7 +426,9 @@ def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
     )  # fmt: skip
     axes = picture.subplots()
     if has_one_scale:
-        picture.adjust.append(lambda: put_around(axes, ends, per_inch(axes, ends)))
+        picture.adjust.append(
+            lambda: set_equal_scales(axes, ends, per_inch(axes, ends))
+        )
     below = texts[x], data.unit("t" if timed else x)
     for side, own in sides.items() if wanted.y2 else [("y", names)]:
         units = {data.unit(name) for name in own}

@@ -146,7 +146,7 @@ class Results:
                 self._digests[name] = files.digest(path)
         return {name: self._digests[name] for name in self.names}
 
-    def stand(self, manifest: bytes) -> None:
+    def publish(self, manifest: bytes) -> None:
         """Move a manifest and the files written so far to their names in the folder.
 
         Later files are moved by `commit`.
@@ -248,7 +248,7 @@ class Results:
         except OSError:
             return False
 
-    def keep(self, name: str) -> None:
+    def refuse_changed(self, name: str) -> None:
         """Refuse to replace a model file that the user has changed.
 
         name : the name of the file, which an earlier command has written.

@@ -76,7 +76,7 @@ class Scale(NamedTuple):
     linear: float = 0.0
     share: float = 1.0
 
-    def put(self, axes: Axes, direction: Literal["x", "y"]) -> None:
+    def apply(self, axes: Axes, direction: Literal["x", "y"]) -> None:
         """Set this scale on an axis of `axes`, with ticks by matplotlib."""
         across = direction == "x"
         axis: Axis = axes.xaxis if across else axes.yaxis
@@ -132,7 +132,7 @@ def per_inch(axes: Axes, ends: Ends) -> float:
     return max((high - low) / side for (low, high), side in sides)
 
 
-def put_around(axes: Axes, ends: Ends, each: float) -> None:
+def set_equal_scales(axes: Axes, ends: Ends, each: float) -> None:
     """Set both axes of a panel to one scale, centred on given ranges.
 
     ends : the ranges of the horizontal and vertical axis.
@@ -143,8 +143,8 @@ def put_around(axes: Axes, ends: Ends, each: float) -> None:
         for (low, high), side in zip(ends, size_of(axes), strict=True)
         for middle, half in [(0.5 * (low + high), 0.5 * each * side)]
     )
-    across.put(axes, "x")
-    up.put(axes, "y")
+    across.apply(axes, "x")
+    up.apply(axes, "y")
 
 
 def name_axis(axis: Axis, name: str, unit: str = "", text: Text | None = None) -> None:

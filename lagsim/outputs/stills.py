@@ -28,7 +28,7 @@ from lagsim.outputs.figure import (
     point,
 )
 from lagsim.outputs.letters import mathtext
-from lagsim.outputs.scale import finite_range, per_inch, put_around
+from lagsim.outputs.scale import finite_range, per_inch, set_equal_scales
 from lagsim.outputs.shapes import bodies, needed, projected, reached, string_lengths
 from lagsim.outputs.views import LOOKS, OBLIQUE, edges, inch_of, plane
 from lagsim.tolerances import COMPUTED_ZERO
@@ -226,7 +226,7 @@ def stills(
         axes.grid(visible=False)
         axes.tick_params(labelbottom=False, labelleft=False)
         if still.film is not None:
-            picture.adjust.append(partial(_put, axes, whole))
+            picture.adjust.append(partial(_set_scale, axes, whole))
             picture.when_placed(_draw, axes, still, view)
     for axes in grid.flat[len(shown) :]:
         axes.remove()
@@ -239,13 +239,13 @@ def _ends(film: Film, view: Floats) -> list[tuple[float, float]]:
     return [finite_range(flat[:, k]) for k in (0, 1)]
 
 
-def _put(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
+def _set_scale(axes: Axes, ends: Sequence[tuple[float, float]]) -> None:
     """Set one scale for both axes of a panel, with a free margin.
 
     ends : the ranges of the horizontal and vertical axis.
     """
     each = FREE * per_inch(axes, ends)
-    put_around(axes, ends, each if each > 0.0 else 1.0)
+    set_equal_scales(axes, ends, each if each > 0.0 else 1.0)
 
 
 def _draw(axes: Axes, still: Still, view: Floats) -> None:

@@ -79,7 +79,7 @@ class Writer:
         block = np.ascontiguousarray(rows[:, : self._width])
         text, begun = self._text(block), self._file.tell()
         try:
-            self._put(text)
+            self._append(text)
         except OSError:
             whole, size = self._whole(text[: self._file.tell() - begun])
             self._file.truncate(begun + size)
@@ -87,7 +87,7 @@ class Writer:
             raise
         self._count(block)
 
-    def _put(self, text: bytes) -> None:
+    def _append(self, text: bytes) -> None:
         left = memoryview(text)
         while left:
             left = left[self._file.write(left) :]
@@ -249,7 +249,7 @@ class TableWriter(Writer):
         self._file.seek(0)
         self._file.truncate()
         for block in content:
-            self._put(block)
+            self._append(block)
         self.rows, self.last = rows, last
 
     def append(self, rows: Sequence[Iterable[object]]) -> None:
@@ -260,7 +260,7 @@ class TableWriter(Writer):
         OSError
             If the disk is full.
         """
-        self._put(_lines(rows))
+        self._append(_lines(rows))
         self.rows += len(rows)
 
     def synced(self) -> int:

@@ -30,7 +30,13 @@ from lagsim.outputs.figure import (
     path,
     point,
 )
-from lagsim.outputs.scale import finite_range, name_axis, per_inch, put_around, size_of
+from lagsim.outputs.scale import (
+    finite_range,
+    name_axis,
+    per_inch,
+    set_equal_scales,
+    size_of,
+)
 from lagsim.outputs.shapes import bodies, needed, projected, reached, string_lengths
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -101,7 +107,7 @@ class Views:
         if not shown or not data.rows.row_count:
             return
         self._bodies = _bodies(data, model) if model and scene.shapes else []
-        self._take(scene)
+        self._store_points(scene)
         self._pens = self._pens_of_moving()
         self._entries = list(self._names())
         spans = [high - low for low, high in self._extents]
@@ -115,7 +121,7 @@ class Views:
         gaps = BETWEEN * (len(ups) - 1)
         self.height = LINE * lines + sum(self._heights) + gaps + BELOW_PANELS
 
-    def _take(self, scene: Scene) -> None:
+    def _store_points(self, scene: Scene) -> None:
         """Store the positions (directions, rows) of points, and their extent and unit.
 
         Bodies and hanging strings count in the extent.
@@ -217,10 +223,10 @@ class Views:
                 axes.tick_params(labelbottom=False, labelleft=False)
             for axis, k in zip((axes.xaxis, axes.yaxis), view, strict=False):
                 name_axis(axis, "xyz"[k], self._unit)
-        picture.adjust.append(partial(self._put, panels))
+        picture.adjust.append(partial(self._set_scales, panels))
         picture.when_placed(self._fill, panels)
 
-    def _put(self, panels: Sequence[tuple[Axes, View]]) -> None:
+    def _set_scales(self, panels: Sequence[tuple[Axes, View]]) -> None:
         """Set one scale for all views along axes, and another for the oblique view."""
         ends = [self._ends(view) for _, view in panels]
         scales = [
@@ -228,7 +234,7 @@ class Views:
         ]
         largest = max(s for s, (_, view) in zip(scales, panels, strict=True) if view)
         for (axes, view), own, scale in zip(panels, ends, scales, strict=True):
-            put_around(axes, own, self._usable(largest if view else scale))
+            set_equal_scales(axes, own, self._usable(largest if view else scale))
 
     def _ends(self, view: View) -> list[tuple[float, float]]:
         """Return the ranges (least, greatest) of abscissa and ordinate of a view."""

@@ -351,7 +351,7 @@ class Arc(NamedTuple):
         if state.extras and self._moment == self.t:
             state.extras -= 1.0
 
-    def put(self, y: Floats) -> None:
+    def replace_state(self, y: Floats) -> None:
         """Replace the state by y (size,), as after a jump.
 
         The largest magnitudes and the ranges still include the former state.

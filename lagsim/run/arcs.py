@@ -142,7 +142,7 @@ class Recorder:
         self._pool: list[Floats] = []
         self._pooled, self._since = 0, 0.0
 
-    def keep(self, decision: Decision) -> None:
+    def store(self, decision: Decision) -> None:
         """Store the events, cautions and choices of a decision."""
         for event in decision.events:
             kind = event.kind
@@ -303,7 +303,7 @@ class Run:
                 settings = self.arc.settings
                 self.progress((self.t - settings.start) / settings.duration)
         if ending.outcome is Outcome.UNTIL:
-            self.recorder.keep(Decision(events=(Event(self.t, "until"),)))
+            self.recorder.store(Decision(events=(Event(self.t, "until"),)))
         if self.sections is not None and self.cut is None:
             self.sections.finish(self.arc, whole=ending.outcome is Outcome.DONE)
         self.show_last()
@@ -319,7 +319,7 @@ class Run:
         """
         ending = self._recorded(settle_start(self.arc, self.deciders))
         if ending is None:
-            self._set_out(self.arc.settings.end)
+            self._begin_arc(self.arc.settings.end)
         return ending
 
     def _recorded(self, now: InstantRecord) -> Ending | None:
@@ -329,7 +329,7 @@ class Run:
         """
         for rows in now.rows:
             self.recorder.hand_on(rows)
-        self.recorder.keep(Decision(events=now.events, cautions=now.cautions))
+        self.recorder.store(Decision(events=now.events, cautions=now.cautions))
         if now.ending is not None and now.ending.outcome is Outcome.TABLE_ENDS:
             self.cut = self.arc.observed()
         self.record = now
@@ -423,7 +423,7 @@ class Run:
         over |= arc.state.cut > 0.0  # the state is the end of the full step
         return not over
 
-    def _meet(self, code: int) -> None:
+    def _set_instant(self, code: int) -> None:
         """Set the arc's time to the common time of its instant, see `instants`.
 
         code : the kernel's return code.
@@ -454,7 +454,7 @@ class Run:
         ):
             return None
         if code in LOCATED:
-            self._meet(code)
+            self._set_instant(code)
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
             arc.runner.update_relations(arc.state)
         before = self._before(code)
@@ -545,7 +545,7 @@ class Run:
         return before_event(arc)
 
     def _corner(self, code: int) -> Floats | None:
-        """Return the columns (4, k) of states beside an event, see `_seen`; or None.
+        """Return columns (4, k) of states at an event, see `_beside_event`; or None.
 
         None where no rows beside events are stored.
 
@@ -557,9 +557,9 @@ class Run:
         meets = code in (at.SWITCH_FOUND, at.DONE)
         meets |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         meets &= arc.t < arc.settings.end
-        return self._seen(BACK) if meets else None
+        return self._beside_event(BACK) if meets else None
 
-    def _seen(self, back: float = 0.0) -> Floats:
+    def _beside_event(self, back: float = 0.0) -> Floats:
         """Return the columns (4, k) of four states at an event.
 
         The states are: the current state with a small positive and with a small
@@ -596,24 +596,24 @@ class Run:
             struck = self.record.after is not None or shown != self.recorder.rows
             if corner is not None and self.corners and not struck:
                 within = ASIDE * self.arc.settings.duration
-                self.corners.add(corner, self._seen(), within)
+                self.corners.add(corner, self._beside_event(), within)
             if ending is not None:
                 return ending
-        self._set_out(decision.ahead)
+        self._begin_arc(decision.ahead)
         return None
 
     def _carry_out(self, decision: Decision) -> None:
         """Carry out a decision on the arc; store its events, cautions and choices."""
         if decision is GO_ON:
             return
-        self.recorder.keep(decision)
+        self.recorder.store(decision)
         if decision.arc is not None:
             self.arc = decision.arc
         self.arc.store(decision.numbers)
         if decision.sizes is not None:
             self.arc.sizes[:] = decision.sizes
 
-    def _set_out(self, ahead: float) -> None:
+    def _begin_arc(self, ahead: float) -> None:
         """Begin the next arc at the current state.
 
         ahead : the time at which the kernel pauses before the end of the arc.

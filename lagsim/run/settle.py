@@ -500,7 +500,7 @@ def carried_out(
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
     if found.y is not None:
-        arc.put(found.y)
+        arc.replace_state(found.y)
     if found.events:
         others["events"] = now.events + found.events
     if found.cautions:

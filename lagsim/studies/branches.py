@@ -220,9 +220,9 @@ class RestCurve:
         """
         value = self.value(y)
         x = (y * self._sizes)[:-1]
-        r, J = self._model_at(value)[1].looked_at(x)
+        r, J = self._model_at(value)[1].evaluated(x)
         step = STEP * self._sizes[-1]
-        sides = [self._model_at(value + s)[1].looked_at(x)[0] for s in (-step, step)]
+        sides = [self._model_at(value + s)[1].evaluated(x)[0] for s in (-step, step)]
         by_value = (sides[1] - sides[0]) / (2.0 * step)
         return r, np.column_stack([J, by_value]) * self._sizes
 

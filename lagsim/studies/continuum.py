@@ -87,11 +87,11 @@ class Continuum:
 
     def _slopes(self, z: Floats) -> Floats:
         """Return the derivatives (m, k) of `_equations` by the unknowns z (k,)."""
-        return np.asarray(self._rest.looked_at(z * self._sizes)[1] * self._sizes)
+        return np.asarray(self._rest.evaluated(z * self._sizes)[1] * self._sizes)
 
     def _equations(self, z: Floats) -> Floats:
         """Return the scaled residuals (m,) of the equations of rest at z (k,)."""
-        r = self._rest.looked_at(z * self._sizes)[0]
+        r = self._rest.evaluated(z * self._sizes)[0]
         return np.asarray(r[self._rows] * self._weights)
 
     def _scales(self, at: Point, lam: Floats) -> Floats:

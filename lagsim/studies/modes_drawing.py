@@ -134,7 +134,7 @@ def _bode(name: str, response: FrequencyResponse, undamped: Sequence[float]) -> 
     known = [a[a > 0.0] for a in amplitudes.values() if np.any(a > 0.0)]
     above.set_xscale("log")
     if known:
-        log_scale(*known, margin=0.15).put(above, "y")
+        log_scale(*known, margin=0.15).apply(above, "y")
     for key, pen in pens.items():
         line(above, f, amplitudes[key], pen)
         degrees = np.degrees(np.angle(pairs[key]))

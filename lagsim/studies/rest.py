@@ -516,7 +516,7 @@ class Search:
         found = np.ones(point.n, bool)
         for part in (0.0, *BESIDE):
             x = rest.x0 + part * random.standard_normal(len(rest.x0))
-            J = np.nan_to_num(rest.looked_at(x)[1], nan=1.0)
+            J = np.nan_to_num(rest.evaluated(x)[1], nan=1.0)
             found &= np.all(J[:, : point.n] == 0.0, axis=0)
         # Forces that are constant beside a surface still depend on its side.
         stepped = point.g.depends(Kinks(point.e).surfaces.values())

@@ -75,7 +75,7 @@ def test_ticks_are_round_distinct_and_where_they_say():
         values = np.array([centre, centre + spread])
         for scale in (value_scale(values), time_scale(values), noise_scale(values, 1)):
             axis = axes.yaxis
-            scale.put(axes, "y")
+            scale.apply(axes, "y")
             name_axis(axis, "x")
             places = axis.get_majorticklocs()
             numbers = axis.get_major_formatter().format_ticks(places)

@@ -18,7 +18,7 @@ def test_events_come_back_in_order_of_time():
     ]
     given[7] = Event(8 / 7, "event", name="kick", rate_before=math.inf)
     for k, event in enumerate(given, 1):
-        recorder.keep(Decision(events=(event,)))
+        recorder.store(Decision(events=(event,)))
         if k % 3 == 0:
             recorder.list_events(k / 7)
             passed = len(recorder.listed) + len(recorder.waiting)

@@ -150,9 +150,9 @@ def arrived(s: State, p: Parameters) -> int:
     if s.t >= s.end:
         return at.DONE
     if pass_knots(p, s.t + p.apart) > 0:
-        if SWITCHES and meets_level(s, p, NOWHERE):
+        if SWITCHES and is_at_level(s, p, NOWHERE):
             return at.SWITCH_FOUND
-        go_on(s, p)
+        restart(s, p)
     if (p.passed >= p.known and p.known > 0.0) or s.crossed >= max(s.noted, 1):
         return at.KNOTS_PASSED
     if CONSTRAINED and s.sigma < s.degenerate_below:
@@ -184,11 +184,12 @@ def passes_level(s: State, p: Parameters) -> bool:
     level = p.most[k] if way > 0.0 else p.least[k]
     jumps = not p.first_smooth[k] < level < p.last_smooth[k]
     if jumps and (
-        not p.first_met[k] < level < p.last_met[k] or not is_met(s, p, k, way, level)
+        not p.first_met[k] < level < p.last_met[k]
+        or not passes_clearly(s, p, k, way, level)
     ):
         return False
     shift_side(p, k, way)
-    if meets_level(s, p, k) or (jumps and p.laws > 0 and not laws_go_on(s, p)):
+    if is_at_level(s, p, k) or (jumps and p.laws > 0 and not laws_unchanged(s, p)):
         shift_side(p, k, -way)
         s.switched = k + 1.0
         return False
@@ -201,7 +202,7 @@ def passes_level(s: State, p: Parameters) -> bool:
     s.crossed += 1.0
     s.switched = 0.0
     s.row_limit = s.arc_rows
-    go_on(s, p)
+    restart(s, p)
     return True
 
 
@@ -214,7 +215,7 @@ def shift_side(p: Parameters, k: int, way: float) -> None:
     p.most[k] += way
 
 
-def meets_level(s: State, p: Parameters, passed: int) -> bool:
+def is_at_level(s: State, p: Parameters, passed: int) -> bool:
     """Whether the expression of a surface is at its level, within rounding.
 
     The test is made after a point of a linear table has been passed. From there on the
@@ -238,7 +239,7 @@ def meets_level(s: State, p: Parameters, passed: int) -> bool:
     return False
 
 
-def laws_go_on(s: State, p: Parameters) -> bool:
+def laws_unchanged(s: State, p: Parameters) -> bool:
     """Whether all laws keep their modes after a jump of forces, clear of rounding.
 
     Without such a margin, an open contact may be pushed together. Laws whose condition
@@ -255,7 +256,7 @@ def laws_go_on(s: State, p: Parameters) -> bool:
     return True
 
 
-def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
+def passes_clearly(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     """Whether surface k passes `level` at a rate that is clearly not zero.
 
     False where the motion slides along another surface, or where this level was passed
@@ -282,7 +283,7 @@ def is_met(s: State, p: Parameters, k: int, way: float, level: float) -> bool:
     return float(way * p.rates[k]) > clear
 
 
-def go_on(s: State, p: Parameters) -> None:
+def restart(s: State, p: Parameters) -> None:
     """Restart the method at the state reached, with a first step like the last."""
     last = s.step_h
     s.end_step = 0.0

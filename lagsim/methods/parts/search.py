@@ -280,7 +280,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
     while UNTIL and s.event > 0.0:
         passed = int(s.event) - 1
         side, leeway = s.orientation[passed], s.leeway[passed]
-        if not goes_on(s, p, passed):
+        if not continues_past(s, p, passed):
             break
         before = max(s.cut - NEXT, 0.0)
         low = min(s.cut + NEXT, 1.0)  # beyond the rounding at a jump
@@ -321,7 +321,7 @@ def store_values(s: SearchTable, p: Parameters, x: float) -> None:
     s.kept[:] = s.values[: events(s)]
 
 
-def goes_on(s: Crossings, p: Parameters, k: int) -> bool:
+def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
     """Whether the step continues past a point at which condition k has been located.
 
     It continues at the end of a condition that was true, which is armed there, and at a

@@ -165,7 +165,7 @@ class _Extended(Parser):
             raise top.token.fault(text, "", EXPRESSION_ARITY)
         elif isinstance(top, _OfFrame):
             payload = Inner(top.arity - 1, "", top.frame)
-        self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
+        self._check_kinds(top, [False] * (3 if isinstance(top, _Over) else top.arity))
         self._value(top.token, op, payload)
         return False
 

@@ -694,7 +694,7 @@ def _in_place(root: Node, faults: Faults) -> Node:
     if not isinstance(root, Mapping):
         return root
     top = {key.text: (key, value) for key, value in root.entries}
-    _take_out(top, faults)
+    _move_to_top(top, faults)
     for name in filter(_is_stranger, [*top]):
         key, value = top[name]
         section = next((section for section in SECTIONS if has_key(section, name)), "")
@@ -715,7 +715,7 @@ def _is_stranger(name: str) -> bool:
     return name not in SECTIONS and not name.startswith("x-")
 
 
-def _take_out(top: dict[str, Entry], faults: Faults) -> None:
+def _move_to_top(top: dict[str, Entry], faults: Faults) -> None:
     """Move sections that are inside other sections to the top."""
     for section, (head, value) in [*top.items()]:
         for entry in entries_of(value) if section in SECTIONS else ():

@@ -218,9 +218,9 @@ class Division:
                 stack.append(cells[BATCH:])
                 cells = cells[:BATCH]
             effort += int(np.count_nonzero(cells["task"] == _NEW))
-            self._look(cells)
+            self._enclose(cells)
             cells = cells[cells["task"] != _CLEAR]
-            self._give_up(cells, rough)
+            self._return_narrow(cells, rough)
             splits = np.flatnonzero(cells["task"] == _SPLIT)
             ready = int(splits[0]) if len(splits) else len(cells)
             done = (cells[name][:ready].tolist() for name in ("lo", "hi", "states"))
@@ -237,7 +237,7 @@ class Division:
                     yield Cell(at, at, [])
                 stack.append(_divided(cells[ready:]))
 
-    def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
+    def _return_narrow(self, cells: Cells, rough: tuple[float, float]) -> None:
         """Change the task of cells that are too narrow from `_SPLIT` to `_READY`.
 
         A cell is too narrow to be divided at the spacing of doubles; next to the
@@ -261,7 +261,7 @@ class Division:
             least = np.where(beside, np.maximum(least, swallowed), least)
         cells["task"][split & (hi - lo <= least)] = _READY
 
-    def _look(self, cells: Cells) -> None:
+    def _enclose(self, cells: Cells) -> None:
         """Enclose the values of each surface in new cells; set the cells' tasks.
 
         The task of a cell is to be divided, to be searched for steps, or none.
@@ -283,7 +283,7 @@ class Division:
         with np.errstate(all="ignore"):
             for k, surface in enumerate(self.surfaces):
                 slope = found[len(self.surfaces) + k]
-                verdict, state = _seen(surface.op, found[k], slope, lo, hi, middle)
+                verdict, state = _enclosed(surface.op, found[k], slope, lo, hi, middle)
                 verdicts[surface.discrete] = verdict
                 cells["states"][new, k] = state
                 task[state == OPEN] = _SPLIT
@@ -319,7 +319,7 @@ def _next(t: Floats, most: Floats) -> Floats:
     return after
 
 
-def _seen(
+def _enclosed(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
     """Enclose the values of a discrete function in n cells, and find its states.

@@ -338,7 +338,7 @@ class Contacts(Source):
         shares = any(here.table.is_one_sided[k] for k in redundant)
         p.law_shared[:] = p.law_shares = 0.0
         if redundant:
-            bear = [k for k in held if self._bears(here, k)]
+            bear = [k for k in held if self._can_share(here, k)]
             p.law_shared[redundant] = here.are_spanned(redundant, bear)
             p.law_shares = p.law_shared.max()
         if shares or chosen.open:
@@ -390,7 +390,7 @@ class Contacts(Source):
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start
 
-    def _bears(self, here: Kinematics, k: int) -> bool:
+    def _can_share(self, here: Kinematics, k: int) -> bool:
         """Whether law k can share the load of redundant laws.
 
         Contacts without friction, freewheels and limits can; slips, contacts with

@@ -140,7 +140,7 @@ class CornerSides:
         found = self._selected()
         if not (selected and self._is_solution(jump, found, every)):
             found = self._found(jump, every)
-        self._put(found)
+        self._write_sides(found)
         stops = zip(self.corners, found, strict=True)
         stopped = {k for k, side in stops if side == SLIDING}
         self.stopped, self.is_decided = frozenset(stopped.difference(self.off)), True
@@ -265,7 +265,7 @@ class CornerSides:
                 return sides
         return still
 
-    def _put(self, sides: Sides) -> None:
+    def _write_sides(self, sides: Sides) -> None:
         """Write the sides of the corners, ABOVE, BELOW or SLIDING, to the memory.
 
         A surface whose expression depends on these sides, and is off its level with
@@ -287,12 +287,12 @@ class CornerSides:
                 modes.write()
                 value = float(modes.values(arc.t, arc.y)[k])
                 if not self._is_at(k, value):
-                    modes.put_clear(k, value)
+                    modes.set_by_value(k, value)
                     changed.add(k)
                     off.add(k)
                     continue
             if side is not None:
-                modes.put(k, self.corners[k], side)
+                modes.set_mode(k, self.corners[k], side)
                 changed.add(k)
         modes.write()
         self.off = frozenset(off)
@@ -321,7 +321,7 @@ class CornerSides:
         if (known := self._speeds.get(sides)) is not None:
             return known
         arc, modes, some = self.arc, self.modes, list(self.corners)
-        self._put(sides)
+        self._write_sides(sides)
         off = self.off
         stops = [k for k, side in zip(some, sides, strict=True) if side == SLIDING]
         y = jump(frozenset(stops).difference(off))

@@ -133,7 +133,7 @@ class Crossing:
             if not modes.depends[k].isdisjoint(self.stale):
                 self._evaluate()
             if k not in self.levels:
-                self._put_clear(k)
+                self._set_by_value(k)
 
     def decide(self) -> None:
         """Select the modes of all surfaces.
@@ -212,17 +212,17 @@ class Crossing:
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
 
-    def _put_clear(self, k: int) -> None:
+    def _set_by_value(self, k: int) -> None:
         """Set surface k, off its levels, to the side of its expression's value."""
         before = self.modes.value[k]
-        self.modes.put_clear(k, self.values[k])
+        self.modes.set_by_value(k, self.values[k])
         if self.modes.value[k] != before:
             self.stale.add(k)
 
-    def _put(self, k: int, mode: int) -> None:
+    def _set_mode(self, k: int, mode: int) -> None:
         """Set surface k to a mode: BELOW, ABOVE, or LEVEL (at rest at its level)."""
         before = self.modes.value[k]
-        self.modes.put(k, self.levels[k], mode)
+        self.modes.set_mode(k, self.levels[k], mode)
         if self.modes.value[k] != before:
             self.stale.add(k)
 
@@ -242,25 +242,25 @@ class Crossing:
                 return
             rows = modes.rows()
         elif k not in self.levels:
-            self._put_clear(k)
+            self._set_by_value(k)
             return
-        elif modes.keeps(k):
-            self._put(k, LEVEL)
+        elif modes.is_constant_around(k):
+            self._set_mode(k, LEVEL)
             self._watch(k)
             return
         elif k in self.resting and self.beside is None:
-            self._put(k, LEVEL)
+            self._set_mode(k, LEVEL)
             return
         rate = self._rate(rows, k)
         if rate != 0.0:
-            self._put(k, ABOVE if rate > 0.0 else BELOW)
+            self._set_mode(k, ABOVE if rate > 0.0 else BELOW)
         elif self._parallel(rows, k):
             self.loose.append(k)
         else:
             self.hanging += [k] * hangs
             self.open.append(k)
 
-    def _keep_constant(self, some: Collection[int]) -> None:
+    def _rest_if_constant(self, some: Collection[int]) -> None:
         """Set those of `some` surfaces that are constant at their levels to rest there.
 
         some : surfaces at their levels.
@@ -268,8 +268,8 @@ class Crossing:
         modes = self.modes
         modes.write()
         for k in some:
-            if modes.keeps(k):
-                modes.put(k, modes.levels[k], LEVEL)
+            if modes.is_constant_around(k):
+                modes.set_mode(k, modes.levels[k], LEVEL)
                 self._watch(k)
 
     def _watch(self, k: int) -> None:
@@ -313,7 +313,7 @@ class Crossing:
                 self.levels[k] = level
                 rows = modes.rows()
                 sign = float(np.sign(self._rate(rows, k)))
-                if not (sign or modes.keeps(k) or self._parallel(rows, k)):
+                if not (sign or modes.is_constant_around(k) or self._parallel(rows, k)):
                     return False
             found.add((level, sign))
         # With one level and one rate, its side does not depend on the open surfaces.
@@ -367,34 +367,34 @@ class Crossing:
         """
         modes, arc = self.modes, self.modes.arc
         for k, side in zip(self.open, corner, strict=True):
-            modes.put(k, self.levels[k], side)
+            modes.set_mode(k, self.levels[k], side)
         free = set()
         for k in sorted([*self.loose, *self.hanging], key=modes.order.index):
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
             level = self._level(k, value)
             if level is None:
-                modes.put_clear(k, value)
+                modes.set_by_value(k, value)
                 continue
             rows = modes.rows()
             if k in self.open:
-                modes.put(k, level, corner[self.open.index(k)])
-                if modes.keeps(k) or self._parallel(rows, k):
+                modes.set_mode(k, level, corner[self.open.index(k)])
+                if modes.is_constant_around(k) or self._parallel(rows, k):
                     free.add(k)
                 continue
             rate = self._rate(rows, k)
             if rate != 0.0:
-                modes.put(k, level, ABOVE if rate > 0.0 else BELOW)
+                modes.set_mode(k, level, ABOVE if rate > 0.0 else BELOW)
                 continue
             free.add(k)
-            found = None if modes.keeps(k) else self._parallel(rows, k)
+            found = None if modes.is_constant_around(k) else self._parallel(rows, k)
             if found is not None:
                 leader, factor = found
                 side = corner[self.open.index(leader)]
                 turned = factor < 0.0 and side != LEVEL
-                modes.put(k, level, 1 - side if turned else side)
-            elif modes.keeps(k):
-                modes.put(k, level, LEVEL)
+                modes.set_mode(k, level, 1 - side if turned else side)
+            elif modes.is_constant_around(k):
+                modes.set_mode(k, level, LEVEL)
         modes.write()
         return free
 
@@ -408,7 +408,7 @@ class Crossing:
         still = [i for i, k in enumerate(self.open) if k != self.hit]
         found = cone.select(now, still)
         if self.beside is not None and cone.modes is not None:
-            self._put_laws(cone.modes)
+            self._store_laws(cone.modes)
             self.shared = self.laws, cone.modes
         if found is None and self.at_rest:  # the motion spirals into its rest
             found = [SLIDING] * len(now)
@@ -448,7 +448,7 @@ class Crossing:
             modes.carried, modes.watched = carried, watched
             modes.restore(sides, kinds)
         elif self.beside is not None:
-            self._put_laws(rest.modes)
+            self._store_laws(rest.modes)
             self.shared = self.laws, rest.modes
 
     def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
@@ -477,7 +477,7 @@ class Crossing:
             modes.write()
             rates = arc.rates
         if self.beside is not None:
-            self._put_laws(chosen)
+            self._store_laws(chosen)
         found = self._short_steps(self.open[i], rates)
         if along.any():
             modes.carried, modes.watched = {}, []
@@ -543,13 +543,13 @@ class Crossing:
         for k, each in carried.items():
             modes.carry(k, each)
         for i in along:
-            modes.put(self.open[i], self.levels[self.open[i]], SLIDING)
+            modes.set_mode(self.open[i], self.levels[self.open[i]], SLIDING)
         for k, side, share in zip(self.open, sides, shares, strict=True):
             if side == REDUNDANT:
-                modes.put(k, self.levels[k], REDUNDANT, share)
+                modes.set_mode(k, self.levels[k], REDUNDANT, share)
             elif side == LEVEL == share:
                 modes.watched.append(k)
-        self._keep_constant(below.intersection(beside_open).difference(carried))
+        self._rest_if_constant(below.intersection(beside_open).difference(carried))
 
     def _depends(self, k: int, leader: int) -> bool:
         """Whether the expression of surface k depends on the side of `leader`."""
@@ -602,7 +602,7 @@ class Crossing:
             cone.laws = partial(self._acting, self.beside.left)
         return cone
 
-    def _put_laws(self, found: RowModes) -> None:
+    def _store_laws(self, found: RowModes) -> None:
         """Store modes of the laws, so that the next evaluations include their forces.
 
         found : the modes of rows, the rows of the laws first.
@@ -645,7 +645,7 @@ class Crossing:
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
             if share != LEVEL:
-                self.modes.put(k, self.levels[k], REDUNDANT, share)
+                self.modes.set_mode(k, self.levels[k], REDUNDANT, share)
         self.modes.write()
 
     def _ahead(self, w: Floats, p: Floats) -> tuple[float, Floats]:

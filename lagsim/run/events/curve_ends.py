@@ -96,7 +96,7 @@ def _is_still(
     levels, laws : see `come_to_rest`.
     """
     for k, level in levels.items():
-        modes.put(k, level, LEVEL)
+        modes.set_mode(k, level, LEVEL)
     modes.write()
     arc, on, rows = modes.arc, [*levels], modes.rows()
     if rows.rates[on].any():
@@ -150,13 +150,13 @@ def _rests(
         beside = arc.y.copy()
         beside[arc.state.driven] -= speed / square * J
         beside[part] += (sign * aside - rows.residuals[k]) / square * along
-        modes.put(k, levels[k], side)
+        modes.set_mode(k, levels[k], side)
         for j in others:
             modes.write()
             value = float(modes.values(arc.t, beside)[j])
             if abs(value - levels[j]) > APART * sizes[j]:
                 return False
-            modes.put_clear(j, value)
+            modes.set_by_value(j, value)
         modes.write()
         back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
         way = 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
@@ -173,7 +173,7 @@ def _rests(
     for j in others:
         same = bool(found[BELOW][j] == found[ABOVE][j])
         modes.carry(j, Carried(k, float(found[ABOVE][j]), same, same))
-    modes.put(k, levels[k], SLIDING)
+    modes.set_mode(k, levels[k], SLIDING)
     return True
 
 

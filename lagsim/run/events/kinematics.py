@@ -231,7 +231,7 @@ class Kinematics:
         self.grazing: dict[int, float] = {} if near is None else near.grazing
         self.closed = self._closed()
         self.scales = held, sizes
-        self._let_go()
+        self._compute_free()
         # Rounding errors of balanced forces have changed rates during the last step;
         # within the rounding of the time forces change rates.
         rounding = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
@@ -244,7 +244,7 @@ class Kinematics:
         """
         return Kinematics(self.arc, y, t, self)
 
-    def _let_go(self) -> None:
+    def _compute_free(self) -> None:
         """Compute accelerations (L,) of the laws, all laws off, and sizes of terms.
 
         The results are stored in `free`, `bounds`, `statics`, `accelerations`,

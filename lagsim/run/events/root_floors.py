@@ -43,7 +43,7 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     modes.write()
     former, rtol = modes.p.least_root.copy(), modes.arc.state.rtol
     pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
-    seen = _seen(modes, pushed)
+    seen = _largest_values(modes, pushed)
     sizes = np.where(seen > 0.0, seen, pushed)
     # A surface without a size and without a force has the largest size of all.
     sizes = np.where(sizes > 0.0, sizes, np.max(sizes))
@@ -57,7 +57,7 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     modes.store(floor=floors, least_root=floors)
 
 
-def _seen(modes: SurfaceModes, pushed: Floats) -> Floats:
+def _largest_values(modes: SurfaceModes, pushed: Floats) -> Floats:
     """Return the largest magnitude of each surface's expression so far (K,).
 
     A magnitude within rounding is 0.

@@ -208,7 +208,7 @@ class SurfaceModes:
         self.carried = {}
         self.watched = []
 
-    def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
+    def set_mode(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
         """Set the mode of surface k: a side, sliding along its level, or rest at it.
 
         level : the level of the surface.
@@ -227,7 +227,7 @@ class SurfaceModes:
         above = self.value[k] >= level if self.whole[k] else self.value[k] > 0.0
         return 1.0 if above else -1.0
 
-    def put_clear(self, k: int, value: float) -> None:
+    def set_by_value(self, k: int, value: float) -> None:
         """Set the side of surface k by the value of its expression, off its levels."""
         self.kind[k] = 0.0
         sign = 1.0 if value > 0.0 else -1.0
@@ -289,7 +289,7 @@ class SurfaceModes:
         (residuals, rates, b, scales), J = arc.surface_rows(t, y)
         return Rows(residuals, rates, b, scales, J)
 
-    def keeps(self, k: int) -> bool:
+    def is_constant_around(self, k: int) -> bool:
         """Whether surface k's expression is constant around the state, and later."""
         here, there = self.rows(), self.rows(*self._displaced())
         if self.on_rates[k]:
@@ -368,7 +368,7 @@ class SurfaceModes:
         between = part != 0.0
         for side in (BELOW, ABOVE):
             for k in np.flatnonzero(found | between).tolist():
-                self.put(k, levels[k], side)
+                self.set_mode(k, levels[k], side)
             self.write()
             # The rate of a surface may depend on the sides of others.
             moved = np.where(self.on_rates, 0.0, span * np.abs(self.rows().rates))

@@ -345,7 +345,7 @@ class Switching(Source):
             rest = (k for k in wrong if speeds[k] > least[k])
             found += [self._rested(arc, k, time) for k in rest]
             for k in wrong:
-                modes.put(k, sides.corners[k], SLIDING)
+                modes.set_mode(k, sides.corners[k], SLIDING)
             stopped.update(wrong)
             modes.write()
             self._put_on(y)

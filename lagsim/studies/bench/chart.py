@@ -249,8 +249,8 @@ def cost_panel(
     front : errors and costs on the Pareto front, if that is drawn.
     """
     known = [c.costs for c in costs if len(c.costs)]
-    across.put(axes, "x")
-    log_scale(*known, margin=0.05, least=0.08).put(axes, "y")
+    across.apply(axes, "x")
+    log_scale(*known, margin=0.05, least=0.08).apply(axes, "y")
     axes.set_ylabel(f"← cheaper      {of}")
     if floor > across.low:
         axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
@@ -488,7 +488,7 @@ def _strips(part: SubFigure, document: Document) -> None:
     methods = document["methods"]["fixed"]
     panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
     for axes, method in zip(panels, methods, strict=True):
-        across.put(axes, "x")
+        across.apply(axes, "x")
         axes.set(ylim=(-0.5, 0.5), yticks=[])
         _cells(axes, document, method, steps, np.array((-0.5, 0.5)))
         for border in borders_of(document, method):
@@ -498,7 +498,7 @@ def _strips(part: SubFigure, document: Document) -> None:
                 if _within(border[key], across):
                     point(axes, border[key], 0.0, look)
         axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
-    STEPS.stand_at(axes.xaxis)
+    STEPS.label_axis(axes.xaxis)
     axes.annotate(
         CHEAPER, (1.0, 0.0), (0.0, -22.0), "axes fraction", "offset points",
         size=SMALL, ha="right", va="top", color=DIM,
@@ -557,8 +557,8 @@ def _maps(part: SubFigure, document: Document) -> None:
     alike = {"sharex": True, "sharey": True}
     panels = _grid(part, len(methods), MAPS, STEPS.name + " (s)", **alike)
     for axes, method in zip(panels, methods, strict=True):
-        across.put(axes, "x")
-        up.put(axes, "y")
+        across.apply(axes, "x")
+        up.apply(axes, "y")
         _cells(axes, document, method, columns, steps)
         borders = borders_of(document, method)
         for key, pen in (("found", FOUND), ("predicted", PREDICTED_LINE)):
@@ -566,7 +566,7 @@ def _maps(part: SubFigure, document: Document) -> None:
             levels = np.where(levels > up.low, levels, np.nan)
             curve(axes, varied.values[: len(borders)], levels, pen)
         axes.set_title(method, weight="bold")
-        varied.stand_at(axes.xaxis)
+        varied.label_axis(axes.xaxis)
 
 
 class Region(NamedTuple):
@@ -702,13 +702,13 @@ def _work(part: SubFigure, document: Document) -> None:
             name: np.array([of(cell) or math.nan for cell in cells])
             for name, cells in by_method.items()
         }
-        across.put(axes, "x")
-        log_scale(*curves.values()).put(axes, "y")
+        across.apply(axes, "x")
+        log_scale(*curves.values()).apply(axes, "y")
         axes.set_ylabel(label)
         for name, values in curves.items():
             x = varied.values[: len(values)]
             curve(axes, x, values, style_of(name).line | {"label": name})
-    varied.stand_at(axes.xaxis)
+    varied.label_axis(axes.xaxis)
     part.align_ylabels()
     panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
 

@@ -113,7 +113,7 @@ class Server(ThreadingHTTPServer):
         try:
             while not self.over.wait(LOOK):
                 if self.explorer.changed():
-                    self._tell()
+                    self._notify()
                 if time.monotonic() > self._closed + LINGER:
                     break
         finally:
@@ -122,7 +122,7 @@ class Server(ThreadingHTTPServer):
     def end(self) -> None:
         """End `serve`, and close all connections."""
         self.over.set()
-        self._tell()
+        self._notify()
         self.shutdown()
         self.server_close()
 
@@ -149,7 +149,7 @@ class Server(ThreadingHTTPServer):
 
     # --- Pages that wait for events of the server
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         with self._told:
             self._news += 1
             self._told.notify_all()

@@ -126,7 +126,7 @@ def _scaled(axes: Axes, values: Sequence[Floats], *, zero: bool = False) -> None
         size = max(float(np.nanmax(np.abs(x), initial=0.0)) for x in values)
         values = [np.array([-size, size])]
         axes.axhline(0.0, color=DIM, linewidth=0.6)
-    value_scale(*values).put(axes, "y")
+    value_scale(*values).apply(axes, "y")
 
 
 def _named(match: Match, letters: Letters) -> str:

@@ -160,7 +160,7 @@ def _panels(
                 axes.fill_between(x.values, low, high, **band)
             axes.plot(x.values, end, **dots, clip_on=False, zorder=2.2)
             if axes is row[0] and is_level(cells):
-                value_scale(cells).put(axes, "y")
+                value_scale(cells).apply(axes, "y")
             none = x.values[np.isnan(end)]
             if len(none):
                 bottom = axes.get_ylim()[0]
@@ -168,8 +168,8 @@ def _panels(
                 axes.set_ylim(bottom)
             if axes is lowest:
                 axes.set_xscale("log" if is_log(x.values) else "linear")
-                x.stand_at(axes.xaxis)
-        _column(found, name, cells).stand_at(row[0].yaxis)
+                x.label_axis(axes.xaxis)
+        _column(found, name, cells).label_axis(row[0].yaxis)
     drawing.align_ylabels()
     return drawing
 
