@@ -100,9 +100,10 @@ def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
-    """Return the reach that AGREE random points near the point have in common.
+    """Return the reach at random points near the point.
 
-    If generic points disagree, or none satisfies the rows, the reach is undecided.
+    The result is the common reach of AGREE points. The reach is undecided if the points
+    disagree, or if none satisfies the rows.
     """
     random = np.random.default_rng(2)  # the same points each time
     q, weights = point.q, point.sizes

@@ -140,7 +140,7 @@ def _coupled(
 ) -> list[int]:
     """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`.
 
-    Rates that share velocities with a rate already found are found, too.
+    Velocities may be shared directly, or through other rates in the result.
 
     held : rates of equalities, which are 0 in each motion.
     """

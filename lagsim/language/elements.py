@@ -182,9 +182,9 @@ class Elements:
 
     @cached_property
     def alone(self) -> list[bool]:
-        """Whether each component of an output has one addend, that of one member.
+        """Whether each component of an output has one addend, from a single member.
 
-        Nothing is rounded then where addends are added up.
+        Then no sum is rounded.
         """
         where = [self.targets(o) for o in self.outputs]
         counts = np.zeros(self.size, np.int64)

@@ -354,7 +354,7 @@ class Graph:
     def dependents(
         self, nodes: Iterable[int], *several: Collection[str]
     ) -> list[set[int]]:
-        """Return, for several sets of names, the nodes that depend on any of them."""
+        """Return, for each set of names, the nodes that depend on at least one name."""
         args, leaves = self.args, [self._leaves(names) for names in several]
         first = min(some.first for some in leaves)
         # Older nodes depend on none of the names.

@@ -357,9 +357,9 @@ class Law(NamedTuple):
 
     @property
     def by_forces(self) -> bool:
-        """Whether forces decide if the row holds: not those of equalities and sliders.
+        """Whether forces decide if the row holds.
 
-        The force of a slider without mass is known.
+        False for equalities, and for sliders without mass, whose force is known.
         """
         return not self.equal and self.slider is None
 

@@ -71,9 +71,10 @@ class Cost(NamedTuple):
 def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
     """Estimate the cost of the Taylor series of a step with the tolerance `rtol`.
 
-    The cost is that of the cheaper form of the equations.
+    The cost is that of the cheaper form of the equations: a loop over the order, or
+    straight-line code.
 
-    elimination : their symbolic solution.
+    elimination : the symbolic solution of the equations.
     """
     g, state = equations.graph, _state(equations)
     rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))

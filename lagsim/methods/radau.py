@@ -232,9 +232,9 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 def allow_roundoff(s: Radau, p: SparseNewton, h: float, sigma: float) -> bool:
     """Adapt the tolerances to the roundoff in a step h.
 
-    The roundoff of a rate times h is its effect in an explicit step, and a bound of its
-    effect in an implicit one, which damps the errors of stiff rates. Where this bound
-    would hide errors that matter, it is limited, and samples replace it.
+    In an explicit step a rate's roundoff has the effect roundoff times h. For an
+    implicit step, which damps the errors of stiff rates, this is an upper bound. If
+    this bound would hide significant errors, it is limited, and samples replace it.
 
     Return False, without an effect, if this has been done for this step, else True.
 
@@ -499,7 +499,10 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
-    """Solve the real (width 1) or complex (width 2) system for r (size,), in place."""
+    """Solve the real (width 1) or complex (width 2) Newton system, in place.
+
+    r : (size,), the right side, then the solution.
+    """
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     if SPARSE:

@@ -323,7 +323,7 @@ def open_results(
 def _held(results: Results, until: float) -> Iterator[None]:
     """Context manager: lock a folder against other processes.
 
-    until : time, by the monotonic clock, to which another process is waited for.
+    until : time, by the monotonic clock, up to which the lock is waited for.
 
     Raises
     ------

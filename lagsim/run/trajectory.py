@@ -253,10 +253,10 @@ class Decision(NamedTuple):
     ahead: float = inf
 
     def after(self, first: Decision) -> Decision:
-        """Return this decision for a jump that directly follows the jump of `first`.
+        """Return this decision for a jump at the time of the jump of `first`.
 
-        The row before the jump is that of `first`, and the impulses are the sums of
-        both.
+        The row before the jump is taken from `first`, and the impulses of both are
+        added.
         """
         if first.rows is None:
             return self

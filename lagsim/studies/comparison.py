@@ -285,7 +285,7 @@ def _spacing(t: Floats) -> float:
 
 
 def _turns(t: Floats, near: float) -> Ints:
-    """Return, for each row, how many of the rows before have its time, shape (k,).
+    """Return the position of each row among the rows with its time, from 0; shape (k,).
 
     t : (k,), ascending.
     near : the largest difference of equal times.

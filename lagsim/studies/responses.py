@@ -192,7 +192,7 @@ def _table(changes: _Changes, table: Table) -> Document:
 
 
 class _Changes:
-    """Changes of single numbers of a model, whose runs are compared with a golden."""
+    """Changes of single numbers of a model: each is run, and compared with a golden."""
 
     def __init__(
         self, case: Case, golden: Golden, base: SampledMotion, compiled: Compiled

@@ -349,7 +349,9 @@ def reuse_ends(s: SearchTable, first: int, count: int, h: float) -> None:
 def store_ends(
     s: SearchTable, first: int, count: int, t: float, h: float, ends: Floats
 ) -> None:
-    """Store `count` rows of `ends` (2 R,), at the end of a step h, at the time t.
+    """Store `count` rows of the table at the end of a step h, at the time t.
+
+    The rows and their slopes are read from `ends` (2 R,).
 
     first : the first of the rows.
     """
@@ -472,10 +474,11 @@ def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) ->
 def dip(
     kind: Static, s: SearchTable, p: Parameters, k: int, half: int, least: float
 ) -> float:
-    """Return the fraction at which row k has a minimum in half of the stretch.
+    """Return the fraction of a minimum of row k in half of the stretch.
 
-    The minimum has to be below `least`. Return the end of the half if row k, by the
-    hull of its cubic, is nowhere below `least` and both ends.
+    The value at the minimum has to be below `least`. If the hull of the row's cubic
+    shows that the row is nowhere below both `least` and its values at the ends, the end
+    of the half is returned.
 
     half : 0 before the middle point, 1 after it.
     kind : the kind of the row, as in the module docstring.

@@ -338,9 +338,9 @@ class Expansion:
         outer: Indices | None = None,
         space: dict[str, Family] | None = None,
     ) -> tuple[Key, Members] | None:
-        """Return a key of the file, parsed, and the members that it denotes.
+        """Parse a key of the file; return it with the members that it denotes.
 
-        None where the key is faulty, or no name.
+        None if the key is faulty, or no name.
 
         outer : values of the indices of an enclosing range.
         space : the families among which the name is looked up; by default those of

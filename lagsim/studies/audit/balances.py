@@ -168,7 +168,7 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Return the extremes of velocities that are reached between rows alone.
+    """Return the extremes of velocities that exceed all values in rows.
 
     The result has two entries, the least and the greatest values by name; [] if rows
     show the extremes of all velocities.

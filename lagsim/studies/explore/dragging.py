@@ -1,4 +1,4 @@
-"""Start positions at which a point of the scene, or one value, is where it was put.
+"""Start positions with a given place of a scene point, or a given value.
 
 The coordinates change least in the metric of M, on the constraints of positions, and no
 gap becomes negative: a point that is dragged into a floor slides along it. A place that
@@ -135,9 +135,9 @@ class ConstrainedStart:
         return self._named(x, self._with_rates(x))
 
     def put(self, name: str, value: float) -> dict[str, float]:
-        """Return a start with a coordinate or a velocity at a value, or near it.
+        """Return a start in which a coordinate or a velocity has a value.
 
-        The value is missed where the constraints exclude it.
+        If the constraints exclude the value, the nearest admissible one is used.
 
         Parameters
         ----------

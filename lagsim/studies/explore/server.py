@@ -155,13 +155,13 @@ class Server(ThreadingHTTPServer):
             self._told.notify_all()
 
     def opened(self) -> None:
-        """Count a page that has begun to listen for news."""
+        """Count a page that has begun to receive events."""
         with self._told:
             self._pages += 1
             self._closed = math.inf
 
     def closed(self) -> None:
-        """Count a page that has stopped listening for news."""
+        """Count a page that receives no more events."""
         with self._told:
             self._pages -= 1
             if not self._pages:
