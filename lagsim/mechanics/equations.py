@@ -332,7 +332,7 @@ class Equations:
         return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
-        """Return the row of a constraint by its name; of a gap, its first piece's row."""
+        """Return the row of a constraint by name; of a gap, its first piece's row."""
         return next(row for row in self.every_row if whole(row.name) == name)
 
     @property
