@@ -4,6 +4,7 @@ Inside an arc each surface has a side, and each discontinuous term is on one bra
 Where the fields on both sides point towards a surface, the motion follows the surface:
 y' is the combination f0 + sum_k w_k (f_k - f0) that stays on all followed surfaces,
 with f0 the field on their lower sides and f_k the field on the upper side of surface k.
+A redundant surface, on which laws or other surfaces hold the motion, has a given share.
 A surface has a row like a constraint, J (q'', s') = b, the derivative of its expression
 or, where its rate is continuous, of its rate; the shares w are its multipliers. A
 surface that jumps together with a followed one is carried: its side changes with the
@@ -24,7 +25,14 @@ from __future__ import annotations
 from math import floor, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.parameters import CARRIED, CHOSEN, FOLLOWED, PUSH, Parameters
+from lagsim.methods.parts.parameters import (
+    CARRIED,
+    CHOSEN,
+    FOLLOWED,
+    PUSH,
+    REDUNDANT_SIDE,
+    Parameters,
+)
 from lagsim.methods.parts.state import (
     columns,
     corner_levers,
@@ -122,7 +130,7 @@ def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     Surfaces with a share of 1 are on their upper side in c0.
     """
     for k in range(p.surfaces):
-        if p.slides[k] == FOLLOWED and not p.share[k] < 1.0:
+        if p.slides[k] >= FOLLOWED and not p.share[k] < 1.0:
             set_side(k, p.high, p)
     columns(t, y, p, out)
     if p.sliding == 0.0:
@@ -131,7 +139,7 @@ def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     base = p.shown[width:]
     base[:width] = out[:width]
     for k in range(p.surfaces):
-        if p.slides[k] == FOLLOWED and 0.0 < p.share[k] < 1.0:
+        if p.slides[k] >= FOLLOWED and 0.0 < p.share[k] < 1.0:
             set_side(k, p.high, p)
             columns(t, y, p, p.shown)
             set_side(k, p.low, p)
@@ -185,7 +193,7 @@ def store_margins_above(t: float, y: Floats, p: Parameters) -> None:
     upper side.
     """
     for k in range(p.surfaces):
-        if p.slides[k] == FOLLOWED:
+        if p.slides[k] >= FOLLOWED:
             set_side(k, p.high, p)
             surfaces(t, y, p, p.rows)
             set_side(k, p.low, p)
@@ -259,10 +267,10 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
         surface_rows(t, y, p, p.rows)
         j = 0
         for k in range(p.surfaces):
-            if p.slides[k] == FOLLOWED:
+            if p.slides[k] >= FOLLOWED:
                 j += 1
                 other = fields[j * width :]
-                if p.corner[k] > 0.0:
+                if p.corner[k] > 0.0 and p.slides[k] == FOLLOWED:
                     p.push[k] = PUSH
                     field(t, y, p, other)
                     p.push[k] = 0.0
@@ -329,7 +337,8 @@ def set_side(k: int, which: Floats, p: Parameters) -> None:
 def share_out(sliding: int, p: Parameters) -> None:
     """Compute the shares w of followed surfaces, and the step of the projection.
 
-    J (f0 + sum_k w_k (f_k - f0)) = b is solved for w. Two more right sides, for the
+    J (f0 + sum_k w_k (f_k - f0)) = b is solved for w, of which the shares of redundant
+    surfaces are given. Two more right sides, for the
     residuals and the rates of the surfaces, determine the coefficients of the
     projection onto the surfaces.
 
@@ -350,6 +359,12 @@ def share_out(sliding: int, p: Parameters) -> None:
                 change = p.side_fields[(j + 1) * width :]
                 B[i * sliding + j] = above(product(k, p, change[p.driven]), roundoff)
             even_out(B[i * sliding :], sliding, right[3 * i :])
+            i += 1
+        elif p.slides[k] == REDUNDANT_SIDE:
+            B[i * sliding : (i + 1) * sliding] = 0.0
+            B[i * sliding + i] = 1.0
+            right[3 * i] = p.part_above[k]
+            right[3 * i + 1] = right[3 * i + 2] = 0.0
             i += 1
     solve(sliding, B, right)
     store_shares(sliding, p)
@@ -386,7 +401,7 @@ def store_shares(sliding: int, p: Parameters) -> None:
     forced = fields[p.driven]
     i = 0
     for k in range(p.surfaces):
-        if p.slides[k] == FOLLOWED:
+        if p.slides[k] >= FOLLOWED:
             p.share[k] = p.right[3 * i]
             p.B[i] = abs(p.required[k]) + extent(k, p, forced)
             for j in range(sliding):
@@ -402,6 +417,7 @@ def store_shares(sliding: int, p: Parameters) -> None:
             left = product(k, p, forced) - p.required[k]
             if not abs(left) <= COMPUTED_ZERO * size + p.roundoff[k]:
                 p.share[k] = -1.0
+        if p.slides[k] >= FOLLOWED:
             i += 1
 
 

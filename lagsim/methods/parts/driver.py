@@ -409,10 +409,10 @@ def jump_along(p: Parameters, i: int) -> float:
     j = 0
     found = 0.0
     for k in range(p.surfaces):
-        if p.slides[k] == FOLLOWED:
+        if p.slides[k] >= FOLLOWED:
             j += 1
             part = abs(p.side_fields[j * width + p.n + i])
-            if p.corner[k] > 0.0:
+            if p.corner[k] > 0.0 and p.slides[k] == FOLLOWED:
                 jump = p.levers[k * (1 + p.m)]
                 for r in range(p.m):
                     lever = p.levers[k * (1 + p.m) + 1 + r]

@@ -15,14 +15,14 @@ NOTE = 2.0
 PUSH = 2.0**100
 
 # Values of `slides`, the mode of a surface, other than 0. FOLLOWED: the motion slides
-# on the surface; CARRIED: the surface is carried along by another one. Below 0 the
-# expression is at its level on a whole stretch: LEVEL: its side is a choice;
-# REDUNDANT_SIDE: it is at its level because other surfaces are.
+# on the surface; REDUNDANT_SIDE: other surfaces or laws hold it there, and the share of
+# the upper side is constant; CARRIED: the surface is carried along by another one.
+# Below 0 the expression is at its level on a whole stretch; CHOSEN: its side is a choice.
+REDUNDANT_SIDE = 3.0
 FOLLOWED = 2.0
 CARRIED = 1.0
 LEVEL = -1.0
 CHOSEN = -2.0
-REDUNDANT_SIDE = -3.0
 
 # Arrays of knots and surfaces that remain from arc to arc, beside the modes.
 KEPT = ("knot_times", "knot_modes", "cells_before", "cells_after", "share")
@@ -136,7 +136,7 @@ class ModeWords(KnownPoints):
     surfaces: int  # number of surfaces of switches
     laws: int  # number of rows that hold at times
 
-    sliding: float  # number of surfaces that the motion slides along
+    sliding: float  # number of surfaces on which the fields of both sides are combined
     ends_above: float  # number of carried surfaces with ends above their leader
     law_forces: float  # 1 if multipliers determine the end of a mode
     law_shares: float  # 1 if redundant rows share loads
@@ -148,6 +148,7 @@ class ModeWords(KnownPoints):
     # Values of the mode variable on the two sides of a surface that the motion follows.
     low: Floats = array("surfaces")
     high: Floats = array("surfaces")
+    part_above: Floats = array("surfaces")  # the share of a REDUNDANT_SIDE
     # Bounds of the expression of the surface in its mode; while the motion slides, the
     # targets of the residual and of the rate.
     least: Floats = array("surfaces")

@@ -43,7 +43,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
@@ -414,8 +414,6 @@ class Crossing:
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
             self.undecided = self.open
-        if self.loose:  # loose surfaces have the side of their leader, or slide with it
-            found = [SLIDING if side == REDUNDANT else side for side in found or now]
         before = self.modes.value.copy(), self.modes.kind.copy()
         self._store_modes(found or now, cone.shares)
         if found is not None and cone.resting is not None:
@@ -465,34 +463,28 @@ class Crossing:
         chosen : RowModes
             Modes of all rows, the rows of the laws first.
         """
-        modes, arc = self.modes, self.modes.arc
+        modes = self.modes
         along = (w > BELOW) & (w < ABOVE)
         along[i] = False
         if not along.any():
             self._share(w)
-            rates = modes.rates
         else:  # shares of followed surfaces change in time
             former = modes.value.copy(), modes.kind.copy()
             self._store_modes(np.where(along, SLIDING, w).astype(int).tolist(), w)
             modes.write()
-            rates = arc.rates
         if self.beside is not None:
             self._store_laws(chosen)
-        found = self._short_steps(self.open[i], rates)
+        found = self._short_steps(self.open[i])
         if along.any():
             modes.carried, modes.watched = {}, []
             modes.restore(*former)
             modes.write()
         return found
 
-    def _short_steps(
-        self, k: int, rates: Callable[[float, Floats], Floats]
-    ) -> int | None:
-        """Return the side of surface k to which short steps lead; None if to neither.
-
-        rates : the function of t and y (size,) that returns y' (size,).
-        """
+    def _short_steps(self, k: int) -> int | None:
+        """Return the side of surface k to which short steps lead, or None."""
         modes, arc = self.modes, self.modes.arc
+        rates = arc.rates
         t, y, level = arc.t, arc.y, self.levels[k]
         clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
         if arc.system.m:  # rows may hold the motion, to the rounding of their forces
@@ -527,7 +519,7 @@ class Crossing:
         base = [BELOW if side in (SLIDING, REDUNDANT) else side for side in sides]
         below = self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
-        along = [i for i, side in enumerate(sides) if side == SLIDING]
+        along = [i for i, side in enumerate(sides) if side in (SLIDING, REDUNDANT)]
         followed = [self.open[i] for i in along]
         beside_open = [*self.loose, *(k for k in self.hanging if k not in followed)]
         carried = {}
@@ -543,11 +535,10 @@ class Crossing:
         for k, each in carried.items():
             modes.carry(k, each)
         for i in along:
-            modes.set_mode(self.open[i], self.levels[self.open[i]], SLIDING)
+            k = self.open[i]
+            modes.set_mode(k, self.levels[k], sides[i], float(shares[i]))
         for k, side, share in zip(self.open, sides, shares, strict=True):
-            if side == REDUNDANT:
-                modes.set_mode(k, self.levels[k], REDUNDANT, share)
-            elif side == LEVEL == share:
+            if side == LEVEL == share:
                 modes.watched.append(k)
         self._rest_if_constant(below.intersection(beside_open).difference(carried))
 
@@ -636,15 +627,14 @@ class Crossing:
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
-        """Set mode variables of open surfaces between their sides, by shares w (k,).
+        """Combine the sides of open surfaces by shares w (k,) of their upper sides.
 
-        The value is below + w (above - below), with w the share of the upper side; w =
-        LEVEL leaves it unchanged. Sides that depend on the open surfaces are set first,
-        with w rounded.
+        w = LEVEL leaves a surface at its level. Sides that depend on the open surfaces
+        are set first, with w rounded.
         """
         self._settle(np.round(w).astype(int).tolist())
         for k, share in zip(self.open, w.tolist(), strict=True):
-            if share != LEVEL:
+            if share not in (BELOW, ABOVE, LEVEL):
                 self.modes.set_mode(k, self.levels[k], REDUNDANT, share)
         self.modes.write()
 
@@ -664,8 +654,9 @@ class Crossing:
         modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.short_time
         self._share(w)
         if not self.laws:
-            y = arc.y + moment * modes.rates(arc.t, arc.y)
-            change = modes.forced(y, arc.t + moment) - modes.forced(arc.y)
+            forced = partial(modes.forced, combined=True)
+            y = arc.y + moment * arc.rates(arc.t, arc.y)
+            change = forced(y, arc.t + moment) - forced(arc.y)
             return moment, np.asarray(change)[self.open] / moment
 
         def others(here: Kinematics, forced: Floats) -> Floats:

@@ -118,6 +118,8 @@ class SurfaceModes:
         self.count = len(self.sides)
         self.whole = np.array([s.whole for s in self.sides])
         self.has_whole = bool(self.whole.any())
+        self.is_corner = np.zeros(self.count, dtype=bool)
+        self.is_corner[[*system.switches.corners]] = True
         self.on_rates = on_rates(arc.equations, system.switches)
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
@@ -141,6 +143,8 @@ class SurfaceModes:
         # Before the first selection all surfaces count as on their upper sides.
         none = (p.least == p.most) & (self.kind == 0.0)
         self.value = np.where(none, 1.0, p.side)
+        mixed = (self.kind == kept.REDUNDANT_SIDE) & ~self.is_corner
+        self.value[mixed] += (p.part_above * (p.high - p.low))[mixed]
         self.levels = np.zeros(self.count)
         self.carried: dict[int, Carried] = {}
         self.watched: list[int] = []  # surfaces whose mode ends off their level
@@ -202,6 +206,17 @@ class SurfaceModes:
         """Restore `value` (K,) and `kind` (K,), the codes of the modes, from copies."""
         self.value[:], self.kind[:] = value, kind
 
+    def _parts(self, value: Floats) -> tuple[Floats, Floats]:
+        """Return shares (K,) of the upper sides, and mode variables (K,) below.
+
+        Both are those of redundant surfaces in `value`. At a corner of an equality the
+        mode variable stays between its values on both sides, and so does the slope.
+        """
+        low = np.where(self.whole, np.floor(value), -1.0)
+        size = np.where(self.whole, 1.0, 2.0)
+        mixed = (self.kind == kept.REDUNDANT_SIDE) & ~self.is_corner
+        return (value - low) / size, np.where(mixed, low, value)
+
     def forget(self) -> None:
         """Set all surfaces to be neither followed, nor carried, nor watched."""
         self.kind[:] = 0.0
@@ -245,11 +260,13 @@ class SurfaceModes:
     def write(self) -> None:
         """Write the modes to the parameters of the compiled functions."""
         p, slides, value, free = self.p, self.slides, self.value, self.bound
-        p.sliding = float(np.count_nonzero(slides))
+        p.sliding = float(np.count_nonzero(self.holds))
+        p.part_above[:], value = self._parts(value)
         p.side[:] = value
         p.slides[:] = self.kind
         p.low[:] = np.where(self.whole | free, value, -1.0)
         p.high[:] = np.where(self.whole, value + 1.0, 1.0)
+        p.high[self.is_corner] = np.where(slides, 1.0, value)[self.is_corner]
         p.leader[:] = p.ends_above = 0.0
         least, most = self._ends(value)
         for k, carried in self.carried.items():
@@ -461,10 +478,18 @@ class SurfaceModes:
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
 
-    def forced(self, y: Floats, t: float | None = None) -> Floats:
-        """Return J (q'', s') - b (K,) of the surfaces at y and t (default: now)."""
-        rows = self.rows(y, t)
-        return np.asarray(rows.J @ self.accelerations(y, t) - rows.b)
+    def forced(
+        self, y: Floats, t: float | None = None, *, combined: bool = False
+    ) -> Floats:
+        """Return J (q'', s') - b (K,) of the surfaces at y and t (default: now).
+
+        combined : whether the accelerations of both sides are combined on surfaces with
+            shares, see `Arc.rates`.
+        """
+        rows, a = self.rows(y, t), self.accelerations(y, t)
+        if combined:
+            a = self.arc.rates(self.arc.t if t is None else t, y)[self.arc.state.driven]
+        return np.asarray(rows.J @ a - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
         """Return the magnitude of each surface's terms (K,), at the sizes so far.

@@ -353,3 +353,49 @@ simulation: {{duration: 6, output_step: 0.15}}
     for name in ("d", "s", "w", "z", "z_dot"):
         assert not np.any(found[name])
     assert not [e for e in found.trajectory.events if e.kind == "switch"]
+
+
+# A force of -1 while x_dot > 0, else of 6.
+JUMP = one_quick(
+    "if(x_dot > 0, -1, 6)",
+    "if(not (2*x_dot <= 0), -1, 6)",
+    "6 - 7*heaviside(x_dot)",
+    "2.5 - 3.5*sign(x_dot)",
+    "if(x_dot > 0, -1, 5) + if(3*x_dot > 0, 0, 1)",
+    "if(x_dot > 0, -1, 5) + if(abs(x_dot) - x_dot > 0, 1, if(x_dot > 0, 0, 1))",
+)
+HOLDING = {
+    "limit": "{relation: x_dot = 0, limit: 5}",
+    "limits": "{relation: x_dot = 0, limit: 2}, b: {relation: x_dot = 0, limit: 3}",
+    "friction": "{relation: z >= 0, restitution: 0, friction: 0.5, slip: x_dot}",
+}
+
+
+@pytest.mark.parametrize("law", one_quick(*HOLDING))
+@pytest.mark.parametrize("force", JUMP)
+@pytest.mark.parametrize("scale", one_quick(1.0, 1e-3))
+def test_a_law_beside_a_force_that_jumps_by_more_than_its_bound(force, law, scale):
+    # Until v = 1 - 6 t + 4 t^2 = 0 the body slides; it rests while some mean of -1 and
+    # 6, plus 8 t, is at most 5; from t = 3/4 on it slides by 8 (t - 3/4).
+    found = run(f"""
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: {scale}*(x_dot^2 + z_dot^2)/2, potential: {scale}*10*z}}
+definitions: {{jump: "{scale}*({force})", ramp: "{scale}*8*t"}}
+forces: {{x: jump + ramp, z: "{0 if law == "friction" else 10 * scale}"}}
+constraints: {{law: {HOLDING[law].replace("limit: ", f"limit: {scale}*")}}}
+initial: {{x: 0, x_dot: 1, z: 0}}
+simulation: {{duration: 1, output_step: 0.025}}
+""")
+    stop = (6.0 - np.sqrt(20.0)) / 8.0
+    far = stop - 3.0 * stop**2 + 4.0 / 3.0 * stop**3
+    t, rests = found["t"], (found["t"] > stop) & (found["t"] <= 0.75)
+    x = np.where(rests, far, t - 3.0 * t**2 + 4.0 / 3.0 * t**3)
+    x = np.where(t > 0.75, far + 4.0 / 3.0 * (t - 0.75) ** 3, x)
+    assert found["x"] == pytest.approx(x, abs=1e-11)
+    jump, held = found["jump"][rests] / scale, found["Qc_x"][rests] / scale
+    assert np.all((jump >= -1.0 - 1e-12) & (jump <= 6.0 + 1e-12))
+    assert np.all(np.abs(held) <= 5.0 + 1e-12)
+    assert held == pytest.approx(-jump - 8.0 * t[rests], abs=1e-12)
+    assert found["x_ddot"][rests] == pytest.approx(0.0, abs=1e-12)
+    gain = found["kinetic"] - scale / 2.0 - found["work"]
+    assert gain == pytest.approx(0.0, abs=1e-10 * scale)
