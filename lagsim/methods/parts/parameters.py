@@ -17,7 +17,8 @@ PUSH = 2.0**100
 # Values of `slides`, the mode of a surface, other than 0. FOLLOWED: the motion slides
 # on the surface; REDUNDANT_SIDE: other surfaces or laws hold it there, and the share of
 # the upper side is constant; CARRIED: the surface is carried along by another one.
-# Below 0 the expression is at its level on a whole stretch; CHOSEN: its side is a choice.
+# Below 0 the expression is at its level on a whole stretch (LEVEL), or its side is a
+# choice (CHOSEN).
 REDUNDANT_SIDE = 3.0
 FOLLOWED = 2.0
 CARRIED = 1.0
