@@ -206,19 +206,19 @@ def rough_starts(
             advice = line or _guess(equations, row, velocities=not row.holonomic)
             yield _rough(f"`{verdict.name}`", verdict.position, advice)
         if verdict.velocity is not None and verdict.velocity.digits is not None:
-            what = f"the rate of `{verdict.name}`"
+            label = f"the rate of `{verdict.name}`"
             advice = _guess(equations, row, velocities=True)
-            yield _rough(what, verdict.velocity, advice)
+            yield _rough(label, verdict.velocity, advice)
     for verdict in starts:
         if verdict.position.digits is not None:
-            what = f"the start value `{verdict.name}`"
-            yield _rough(what, verdict.position, "mark a value as {guess: ...}")
+            label = f"the start value `{verdict.name}`"
+            yield _rough(label, verdict.position, "mark a value as {guess: ...}")
 
 
-def _rough(what: str, residual: Residual, advice: str) -> Caution:
+def _rough(label: str, residual: Residual, advice: str) -> Caution:
     return Caution(
         ROUGH_START,
-        f"{what} is off by {abs(residual.value):.1g}, as if the start had been "
+        f"{label} is off by {abs(residual.value):.1g}, as if the start had been "
         f"typed with {residual.digits} digits; {advice}",
     )
 

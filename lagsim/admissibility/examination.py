@@ -517,7 +517,7 @@ class _Examiner:
                 continue
             before = len(warnings)
             while True:
-                relations = self._asked(point, block)
+                relations = self._guess_relations(point, block)
                 found = self._guesses(relations)
                 if not found.converged:
                     return point, found.reason
@@ -583,7 +583,7 @@ class _Examiner:
         stated = defined_conditions(still, velocities=False)
         return find_rest(still, stated, (positions, states), self.off)
 
-    def _asked(self, point: Point, block: int) -> Relations:
+    def _guess_relations(self, point: Point, block: int) -> Relations:
         """Return the relations from which guesses are solved.
 
         block : 0 for positions, 1 for velocities, 2 for first-order states, whose rates
@@ -630,9 +630,9 @@ class _Examiner:
             )
         return found
 
-    def _undetermined(self, names: Sequence[str], what: str) -> None:
+    def _undetermined(self, names: Sequence[str], label: str) -> None:
         for name in (x for x in names if self.initial[x].text):
-            text = f"{what} the guess `{name}`: it stays as given"
+            text = f"{label} the guess `{name}`: it stays as given"
             self._warn(UNDETERMINED_GUESS, text)
 
     def _closest_root(self, relations: Relations, found: NewtonResult) -> NewtonResult:

@@ -138,7 +138,7 @@ class _Source(NamedTuple):
     place : Place or None
     """
 
-    what: str
+    label: str
     node: int
     place: Place | None
 
@@ -168,8 +168,8 @@ def _sources(point: Point) -> list[_Source]:
         if c.law is not None:
             bounds |= {"friction": c.law.friction, "static friction": c.law.static}
         stated += [
-            _Source(f"the {what} of `{c.name}`", node, c.relation.place)
-            for what, node in bounds.items()
+            _Source(f"the {bound} of `{c.name}`", node, c.relation.place)
+            for bound, node in bounds.items()
             if node is not None
         ]
     used = set(e.graph.cone([source.node for source in stated]))
@@ -231,13 +231,13 @@ def _problem(
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
     place = source.place if source else home
     inner, instead = _innermost(point, source.node if source else faulty[0][1])
-    where = f" in {source.what}" if source else ""
+    where = f" in {source.label}" if source else ""
     text = f"`{expression_text(g, inner)}`{where} {instead} at the start"
     args = [a for a in dict.fromkeys(arguments(g, inner)) if g.value(a) is None]
     values = zip(args, point.array(args), strict=True)
     texts = [f"{expression_text(g, a)} is {value:g}" for a, value in values]
     text += f", where {' and '.join(texts)}" if texts else ""
-    if source is None or names != [source.what.strip("`")]:
+    if source is None or names != [source.label.strip("`")]:
         text += f"; it makes {', '.join(names[:MOST_NAMES])}{more} not finite"
     return Problem(NOT_FINITE, text, place, _hint(point, inner))
 
@@ -315,7 +315,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
         point.array(x) for x in ([x.bound for x in some], [x.static for x in some])
     )
     for law, value, static in zip(some, bounds, statics, strict=True):
-        what, why = "friction" if law.slips else "limit", ""
+        noun, why = "friction" if law.slips else "limit", ""
         if value < 0.0:
             why = f"is {value:.6g} at the start, which is negative"
         elif static < 0.0:
@@ -324,7 +324,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
             why = f"at rest is {static:.6g} at the start, less than the dynamic one, "
             why += f"{value:.6g}"
         if why:
-            text = f"the {what} of the constraint `{law.name}` {why}"
+            text = f"the {noun} of the constraint `{law.name}` {why}"
             place = places[whole(law.constraint)]
             found.append(Problem(OUT_OF_RANGE, text, place))
     if found:
@@ -469,11 +469,11 @@ def _of_inertia(
         if abs(c) > HALF_OF_DIGITS
     ]
     along = " + ".join(parts).replace("+ -", "- ")
-    what = "coordinate" if len(parts) == 1 else "combination of coordinates"
+    noun = "coordinate" if len(parts) == 1 else "combination of coordinates"
     if negative:
         return Problem(
             NEGATIVE_INERTIA,
-            f"the kinetic energy falls with the speed of the {what} {along} at the "
+            f"the kinetic energy falls with the speed of the {noun} {along} at the "
             "start: the mass matrix is indefinite",
             place,
         )
@@ -486,7 +486,7 @@ def _of_inertia(
     drops = [law for law in point.e.laws if law.static != law.bound]
     if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in drops for q in moving):
         hint = "a slider that has no mass has one limit: static and dynamic need a mass"
-    text = f"the {what} {along} has no inertia at the start, and no constraint"
+    text = f"the {noun} {along} has no inertia at the start, and no constraint"
     text += f"{which} determines its acceleration"
     if frame := gimbal_lock(point, moving):
         text += f": the angles of the frame `{frame}` are in gimbal lock"

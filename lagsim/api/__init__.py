@@ -209,7 +209,7 @@ def number_range(
     """
     found = expected.ends(value)
     if found is None:
-        raise ValueError(f"{name}={value!r:.60}: two {expected.what} are expected")
+        raise ValueError(f"{name}={value!r:.60}: two {expected.values} are expected")
     return found
 
 

@@ -37,9 +37,9 @@ from lagsim.studies.sweep.sweeping import (
     cells,
     document,
     header,
-    made_of,
     of_file,
     sampled,
+    sweep_files,
 )
 from lagsim.studies.sweep.sweeping import sweep as make
 from lagsim.studies.workers import cores
@@ -124,7 +124,7 @@ class Sweep:
             If the disk is full; the folder is then left unchanged.
         """
         with open_results(Path(folder), MANIFEST) as results:
-            made = made_of(self._found, plots=plots)
+            made = sweep_files(self._found, plots=plots)
             cautions = [c.record for c in (*results.cautions, *results.fill(made))]
             more: dict[str, Any] = {"files": [*results.names, MANIFEST]}
             more |= {"warnings": cautions} if cautions else {}

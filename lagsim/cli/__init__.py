@@ -60,7 +60,7 @@ def entry() -> int:
     """Run the command line as a process of its own; return the exit code."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(kind) is not signal.SIG_IGN:
-            signal.signal(kind, _leave)
+            signal.signal(kind, _end_at_signal)
     watch()
     # Processes started by this one search modules where this process does, and not in
     # the working directory, whose content may be foreign.
@@ -83,7 +83,7 @@ def entry() -> int:
     return code
 
 
-def _leave(number: int, _frame: object) -> NoReturn:
+def _end_at_signal(number: int, _frame: object) -> NoReturn:
     """Signal handler: end the process at once; in force while no command is at work.
 
     number : the number of the signal.

@@ -198,10 +198,10 @@ def unforeseen() -> int:
         print_stderr(trace)
     raised = trace.rstrip("\n").rpartition("\n")[2]
     print_stderr(f"lagsim: {raised} [{number(BUG)}]")
-    what = "the lines above" if path is None else str(path)
+    source = "the lines above" if path is None else str(path)
     print_stderr(
         "  This is a bug in lagsim, not in your model. Please report it with the model "
-        f"file and {what}"
+        f"file and {source}"
     )
     if not asked:
         print_stderr(

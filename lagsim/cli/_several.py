@@ -175,12 +175,12 @@ def each(
         for k in sorted(pieces):
             while k not in found and (new := next(made, None)):
                 number = numbers[new[0]]
-                found[number] = _known(new[1], paths[number])
+                found[number] = _as_done(new[1], paths[number])
             if k in found:
                 yield k, found[k]
 
 
-def _known(result: Done | Died, path: str) -> Done:
+def _as_done(result: Done | Died, path: str) -> Done:
     if isinstance(result, Done):
         return result
     died = Problem(FAILED, result.reason, hint=path)

@@ -474,7 +474,7 @@ def parse_range(
     """
     found = expected.ends(text.split(":"))
     if found is None:
-        message = f"{option} {text}: two {expected.what} are expected"
+        message = f"{option} {text}: two {expected.values} are expected"
         problems.add(USAGE, message, hint=f"such as {expected.example}")
     return found
 

@@ -131,9 +131,9 @@ def _status(verdict: RelationResiduals, residual: float) -> str:
     verdict : the judgement on the constraint.
     residual : its gap or residual of positions, as shown in the report.
     """
-    what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
-    text = f"{what} {residual:.3g}"
-    if what == "gap" and verdict.rate is not None:
+    quantity = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
+    text = f"{quantity} {residual:.3g}"
+    if quantity == "gap" and verdict.rate is not None:
         text += f", its rate {verdict.rate.value + 0.0:.3g}"
         text += "; touches" if verdict.active else ""
     return f"{text}; {verdict.mode}" if verdict.mode else text
@@ -160,8 +160,8 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
     text = f"  the motion can reach {reach.dimension} of {len(equations.q)} dimensions"
     if reach.hidden:
         names = ", ".join(reach.entering)
-        what = counted(reach.hidden, "hidden holonomic combination")
-        text += f"; {what} of {names}"
+        count = counted(reach.hidden, "hidden holonomic combination")
+        text += f"; {count} of {names}"
     return [*lines, text]
 
 

@@ -151,7 +151,7 @@ def _drawn_again(
         hint = "measure again: lagsim bench MODEL"
         raise unusable(USAGE, text, hint=hint)
     document = read_document(path)
-    shown = [row for row in document["rows"] if wish.wants(row["method"])]
+    shown = [row for row in document["rows"] if wish.is_requested(row["method"])]
     drawn = coloured("drawn", "32")
     found = _written(document, shown, form, lambda files: f"{drawn}: {files}")
     return lambda *_: found, Path(path).parent

@@ -119,15 +119,15 @@ def _report(names: Sequence[str], verdict: Verdict, remarks: Sequence[str]) -> s
     return "\n".join([head, *(f"  {remark}" for remark in remarks), *worst])
 
 
-def verdict_line(verdict: Verdict, differs: str, what: str) -> str:
+def verdict_line(verdict: Verdict, differs: str, label: str) -> str:
     """Return the verdict as one line: `same: ...`, or `<differs>: ... [number]`.
 
     differs : the word if the comparison fails.
-    what : the names or rows that were compared, which follow the word.
+    label : the names or rows that were compared, which follow the word.
     """
     if verdict.passed:
-        return f"{coloured('same', '32')}: {what}"
-    return f"{coloured(differs, '31')}: {what} [{number(DIFFERS)}]"
+        return f"{coloured('same', '32')}: {label}"
+    return f"{coloured(differs, '31')}: {label} [{number(DIFFERS)}]"
 
 
 def differing(verdict: Verdict) -> list[str]:
@@ -148,8 +148,8 @@ def differing(verdict: Verdict) -> list[str]:
 def notes(verdict: Verdict) -> list[str]:
     """Return notes on columns that only one result has, and on other differences."""
     lines = []
-    for what, names in (("missing", verdict.missing), ("extra", verdict.extra)):
-        lines += [f"{what}: {several(names, 8)}"] if names else []
+    for label, names in (("missing", verdict.missing), ("extra", verdict.extra)):
+        lines += [f"{label}: {several(names, 8)}"] if names else []
     return [*lines, *verdict.faults]
 
 

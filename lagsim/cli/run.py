@@ -369,7 +369,7 @@ class Job:
             joined = None
             if wish.table is TableFormat.CSV:
                 joined = partial(
-                    _keep, writer=writer, listed=listed, restart=restart,
+                    _store_checkpoints, writer=writer, listed=listed, restart=restart,
                     at_once=wish.resume,
                 )  # fmt: skip
             found = Attempts(
@@ -519,7 +519,7 @@ class Job:
             print_stdout(summary(found, document, folder))
 
 
-def _keep(
+def _store_checkpoints(
     run: Run,
     *,
     relay: Relay,
@@ -574,20 +574,21 @@ def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> D
     lost : bool
         Whether the table is missing as well.
     """
-    what, rest, kept = "events or a picture", "the table is whole", dict[str, Any]()
+    lost_part, rest = "events or a picture", "the table is whole"
+    kept = dict[str, Any]()
     if lost:
-        what = "the table"
+        lost_part = "the table"
         rest = "a CSV table is written row by row, and would keep its rows"
     elif made.fault is not None:
         end = made.trajectory.start if writer.last is None else writer.last
         kept = {"end": end, "rows": writer.rows}
-        what, rest = "the table", "the rows up to there were kept"
+        lost_part, rest = "the table", "the rows up to there were kept"
     beyond = f" beyond t = {kept['end']!r}" if kept else ""
     return {
         "outcome": "failed",
         "complete": False,
         "failure": failure(UnwritableError.code),
-        "reason": f"{what} could not be written{beyond}: {full.strerror}; {rest}",
+        "reason": f"{lost_part} could not be written{beyond}: {full.strerror}; {rest}",
         **kept,
     }
 

@@ -222,12 +222,12 @@ def _over_parameter(document: Document) -> list[str]:
     ends = values[0], values[-1]
     fixed, adaptive = document["methods"].values()
     rows: list[tuple[str, ...]] = []
-    for head, what, methods, texts in (
+    for head, quantity, methods, texts in (
         ("method", "holds below (s)", fixed, borders),
         ("", "evaluations, rejections", adaptive, work),
     ):
         if methods:
-            rows.append((head, *(f"{what}, {name} = {v:.4g}" for v in ends)))
+            rows.append((head, *(f"{quantity}, {name} = {v:.4g}" for v in ends)))
         rows += [(m, *(texts.get((m, v), "-") for v in ends)) for m in methods]
     return _aligned(rows)
 

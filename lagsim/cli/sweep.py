@@ -147,7 +147,7 @@ def command(
     found = SweepRows.of(
         read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
     )
-    known = _known(found, where) if resume else None
+    known = _earlier_record(found, where) if resume else None
     if known is not None:
         if as_json:
             show_json(known)
@@ -186,7 +186,7 @@ def _grid(
     return sampled(read, ((name, "".join(rest)) for name, *rest in pairs), count, seed)
 
 
-def _known(found: SweepRows, folder: Path) -> Any:
+def _earlier_record(found: SweepRows, folder: Path) -> Any:
     """Return the record of an earlier complete sweep with equal rows; None if none."""
     try:
         there = json.loads(content(folder / MANIFEST))

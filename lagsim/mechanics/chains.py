@@ -147,7 +147,7 @@ class Factorisation:
             if k in self.columns or rank != self._rank(k):
                 continue  # out of date: the queue has a newer entry for k
             users.subtract(self.sums.get(k, {}).keys())
-            touched = self._put_in(k) if k in self.sums else self._eliminate(k)
+            touched = self._substitute(k) if k in self.sums else self._eliminate(k)
             for i in touched:
                 if i in some and not users[i]:
                     heappush(queue, self._rank(i))
@@ -162,7 +162,7 @@ class Factorisation:
             return 1, -self.depths[k], 0, k
         return 0, len(self.rows[k]), k in self.late, k
 
-    def _taken(self, k: int) -> tuple[int, Vector]:
+    def _removed(self, k: int) -> tuple[int, Vector]:
         """Remove row and column k of S; return the diagonal entry, and the others of k.
 
         The diagonal entry is a node; the other entries are a mapping unknown -> node.
@@ -183,13 +183,13 @@ class Factorisation:
         self.budget.add(g.zero != a != g.one and g.zero != b != g.one)
         return g.call("mul", a, b)
 
-    def _put_in(self, k: int) -> Iterable[int]:
+    def _substitute(self, k: int) -> Iterable[int]:
         """Substitute sum k, an unknown, by the velocities and sums that it consists of.
 
         All rows of S are changed. Return the unknowns whose rows have changed.
         """
         form = self.columns[k] = self.sums[k]
-        own, row = self._taken(k)
+        own, row = self._removed(k)
         for i, entry in row.items():
             for j, factor in form.items():
                 term = self._times(entry, factor)
@@ -202,7 +202,7 @@ class Factorisation:
 
     def _eliminate(self, k: int) -> Iterable[int]:
         g = self.g
-        pivot, row = self._taken(k)
+        pivot, row = self._removed(k)
         self.budget.add(1 + len(row) * (len(row) + 3) // 2)
         self.pivots[k] = pivot, self._diagonal[k]
         inverse = self.inverse[k] = g.call("div", g.one, pivot)
@@ -592,7 +592,7 @@ class Composite(Factorisation):
     """
 
     def _eliminate(self, k: int) -> Collection[int]:
-        own, row = self._taken(k)
+        own, row = self._removed(k)
         self.pivots[k], self.columns[k] = (own, own), {}
         return row
 

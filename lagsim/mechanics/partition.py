@@ -325,7 +325,7 @@ class Partition(Elimination):
         for (i, j), node in zip(entries, tidy, strict=True):
             M[i][j] = node
         right = self._in_differences([row.b for row in self.rows])
-        self._solved = [self._put_in(block, M, right) for block in blocks]
+        self._solved = [self._solve_block(block, M, right) for block in blocks]
         self._reduced = Factorisation(self.g, M, self.budget, some=self.independent)
         shifts = [block.shift for block in self._solved]
         self._motion = self._accelerated(dict(enumerate(self.forces)), shifts)
@@ -336,7 +336,9 @@ class Partition(Elimination):
         held = {c for block in self.blocks for c in block.columns}
         return [c for c in range(self.n) if c not in held]
 
-    def _put_in(self, block: Block, M: list[Vector], right: Sequence[int]) -> _Solved:
+    def _solve_block(
+        self, block: Block, M: list[Vector], right: Sequence[int]
+    ) -> _Solved:
         """Solve a block, and put its accelerations into the rows of M, in place.
 
         right : b (m,) of the rows with differences.

@@ -110,7 +110,7 @@ def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
     )
 
 
-def of_those_left(
+def restricted_equations(
     e: Equations,
     left: Sequence[int],
     M: Mapping[tuple[int, int], int],
@@ -289,7 +289,7 @@ def eliminate_coordinate(
         b = minus(g, row.b, factor, bend)
         rows.append(row._replace(A=reduced_vector(g, left, A), b=b))
     unforced = full.unforced - {e.q[j] for j in J}
-    reduced = of_those_left(full, left, M, f, momenta)
+    reduced = restricted_equations(full, left, M, f, momenta)
     return replace(
         reduced, rows=tuple(rows), works=tuple(works), unforced=unforced
     ), recovered  # fmt: skip
@@ -324,7 +324,7 @@ def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
         _add_products(g, M, weighted, A)
         for j, a in weighted.items():
             f[j] = plus_product(g, f[j], a, row.b)
-    return of_those_left(e, range(len(e.q)), M, f, e.momenta)
+    return restricted_equations(e, range(len(e.q)), M, f, e.momenta)
 
 
 def with_lengths(e: Equations) -> Equations:

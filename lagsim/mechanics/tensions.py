@@ -401,7 +401,7 @@ class Squares(Factorisation):
             for (i, j), dot in found.dots.items():
                 if i != j or i not in left:
                     self._add(i, j, self.new[dot])
-        pivot, row = self._taken(k)
+        pivot, row = self._removed(k)
         self.pivots[k] = pivot, pivot
         column = {i: g.call("div", node, pivot) for i, node in row.items()}
         self.columns[k] = column

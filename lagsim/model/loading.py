@@ -653,10 +653,10 @@ def _beginning(case: _Case) -> Diagnosis | None:
     sign = case.line[at : at + 1]
     if sign not in _BEGINS:
         return None
-    what, named = _BEGINS[sign], "a backquote" if sign == "`" else f"`{sign}`"
+    label, named = _BEGINS[sign], "a backquote" if sign == "`" else f"`{sign}`"
     text = f"{named} cannot begin a value in YAML"
-    if what:
-        text = f"`{sign}{' ' * (sign in '-?')}` begins {what} in YAML"
+    if label:
+        text = f"`{sign}{' ' * (sign in '-?')}` begins {label} in YAML"
     hint = "quote the value"
     if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
         quoted = entry["value"].strip().replace('"', "'")

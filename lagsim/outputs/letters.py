@@ -92,7 +92,7 @@ class Letters:
         base, order = rated(name)
         head, point, rest = base.partition(".")
         of_constraint = head in _HEADS and not rest[:1].isdigit()
-        if point and of_constraint and not self._typeset.knows(base):
+        if point and of_constraint and not self._typeset.is_file_name(base):
             return f"{head}.{self.name(name.partition('.')[2])}"
         return self._typeset.show(PrintedName(base, order))
 

@@ -616,10 +616,10 @@ def _drift(picture: Picture, axes: Axes, data: PlotData) -> None:
     scale = noise_scale(drift, size)
     frame(axes, time_axis(data), scale, below=data.named("t"), up=("drift", unit))
     picture.when_placed(against_time, data, axes, [(t, drift)], [BLACK])
-    what = "energy − work" if balance == DRIFT else "energy"
+    quantity = "energy − work" if balance == DRIFT else "energy"
     worst = greatest(drift)
     most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"
-    axes.set_title(f"{what} minus its first value: {most}".rstrip())
+    axes.set_title(f"{quantity} minus its first value: {most}".rstrip())
 
 
 @in_house_style
@@ -715,8 +715,8 @@ def pictures(data: PlotData, model: Model) -> Iterator[Made]:
     for k, wanted in enumerate(model.output.plots):
         draw[f"plot_{k + 1}"] = partial(plot, data, k, wanted, model.scene)
     files = {key: partial(_file, own, data.form) for key, own in draw.items()}
-    brought = {LONG: ahead.bring(files[LONG])}
-    for key, file in (files | brought).items():
+    started = {LONG: ahead.start(files[LONG])}
+    for key, file in (files | started).items():
         name = f"{key}.{data.form}"
         yield name, attempted(name, file)
         # A figure holds the pixels that it was drawn on, some megabytes, and itself.

@@ -342,17 +342,17 @@ def _held(results: Results, until: float) -> Iterator[None]:
             raise _unusable(results.folder, text)
         time.sleep(_GLANCE_SECONDS)
 
-    def leave() -> None:
+    def unlock() -> None:
         path.unlink(missing_ok=True)
         # Processes that were started meanwhile have it open, too.
         fcntl.flock(handle, fcntl.LOCK_UN)
 
-    files.passes(path, leave)
+    files.passes(path, unlock)
     try:
         yield
     finally:
         with contextlib.suppress(OSError):
-            leave()
+            unlock()
         files.stays(path)
         # Once only, and only here: another file may have this number next.
         os.close(handle)
@@ -546,13 +546,13 @@ def replaced(
         return None
     if old.get("sha256") == new["sha256"]:
         found = several(_differences(before, now), MOST_LISTED)
-        what = f"with {found}" if found else ""
+        detail = f"with {found}" if found else ""
     else:
         file = str(old.get("file"))
-        what = f"of {file}" if Path(file) != Path(new["file"]) else ""
-    if not what:
+        detail = f"of {file}" if Path(file) != Path(new["file"]) else ""
+    if not detail:
         return None
-    text = f"this replaces the result {what} in {folder}; with -o DIR both are kept"
+    text = f"this replaces the result {detail} in {folder}; with -o DIR both are kept"
     return Caution(RESULT_REPLACED, text)
 
 

@@ -111,7 +111,7 @@ def formulate(
     if asked == "auto":
         return _chosen(equations, start, suits)
     try:
-        return _asked(asked, equations, start, settings.decay)
+        return _requested(asked, equations, start, settings.decay)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be used: {error}"
         raise unusable(FORMULATION_REFUSED, text, place) from None
@@ -188,8 +188,8 @@ def _full(equations: Equations, start: Start) -> Formulation:
     if laws:
         name = "projection"
         one = len(laws) == 1
-        what = "constraint that holds" if one else "constraints that hold"
-        reason = f"{len(laws)} {what} at times"
+        noun = "constraint that holds" if one else "constraints that hold"
+        reason = f"{len(laws)} {noun} at times"
     elif held:
         reason = f"{held} of {len(rows)} constraints are on positions"
     else:
@@ -205,7 +205,9 @@ def _projection(rows: Sequence[Row]) -> str:
     return "projection" if held else "velocity projection"
 
 
-def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
+def _requested(
+    name: str, equations: Equations, start: Start, gain: float
+) -> Formulation:
     """Return the formulation called `name`.
 
     gain : the rate of `baumgarte`.

@@ -175,7 +175,7 @@ def choose(
         chosen = _automatic(equations, solved if plain else None, settings.tolerance)
         choices.append(chosen)
         return chosen.choice.removeprefix("method: ")
-    name = _asked(equations, scene, settings, choices)
+    name = _requested(equations, scene, settings, choices)
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
         _check_straight(name, equations, solved, settings, choices)
     return name
@@ -212,7 +212,7 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
     return steps * dop853 / series
 
 
-def _asked(
+def _requested(
     equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
 ) -> str:
     asked = settings.method

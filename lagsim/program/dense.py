@@ -555,13 +555,13 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     The change is a Newton step for the linearised constraints.
 
     out : (n + 3,), the change; then the largest residual relative to its scale, 0, and
-        the largest second-order residual after the step, see `residual_left`.
+        the largest second-order residual after the step, see `second_order_residual`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     drop_lost(y, p, p.gaps, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = residual_left(0, t, y, p, out)
+    out[p.n + 2] = second_order_residual(0, t, y, p, out)
 
 
 def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None:
@@ -597,19 +597,19 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     out : (n + 3,), the change; then the largest rate relative to its scale, the
         smallest diagonal element sigma of R (see `reflect`), and the largest
-        second-order residual after the step, see `residual_left`.
+        second-order residual after the step, see `second_order_residual`.
     """
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     drop_lost(y[p.velocities], p, p.gap_rates, out)
     out[p.n + 1] = p.sigma
-    out[p.n + 2] = residual_left(p.m, t, y, p, out)
+    out[p.n + 2] = second_order_residual(p.m, t, y, p, out)
     if not LAWS:
         update_lengths(p)
         p.reference = max(p.reference, p.sigma)
 
 
-def residual_left(
+def second_order_residual(
     first: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
     """Return the largest scaled residual after a Newton step, to second order.

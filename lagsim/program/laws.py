@@ -404,14 +404,14 @@ def share_by(p: Parameters, count: int, y: Floats) -> float:
         for i in range(count):
             p.share_target[k] += y[i] * p.free[i * laws + k]
     for k in range(laws):
-        p.share_found[k] = p.share_target[k] * kept_part(p, k)
+        p.share_found[k] = p.share_target[k] * projection_factor(p, k)
         found += (p.share_target[k] - 0.5 * p.share_found[k]) * p.share_found[k]
     for i in range(count):
         found -= p.diagonal[i] * y[i]
     return found
 
 
-def kept_part(p: Parameters, k: int) -> float:
+def projection_factor(p: Parameters, k: int) -> float:
     """Return the factor by which the projection P onto the bounds scales multiplier k.
 
     The factor is 1 within the bounds; 0 for a negative multiplier of a one-sided law;
@@ -482,7 +482,7 @@ def share_slope(p: Parameters, k: int, change: Floats) -> float:
     change : ndarray, shape (laws,)
         Change of the multipliers before the projection.
     """
-    part = kept_part(p, k)
+    part = projection_factor(p, k)
     found = part * change[k]
     if is_one_sided(p, k) or part == 1.0:
         return float(found)

@@ -631,7 +631,7 @@ class System:
         laws = [(k, [*x.row.A.entries]) for k, x in enumerate(e.laws) if not x.slider]
         return [x for x in rows if len(x) > 1], [x for x in laws if len(x[1]) > 1]
 
-    def held_together(self) -> list[int]:
+    def coupled_coordinates(self) -> list[int]:
         """Return, for each coordinate, the least index of a coordinate coupled to it.
 
         Coordinates are coupled by rows of equalities and of laws that are in force.

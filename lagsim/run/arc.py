@@ -380,7 +380,7 @@ class Arc(NamedTuple):
             if runner is not self.runner:
                 state = taken_over(state, runner, settings.options)
         if self.system.laws:
-            state.linked[:] = self.system.held_together()
+            state.linked[:] = self.system.coupled_coordinates()
         state.end = ahead = min(end, ahead)
         # A row at the instant of the end is the next arc's, or the last.
         last = settings.end - SAME_STEP * settings.output_step

@@ -139,8 +139,8 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {arc.t!r}; the rows up to there were kept"
     shown = arc.observed() if row is None else row
-    what = FAILURES[outcome].format(steps=arc.steps, about=ending.about)
-    text = f"{what} at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
+    cause = FAILURES[outcome].format(steps=arc.steps, about=ending.about)
+    text = f"{cause} at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
     if outcome is Outcome.STEP_TOO_SMALL:
         text += f"; {_fastest(arc)}"
     return f"{text}: {outcome.advice}{_other_means(arc, outcome)}"

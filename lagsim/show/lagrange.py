@@ -114,8 +114,8 @@ class _Solver:
             why = "M is not positive definite: it is not solved for the accelerations"
         elif self.come_and_go:
             contact = any(k["kind"] == "one-sided" for k in self.constraints)
-            what = "contacts" if contact else "constraints"
-            why = f"the accelerations are left out: {what} hold at times"
+            noun = "contacts" if contact else "constraints"
+            why = f"the accelerations are left out: {noun} hold at times"
         elif not insist:
             why = "the accelerations are too long to be read; `--solve` prints them"
         else:

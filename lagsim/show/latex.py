@@ -125,7 +125,7 @@ class _Latex(Outline):
     def _plain(self, name: str) -> str:
         return rf"\texttt{{{plain_latex(name)}}}"
 
-    def _say(self, text: str) -> None:
+    def _add_line(self, text: str) -> None:
         text = text.strip()
         if not text.startswith("\\["):
             end = "" if text.endswith((".", ":")) else "."
@@ -251,10 +251,10 @@ class _Latex(Outline):
 
     def _given(self, given: Sequence[str]) -> None:
         if given:
-            self._say(", ".join(given))
+            self._add_line(", ".join(given))
 
     def _statement(self, _: str, text: str) -> None:
-        self._say(rf"\[ {text} \]")
+        self._add_line(rf"\[ {text} \]")
 
 
 def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:

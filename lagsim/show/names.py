@@ -106,7 +106,7 @@ class ModelNames:
             taken.add(self.joined(*parts, 0))
             self._shown[name] = parts
 
-    def knows(self, name: str) -> bool:
+    def is_file_name(self, name: str) -> bool:
         """Whether `name` is a name of the file."""
         return name in self._shown
 

@@ -217,10 +217,10 @@ class Separation:
         made: Found = {}
         for n in reversed(self._speeds):
             if n in found:
-                made |= self._carry(kind, n, found.pop(n), found, variables)
+                made |= self._chain_derivative(kind, n, found.pop(n), found, variables)
         return made
 
-    def _carry(
+    def _chain_derivative(
         self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
     ) -> Found:
         """Carry the derivative by one definition to the variables that it contains.
@@ -279,7 +279,9 @@ class Separation:
             found[n] = p, left, Q
             R = g.call("sub", left, Q)
             if n in self._words and g.zero != R:
-                self.reactions |= self._carry("reaction", n, R, carried, self._still)
+                self.reactions |= self._chain_derivative(
+                    "reaction", n, R, carried, self._still
+                )
         return [found[n] for n in flow.positions]
 
     def _applied(self) -> tuple[Gradient, Gradient]:

@@ -189,7 +189,7 @@ class Outline:
                 self._title(key.capitalize())
                 pairs = ("w", kind), ("u", kind), ("v", kind), ("u", "force")
                 letters = (self.names.show(PrintedName(u, 0, of)) for u, of in pairs)
-                self._say(self.sign(key, *letters))
+                self._add_line(self.sign(key, *letters))
                 named = [(x.names[symbol(name)], e) for name, e in rows]
                 self._rows(self._of_families(named))
         if held := [k for k in c["constraints"] if always(k)]:
@@ -202,7 +202,7 @@ class Outline:
             for line in c["equations"]
         ]
         for row in self.families.rows(lines):
-            self._say(f"for {self._named(row)}:")
+            self._add_line(f"for {self._named(row)}:")
             self._balance((row.parts[0], row.parts[1]))
         self._rates_and_events()
 
@@ -217,10 +217,10 @@ class Outline:
             at, every = event["at"], event["every"] or 0.0
             when = f"at {self._plain(at)}" if at else f"every {every:g}"
             once = "once, " * event["once"]
-            self._say(f"{self._plain(name)} acts {once}{when}")
+            self._add_line(f"{self._plain(name)} acts {once}{when}")
             self._rows([(self.show(mode), e) for mode, e in event["set"].items()])
             if given := event.get("impulse"):
-                self._say("with the impulses, along each name")
+                self._add_line("with the impulses, along each name")
                 self._rows([(self.show(on), e) for on, e in given.items()])
 
     def _forces(self) -> None:
@@ -232,7 +232,7 @@ class Outline:
         for row in self.families.rows(given):
             force, direction = row.parts
             written = self._inline(self.write(force))
-            self._say(f"force on {self._named(row)}: {written}")
+            self._add_line(f"force on {self._named(row)}: {written}")
             if not direction.is_Symbol:
                 on = self.names.show(row.name)
                 self._rows([(on, direction, self._tail(row))])
@@ -252,7 +252,7 @@ class Outline:
     def _matrix_form(self) -> None:
         c, names = self.c, self.coordinates
         self._title(self._phrase("matrix form"))
-        self._say(self._phrase("motion"))
+        self._add_line(self._phrase("motion"))
         self._matrix("M", c["M"], names, names)
         self._labelled("f", names, c["f"])
         if held := c["constraints"]:
@@ -300,7 +300,7 @@ class Outline:
         ])  # fmt: skip
         also = self.signs["symmetric"] * symmetric
         bold = self._inline(self.sign("matrix", letter))
-        self._say(f"other entries of {bold} are zero{also}")
+        self._add_line(f"other entries of {bold} are zero{also}")
 
     def _solution(self) -> None:
         solved = self.c["accelerations"]
@@ -320,7 +320,7 @@ class Outline:
     def _gauss(self) -> None:
         principle, names = self.c["gauss"], self.coordinates
         self._title("Gauss's principle")
-        self._say(self._phrase("principle"))
+        self._add_line(self._phrase("principle"))
         free = [
             self.names.show(PrintedName(q.name, 0, "unconstrained")) for q in self.x.q
         ]
@@ -329,7 +329,7 @@ class Outline:
         held = [self._label(k["name"]) for k in self.c["constraints"] if always(k)]
         if not self.c["constraints"]:
             return
-        self._say(self.signs["gain"])
+        self._add_line(self.signs["gain"])
         rows = [
             (self.sign("K", q, label), e)
             for q, row in zip(names, principle["K"] or (), strict=False)
@@ -367,7 +367,7 @@ class Outline:
     def _constraint(self, k: Part, multiplier: Any, members: str = "") -> None:
         self._title(f"Constraint {k['name']} ({k['kind']})")
         if members:
-            self._say(f"for {self._inline(members)}")
+            self._add_line(f"for {self._inline(members)}")
         relation = self.signs["at least" if k["kind"] == "one-sided" else "="]
         moving = on_velocities(k)
         values = [k["function"], *([] if moving else [k["rate"]])]
@@ -418,7 +418,7 @@ class Outline:
             why += f"; the file calls it {self._plain(item['definition'])}"
         left = total if item["kind"] == "energy" else self.sign(item["kind"], q)
         self._rows([(left, self.families.sums(item["expression"]))])
-        self._say(f"  {why}")
+        self._add_line(f"  {why}")
 
     # Layout
 
@@ -437,7 +437,7 @@ class Outline:
     def _title(self, text: str) -> None:
         self.lines += ["", text, "-" * len(text)]
 
-    def _say(self, text: str) -> None:
+    def _add_line(self, text: str) -> None:
         self.lines += textwrap.wrap(text, WIDTH - 2, initial_indent="  ",
                                     subsequent_indent="  ")  # fmt: skip
 
@@ -514,10 +514,10 @@ class Outline:
 
     def _given(self, given: Sequence[str]) -> None:
         for text in given:
-            self._say(text)
+            self._add_line(text)
 
     def _statement(self, about: str, text: str) -> None:
-        self._say(f"{about}: {text}")
+        self._add_line(f"{about}: {text}")
 
 
 _SIGNS = {

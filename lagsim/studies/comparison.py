@@ -52,9 +52,9 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
     events, others : the events of the first run, and of the second run.
     """
-    mine, theirs = _by_what(events), _by_what(others)
+    mine, theirs = _times_by_kind(events), _times_by_kind(others)
     pairs = [
-        partners(times, theirs[what]) for what, times in mine.items() if what in theirs
+        partners(times, theirs[key]) for key, times in mine.items() if key in theirs
     ]
     return np.concatenate(pairs) if pairs else np.empty((0, 2))
 
@@ -85,11 +85,11 @@ def on_grid(rows: Floats, settings: Settings) -> Floats:
     return np.asarray(rows[kept])
 
 
-def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
+def _times_by_kind(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
     found: dict[tuple[str | None, ...], list[float]] = {}
     for e in events:
         found.setdefault((e.kind, e.constraint, e.switch, e.name), []).append(e.time)
-    return {what: np.unique(times) for what, times in found.items()}
+    return {key: np.unique(times) for key, times in found.items()}
 
 
 def partners(mine: Floats, theirs: Floats) -> Floats:
@@ -199,12 +199,13 @@ def scales(
     moves = [x for x in ("kinetic", "lagrangian") if x in columns]
     moving = float(wide[columns.index(moves[0])]) if moves else 0.0
     largest = max(
-        (size[k] for k, what in enumerate(kinds) if what == "position"), default=0.0
+        (size[k] for k, of_column in enumerate(kinds) if of_column == "position"),
+        default=0.0,
     )
-    for k, what in enumerate(kinds):
-        if what == "energy":
+    for k, of_column in enumerate(kinds):
+        if of_column == "energy":
             found[k] = max(ranges[k], moving) or wide[k]
-        elif what == "residual":
+        elif of_column == "residual":
             found[k] = max(ranges[k], largest)
     return found
 

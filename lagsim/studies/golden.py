@@ -229,7 +229,7 @@ def _measured(
     end = lost[0] if len(lost) else len(rows)
     rows = rows[:end, chosen]
     steady, wide = (x[:end, chosen] for x in bounds)
-    _ask_finite(names, rows, steady + wide)
+    _check_finite(names, rows, steady + wide)
     steps = {
         name: _steps(rows[:, 0], *own)
         for name, *own in zip(names, steady.T, wide.T, strict=True)
@@ -357,7 +357,7 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     return _Rest(sizes, rounding)
 
 
-def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
+def _check_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
     """Raise an InputError if columns have values or bounds that are not finite.
 
     names : the names of the columns.
@@ -803,10 +803,10 @@ def _notes(
                 f": {'; '.join(changed) or 'not in the parts that the golden stores'}"
             )
         yield text
-    for what in ("method", "formulation"):
-        now, was = getattr(motion.plan, what), about.get(what)
+    for name in ("method", "formulation"):
+        now, was = getattr(motion.plan, name), about.get(name)
         if now != was:
-            yield f"{what} {now}, the golden's is {was}"
+            yield f"{name} {now}, the golden's is {was}"
     was = {"lagsim": about.get("lagsim"), **about.get("versions", {})}
     now = {"lagsim": __version__, **versions()}
     others = [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]

@@ -182,7 +182,7 @@ class SmallMotions:
         InputError
             If there is no such input.
         """
-        found: Input = _known(name, self.inputs, "input")
+        found: Input = _named_entry(name, self.inputs, "input")
         if not found.parameters:
             return found
         return found._replace(parameters=_followers(self.setting.model, name))
@@ -205,7 +205,7 @@ class SmallMotions:
             inputs = list(dict.fromkeys(force.on for force in model.forces))
         if outputs is None:
             outputs = [*e.q, *e.velocities]
-        chosen = {name: _known(name, self.outputs, "output") for name in outputs}
+        chosen = {name: _named_entry(name, self.outputs, "output") for name in outputs}
         steady = self.steady
         try:
             return state_space(
@@ -341,7 +341,7 @@ def _pair(value: complex) -> list[float]:
     return [float(value.real) + 0.0, float(value.imag) + 0.0]
 
 
-def _known(name: str, among: Mapping[str, Any], kind: str) -> Any:
+def _named_entry(name: str, among: Mapping[str, Any], kind: str) -> Any:
     """Return the entry of `among` with a name.
 
     kind : `input` or `output`, for the message.

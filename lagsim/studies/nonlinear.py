@@ -428,9 +428,9 @@ def _is_at_bound(steady: Linearised, errors: Mapping[str, float], law: Law) -> b
 
 def _law_text(law: Law) -> str:
     if law.one_sided:
-        what, holds = "the contact " if law.gapped else "", law.role.words[0]
-        text = f"{what}`{law.name}` is {holds} without a force; the modes count "
+        noun, holds = "the contact " if law.gapped else "", law.role.words[0]
+        text = f"{noun}`{law.name}` is {holds} without a force; the modes count "
         return text + f"it as {holds}"
-    what = "the friction of " if law.slips else ""
-    text = f"{what}`{law.name}` sticks with its force at the limit; the modes count it "
+    noun = "the friction of " if law.slips else ""
+    text = f"{noun}`{law.name}` sticks with its force at the limit; the modes count it "
     return text + "as sticking"

@@ -14,7 +14,7 @@ class RangeOption(NamedTuple):
 
     Attributes
     ----------
-    what : str
+    values : str
         The numbers, in messages: `frequencies above 0`.
     example : str
         The option on the command line.
@@ -24,7 +24,7 @@ class RangeOption(NamedTuple):
         Whether the range may be a single number.
     """
 
-    what: str
+    values: str
     example: str
     above: float = -math.inf
     may_be_equal: bool = False

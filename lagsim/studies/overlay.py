@@ -88,11 +88,11 @@ def _record(folder: Path) -> Document:
     try:
         record = orjson.loads(files.content(folder / MANIFEST))
     except FileNotFoundError:
-        what = f"{folder} is not there"
+        text = f"{folder} is not there"
         if folder.exists():
-            what = f"{folder} contains no results: there is no {MANIFEST} in it"
+            text = f"{folder} contains no results: there is no {MANIFEST} in it"
         hint = f"`lagsim run MODEL -o {folder}` makes it"
-        raise unusable(NO_RESULTS, what, hint=hint) from None
+        raise unusable(NO_RESULTS, text, hint=hint) from None
     except OSError as error:
         why = f"{folder / MANIFEST} cannot be read: {error.strerror}"
         raise unusable(NO_RESULTS, why) from None
@@ -116,8 +116,8 @@ def _labels(folders: Sequence[Path], records: Sequence[Document]) -> list[str]:
     differ = _differing(every)
     labels = []
     for name, each in zip(names, every, strict=True):
-        told = [f"{p} = {each[p]:.6g}" for p in differ[:MOST_NAMED]]
-        labels.append(f"{name} ({', '.join(told)})" if told else name)
+        varied = [f"{p} = {each[p]:.6g}" for p in differ[:MOST_NAMED]]
+        labels.append(f"{name} ({', '.join(varied)})" if varied else name)
     # A folder may be given twice.
     return [
         label if labels.index(label) == k else f"{label} #{k + 1}"
@@ -168,10 +168,11 @@ def _order(runs: Sequence[OverlaidRun]) -> tuple[str, list[float]]:
         for c in moving
         for name in (c, rate_of(c))
     }
-    told = [name for name, values in starts.items() if len(set(values)) > 1]
-    if not differ and len(told) == 1 and np.isfinite(starts[told[0]]).all():
-        unit = raised_powers(runs[0].table.units.get(told[0], ""))
-        return f"{told[0]} at the start" + f" ({unit})" * bool(unit), starts[told[0]]
+    varied = [name for name, values in starts.items() if len(set(values)) > 1]
+    if not differ and len(varied) == 1 and np.isfinite(starts[varied[0]]).all():
+        unit = raised_powers(runs[0].table.units.get(varied[0], ""))
+        label = f"{varied[0]} at the start" + f" ({unit})" * bool(unit)
+        return label, starts[varied[0]]
     return "run", [float(k + 1) for k in range(len(runs))]
 
 
@@ -191,8 +192,8 @@ def shown_columns(
         found = [c for c in found if not rated(c)[1]]
         if found:
             return found[:MOST_COLUMNS]
-        what = "these results have no coordinate in common"
-        raise unusable(NO_COLUMN, what, hint="name columns: --columns x")
+        text = "these results have no coordinate in common"
+        raise unusable(NO_COLUMN, text, hint="name columns: --columns x")
     problems = Problems()
     for run in runs:
         for name in names:
@@ -201,10 +202,10 @@ def shown_columns(
                 hint = member_hint(name, others) or did_you_mean(name, others)
                 if name == "t" or not hint:
                     hint = f"there are {', '.join(others)}"
-                what = f"{run.folder} has no column `{name}`"
+                text = f"{run.folder} has no column `{name}`"
                 if name == "t":
-                    what = "the column `t` is the axis of the others"
-                problems.add(NO_COLUMN, what, hint=hint)
+                    text = "the column `t` is the axis of the others"
+                problems.add(NO_COLUMN, text, hint=hint)
     problems.refuse()
     return list(dict.fromkeys(names))
 
@@ -253,19 +254,19 @@ def motions(runs: Sequence[OverlaidRun]) -> tuple[list[Document], list[str]]:
     Each motion is a document as of `animation.record`, with the label of the run.
     """
     found: list[Document] = []
-    told: list[str] = []
+    notes: list[str] = []
     for run in runs:
         pages = _recorded(run)
         if not pages:
             film = _film(run)
             pages = [] if film is None else [animation.record(film)]
         if not pages:
-            told.append(
+            notes.append(
                 f"{run.folder} has nothing to draw: neither {animation.NAME} "
                 "(`lagsim run --animate` adds it) nor columns x and y"
             )
         found += [page | {"name": run.label} for page in pages[:1]]
-    return found, told
+    return found, notes
 
 
 def _recorded(run: OverlaidRun) -> list[Document]:

@@ -574,7 +574,7 @@ class Search:
         free = [self._point.e.q[j] for j in still]
         return steady_rest(self.setting, found._replace(undetermined=free))
 
-    def _nearest_held(self, steady: Steady) -> Steady:
+    def _nearest_sticking(self, steady: Steady) -> Steady:
         """Return the rest nearest to the start among all rests that friction holds.
 
         If no friction sticks, `steady` is returned.
@@ -608,7 +608,7 @@ class Search:
             pass
         return None
 
-    def _held_at_start(self) -> Equilibrium | None:
+    def _sticking_at_start(self) -> Equilibrium | None:
         """Return the nearest rest that friction in force at the start holds.
 
         None if no friction or limit is in force, or no such rest exists.
@@ -644,7 +644,7 @@ class Search:
         """
         found = self.nearby(Way.CONTRACTED)
         if found is not None:
-            return self._nearest_held(self.steady(found))
+            return self._nearest_sticking(self.steady(found))
         return self.all(starts)[0].steady
 
     def all(
@@ -674,7 +674,7 @@ class Search:
                 progress((k + 1) / (2 * starts + 1))
             if self._spent or (interrupt is not None and interrupt.requested):
                 break
-        held = self._held_at_start()
+        held = self._sticking_at_start()
         if held is not None:
             self._add(kept, held)
         if not kept:
@@ -687,7 +687,7 @@ class Search:
 
         The result is `one` itself if it is an isolated rest.
         """
-        steady = self._nearest_held(one.steady)
+        steady = self._nearest_sticking(one.steady)
         if steady is one.steady:
             return one
         far = self.distance(steady.state.q)

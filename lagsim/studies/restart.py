@@ -187,7 +187,7 @@ class Restart:
         for table, path in zip(stand.tables, places, strict=True):
             assert path is not None
             aside = self.folder / RESTART_TABLE.format(table.name)
-            _put_aside(path, aside, table.size, path.name == table.name)
+            _move_aside(path, aside, table.size, path.name == table.name)
         self.stand = stand
 
     def _found(self, table: TablePart) -> Path | None:
@@ -261,11 +261,11 @@ class Restart:
         # A state that cannot be stored now may be storable later; a full disk is
         # reported when the table is written.
         with contextlib.suppress(UndeclaredError, OSError):
-            self._keep(run, self._key)
+            self._store_run(run, self._key)
         ended = time.monotonic()
         self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
 
-    def _keep(self, run: Run, key: bytes) -> None:
+    def _store_run(self, run: Run, key: bytes) -> None:
         run.recorder.pass_on()
         systems = {k: x for k, x in self._things.items() if isinstance(x, System)}
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
@@ -357,7 +357,7 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
         yield block
 
 
-def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
+def _move_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
     """Move or copy the first rows of a table to `aside`, where no run overwrites it.
 
     The first `size` bytes of the table of a complete result (`whole`) are copied; any
@@ -453,8 +453,8 @@ class UndeclaredError(TypeError):
     """The class of an object is not declared for storage."""
 
 
-def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> bytes:
-    """Return the object `what` as bytes: JSON and arrays, which `decoded` reads.
+def encoded(whole: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> bytes:
+    """Return the object `whole` as bytes: JSON and arrays, which `decoded` reads.
 
     Parameters
     ----------
@@ -485,7 +485,7 @@ def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> by
             nodes[k] = _node(x, value, declared, blocks)
         return [found[id(x)][0]]
 
-    text = json.dumps([value(what), nodes], separators=(",", ":"))
+    text = json.dumps([value(whole), nodes], separators=(",", ":"))
     return b"".join([text.encode(), b"\n", blocks])
 
 
@@ -500,9 +500,9 @@ def _node(
     if kind is deque:
         return ["deque", x.maxlen, *map(value, x)]
     if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in _NUMBERS:
-        place, what = len(blocks), "array" if kind is np.ndarray else "number"
+        place, kind_name = len(blocks), "array" if kind is np.ndarray else "number"
         blocks.extend(np.ascontiguousarray(x).tobytes())
-        return [what, x.dtype.str, list(x.shape), place]
+        return [kind_name, x.dtype.str, list(x.shape), place]
     named = f"{kind.__module__}:{kind.__qualname__}"
     if named not in declared:
         raise UndeclaredError(f"{named} is not declared")

@@ -346,9 +346,9 @@ class _StepCheck(NamedTuple):
             if not 2.0 * grown * self.span / h > DAMPED:
                 return []
         past = exceeds(amplification, h * eigenvalue)
-        what = "past" if past else "close to"
+        side = "past" if past else "close to"
         text = (
-            f"at t = {there.t:.6g} the step ({h:.3g}) is {what} the stability bound of "
+            f"at t = {there.t:.6g} the step ({h:.3g}) is {side} the stability bound of "
             f"{self.module.NAME}: fast motion of {self.named(there, k)} at about "
             f"{abs(eigenvalue):.3g} per unit of time"
         )

@@ -35,14 +35,14 @@ run.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
 pace.MOST = 16
 left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
-keep = restart.Restart._keep
+keep = restart.Restart._store_run
 def kept(self, *given):
     global left
     keep(self, *given)
     left -= 1
     if left == 0:
         os.kill(os.getpid(), kind)
-restart.Restart._keep = kept
+restart.Restart._store_run = kept
 sys.exit(main())
 """
 
@@ -281,7 +281,7 @@ def test_what_cannot_be_kept_is_not(lagsim, monkeypatch):
     def unable(*_):
         raise TypeError("cannot pickle 'generator' object")
 
-    monkeypatch.setattr(restart.Restart, "_keep", unable)
+    monkeypatch.setattr(restart.Restart, "_store_run", unable)
     monkeypatch.setattr(run, "KEPT_AFTER_SECONDS", -1.0)
     assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
     assert not Path("out", restart.RESTART).exists()

@@ -22,8 +22,8 @@ def number():
 def test_another_process_makes_it_where_others_may_be_sent():
     first = number()
     with ahead.helped():
-        assert ahead.bring(number)() != first
-    assert ahead.bring(number)() == first
+        assert ahead.start(number)() != first
+    assert ahead.start(number)() == first
 
 
 def test_nobody_is_left_behind(tmp_path):
@@ -36,7 +36,7 @@ def test_nobody_is_left_behind(tmp_path):
         return b"late"
 
     with ahead.helped():
-        late = ahead.bring(make)
+        late = ahead.start(make)
         while not made.exists() or not made.read_bytes():
             time.sleep(1e-3)
     with pytest.raises(ProcessLookupError):
@@ -55,7 +55,7 @@ def test_signals_to_it_are_not_those_of_the_first():
     before = signal.signal(signal.SIGTERM, lambda *_: heard.append(1))
     try:
         with ahead.helped():
-            assert ahead.bring(killed)() == b"made"
+            assert ahead.start(killed)() == b"made"
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == []
@@ -70,8 +70,8 @@ def test_what_it_brings_is_whole_or_made_by_the_first():
         return b"made"
 
     with ahead.helped():
-        assert ahead.bring(lambda: content)() == content
-        assert ahead.bring(killed)() == b"made"
+        assert ahead.start(lambda: content)() == content
+        assert ahead.start(killed)() == b"made"
 
 
 def test_a_helper_gives_one_content_after_the_other(tmp_path):

@@ -269,24 +269,24 @@ class Expansion:
         self.idle = bodies.idle()
         return found
 
-    def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
+    def members(self, key: Scalar, label: str) -> tuple[Key, Members] | None:
         """Return the parsed name and the members of a key in `frames` or `bodies`.
 
         None where a fault was reported.
 
-        what : `a frame` or `a body`, for messages.
+        label : `a frame` or `a body`, for messages.
         """
         try:
             parsed = parsed_key(key.text)
             if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
-                named = parsed.subscripts or what == "a frame"
+                named = parsed.subscripts or label == "a frame"
                 if named and parsed.name in CALLED:
-                    text = f"`{parsed.name}` is a function and cannot be {what}"
+                    text = f"`{parsed.name}` is a function and cannot be {label}"
                     self.report(RESERVED_NAME, text, key)
                     return None
                 return parsed, self._members(parsed, {})
             self.complete = False
-            text = f"`{key.text}` cannot be the name of {what}"
+            text = f"`{key.text}` cannot be the name of {label}"
             self.report(BAD_NAME, text, key, "such as arm or link(i = 1..n)")
         except ExpressionError as fault:
             self.fault(fault, key)

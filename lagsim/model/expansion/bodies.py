@@ -150,11 +150,11 @@ _HOW = "write {mass: m, at: [x, y, z], frame: f, inertia: J}, or `shape` for `in
 class _Body(NamedTuple):
     """Entry of `bodies` in the file, for one member.
 
-    `what` is its name in messages, `name` its name, `below` has the values of the entry
-    by key, and `indices` the values of the member's indices.
+    `label` is its name in messages, `name` its name, `below` has the values of the
+    entry by key, and `indices` the values of the member's indices.
     """
 
-    what: str
+    label: str
     name: str
     below: dict[str, Node]
     indices: Indices
@@ -247,7 +247,7 @@ class Bodies(SectionReader):
 
         below : the values of the entry by key.
         """
-        found, what = self.x.members(key, "a body"), f"the body `{key.text}`"
+        found, label = self.x.members(key, "a body"), f"the body `{key.text}`"
         missing = [k for k in ("mass", "at") if k not in below]
         if "frame" in below and not below.keys() & {"inertia", "shape"}:
             missing.append("inertia` or `shape")
@@ -256,7 +256,7 @@ class Bodies(SectionReader):
         if unknown(below, KEYS):
             return
         for k in missing:
-            self.report(MISSING_KEY, f"{what} has no `{k}`", key, _HOW)
+            self.report(MISSING_KEY, f"{label} has no `{k}`", key, _HOW)
         if found is None or missing:
             return
         for indices, member in found[1]:
@@ -265,14 +265,14 @@ class Bodies(SectionReader):
                 text = f"the body `{name}` is given twice"
                 self.refuse(DUPLICATE_MEMBER, text, key)
             self._names.add(name)
-            self._body(_Body(what, name, below, indices))
+            self._body(_Body(label, name, below, indices))
 
     def _body(self, one: _Body) -> None:
         """Add the kinetic and potential energy of a body to the file's energies."""
-        what, name, below, indices = one
-        mass = self.number(below["mass"], indices, f"the mass of {what}")
+        label, name, below, indices = one
+        mass = self.number(below["mass"], indices, f"the mass of {label}")
         m = self._kept(f"body.{name}.mass", mass)
-        parts = self.vector(below["at"], indices, [2, 3], f"`at` of {what}")
+        parts = self.vector(below["at"], indices, [2, 3], f"`at` of {label}")
         pairs = zip(LETTERS, parts, strict=False)
         at = tuple(self.moved(f"body.{name}.{c}", *part) for c, part in pairs)
         speeds = [trees.name(rate_of(str(x.value))) for x in at]
@@ -294,7 +294,7 @@ class Bodies(SectionReader):
 
     def _same(self, one: _Body, n: int, other: str, count: int) -> None:
         if n != count:
-            text = f"`at` of {one.what} has {count} components, and {other} has {n}"
+            text = f"`at` of {one.label} has {count} components, and {other} has {n}"
             self.refuse(WRONG_COUNT, text, one.below["at"])
 
     def _frame(self, one: _Body, n: int) -> Frame | None:
@@ -315,8 +315,8 @@ class Bodies(SectionReader):
         node = one.below.get("inertia")
         if node is None:
             return None
-        what, counts = f"the inertia of {one.what}", [1, 3, 6] if n > 2 else [1]
-        parts = self.vector(node, one.indices, counts, what)
+        label, counts = f"the inertia of {one.label}", [1, 3, 6] if n > 2 else [1]
+        parts = self.vector(node, one.indices, counts, label)
         kept = [
             self._kept(f"body.{one.name}.J{k}", part) for k, part in enumerate(parts)
         ]
@@ -333,25 +333,25 @@ class Bodies(SectionReader):
         n : the number of axes.
         frame, at : axes of the body, and the position of its origin.
         """
-        node, what = one.below.get("shape"), f"the shape of {one.what}"
+        node, label = one.below.get("shape"), f"the shape of {one.label}"
         if node is None:
             return None
         given = entries_of(node)
         if len(given) != 1:
-            text = f"{what} must be one, such as {{box: [a, b]}}, found {len(given)}"
+            text = f"{label} must be one, such as {{box: [a, b]}}, found {len(given)}"
             self.refuse(WRONG_COUNT, text, node)
         key, value = given[0]
         kind, known = key.text, SIZES[n]
         if kind not in known:
             hint = did_you_mean(kind, known) or f"there are {', '.join(known)}"
-            text = f"{what} cannot be a `{kind}`"
+            text = f"{label} cannot be a `{kind}`"
             if kind in SIZES[5 - n]:
                 text += " in the plane" if n == len("xy") else " in space"
             self.refuse(UNKNOWN_NAME, text, key, hint)
         if kind == "polygon":
             found = self._polygon(one, m, value)
         else:
-            parts = self.vector(value, one.indices, [known[kind]], what)
+            parts = self.vector(value, one.indices, [known[kind]], label)
             pairs = enumerate(parts, 1)
             sizes = [self._kept(f"body.{one.name}.size{k}", part) for k, part in pairs]
             found = solid(kind, m, sizes, n)
@@ -363,13 +363,13 @@ class Bodies(SectionReader):
         return found
 
     def _polygon(self, one: _Body, m: Tree, node: Node) -> Solid:
-        what = f"the polygon of {one.what}"
+        label = f"the polygon of {one.label}"
         if not isinstance(node, Sequence) or len(node.items) < len("xyz"):
-            text = f"{what} must be a list of 3 or more corners [x, y]"
+            text = f"{label} must be a list of 3 or more corners [x, y]"
             self.refuse(WRONG_COUNT, text, node)
         corners = []
         for k, item in enumerate(node.items):
-            parts = self.vector(item, one.indices, [2], f"a corner of {what}")
+            parts = self.vector(item, one.indices, [2], f"a corner of {label}")
             pairs = zip(LETTERS, parts, strict=False)
             name = f"body.{one.name}.corner{k}"
             corners.append(tuple(self._kept(f"{name}.{c}", part) for c, part in pairs))

@@ -143,7 +143,7 @@ class SectionReader:
         self.report(code, text, at, hint)
         raise silent()
 
-    def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
+    def value(self, node: Node, indices: Indices, label: str) -> tuple[Value, Scalar]:
         """Evaluate an expression of the file for a member of a family.
 
         Parameters
@@ -152,7 +152,7 @@ class SectionReader:
             The YAML node of the expression.
         indices
             Values of the member's indices.
-        what
+        label
             Name of the expression in messages.
 
         Returns
@@ -165,7 +165,7 @@ class SectionReader:
         if isinstance(node, Broken):
             raise silent()
         if not isinstance(node, Scalar) or node.empty:
-            text = f"{what} must be an expression"
+            text = f"{label} must be an expression"
             self.refuse(NOT_AN_EXPRESSION, text, node)
         try:
             return self.scope.values(node.text, parse, indices)[0], node
@@ -186,19 +186,19 @@ class SectionReader:
         self.x.moving[str(found.value)] = at
         return found
 
-    def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
+    def number(self, node: Node, indices: Indices, label: str) -> tuple[Tree, Scalar]:
         """Evaluate an expression that must be a number; return its tree and scalar.
 
         Arguments and results as for `value`.
         """
-        value, at = self.value(node, indices, what)
+        value, at = self.value(node, indices, label)
         if not isinstance(value, Tree):
-            text = f"{what} must be a number, found {described(value)}"
+            text = f"{label} must be a number, found {described(value)}"
             self.refuse(WRONG_COUNT, text, at.place_of(0, len(at.text)))
         return value, at
 
     def vector(
-        self, node: Node, indices: Indices, counts: SequenceType[int], what: str
+        self, node: Node, indices: Indices, counts: SequenceType[int], label: str
     ) -> list[tuple[Tree, Scalar]]:
         """Evaluate a list, or a vector expression; return its components.
 
@@ -207,14 +207,14 @@ class SectionReader:
         counts : the permitted numbers of components. Other arguments as for `value`.
         """
         if isinstance(node, Sequence):
-            found = [self.number(item, indices, what) for item in node.items]
+            found = [self.number(item, indices, label) for item in node.items]
         else:
-            value, at = self.value(node, indices, what)
+            value, at = self.value(node, indices, label)
             parts = (value,) if isinstance(value, Tree) else value
             found = [(part, at) for part in parts]
         if len(found) not in counts:
             wanted = " or ".join(map(str, counts))
-            text = f"{what} must have {wanted} components, found {len(found)}"
+            text = f"{label} must have {wanted} components, found {len(found)}"
             self.refuse(WRONG_COUNT, text, node)
         return found
 
@@ -260,8 +260,8 @@ class FrameReader(SectionReader):
             return
         for indices, member in found[1]:
             if (name, member) in self._given or name == SPACE:
-                what = "is built in" if name == SPACE else "is given twice"
-                text = f"the frame `{dotted(name, member)}` {what}"
+                label = "is built in" if name == SPACE else "is given twice"
+                text = f"the frame `{dotted(name, member)}` {label}"
                 self.report(DUPLICATE_MEMBER, text, key)
                 return
             self._given[name, member] = _DeclaredFrame(key, below, indices)
@@ -271,7 +271,7 @@ class FrameReader(SectionReader):
 
         below : the values of the entry by key.
         """
-        what, report = f"the frame `{key.text}`", self.report
+        label, report = f"the frame `{key.text}`", self.report
         if not isinstance(node, Mapping) and "on" in below:
             return True
         if unknown(below, _KEYS_OF_FRAME):
@@ -281,13 +281,13 @@ class FrameReader(SectionReader):
         pairs += [("angle", "axis")] if self.n > len("xy") else []
         for has, wants in pairs:
             if has in below and wants not in below:
-                text = f"{what} has `{has}` but no `{wants}`"
+                text = f"{label} has `{has}` but no `{wants}`"
                 report(MISSING_KEY, text, key, _ROTATED)
                 return False
         if not ways:
-            report(MISSING_KEY, f"{what} has no rotation", key, _ROTATED)
+            report(MISSING_KEY, f"{label} has no rotation", key, _ROTATED)
         elif len(ways) > 1:
-            text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
+            text = f"{label} has both `{ways[0]}` and `{ways[1]}`"
             report(BOTH_GIVEN, text, key, _ROTATED)
         return len(ways) == 1
 
@@ -435,8 +435,8 @@ class FrameReader(SectionReader):
         return made
 
     def _number(self, given: _DeclaredFrame, key: str) -> tuple[Tree, Scalar]:
-        what = f"the `{key}` of the frame `{given.key.text}`"
-        return self.number(given.below[key], given.indices, what)
+        label = f"the `{key}` of the frame `{given.key.text}`"
+        return self.number(given.below[key], given.indices, label)
 
     def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
         """Return the trees of an angle (or a component) and of its rate, for energies.
@@ -481,11 +481,11 @@ class FrameReader(SectionReader):
         given : the entry of the frame.
         name : prefix of hidden definitions.
         """
-        node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
-        parts = self.vector(node, given.indices, [3], what)
-        values = [self._fixed(tree, at, what) for tree, at in parts]
+        node, label = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
+        parts = self.vector(node, given.indices, [3], label)
+        values = [self._fixed(tree, at, label) for tree, at in parts]
         if not any(values) or not all(map(math.isfinite, values)):
-            text = f"{what} has no direction: it is {values}"
+            text = f"{label} has no direction: it is {values}"
             self.refuse(OUT_OF_RANGE, text, node, "such as [0, 0, 1]")
         # A rotation about x, y or z is expressed as such, which shortens all
         # expressions; with other values of its parameters the file is read again.
@@ -501,11 +501,11 @@ class FrameReader(SectionReader):
         assert not isinstance(found, Tree)
         return found
 
-    def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
+    def _fixed(self, tree: Tree, at: Scalar, label: str) -> float:
         """Return the number that `tree` is, an expression of parameters.
 
         at : the scalar of the expression.
-        what : name in messages.
+        label : name in messages.
         """
         found = parsed(tree, at.text)
         for used in found.names:
@@ -513,7 +513,7 @@ class FrameReader(SectionReader):
                 family = self.scope.variables.get(used.text.partition(".")[0])
                 if family and family.section == "parameters":
                     raise silent()
-                text = f"{what} is made of parameters; `{used.text}` is none"
+                text = f"{label} is made of parameters; `{used.text}` is none"
                 place = at.place_of(used.offset, len(used.text))
                 self.refuse(NOT_CONSTANT, text, place)
         try:
@@ -523,9 +523,9 @@ class FrameReader(SectionReader):
 
     def _quaternion(self, called: Called, name: str) -> Chart:
         given = self._given[called]
-        what = f"the quaternion of the frame `{given.key.text}`"
+        label = f"the quaternion of the frame `{given.key.text}`"
         node = given.below["quaternion"]
-        parts = self.vector(node, given.indices, [4], what)
+        parts = self.vector(node, given.indices, [4], label)
         both = [
             self._moving(f"{name}.p{k}", tree, at) for k, (tree, at) in enumerate(parts)
         ]
@@ -548,13 +548,13 @@ class FrameReader(SectionReader):
             name with dots.
         """
         given, axes = self._given[called], self._given[called].below["axes"]
-        what = f"the frame `{given.key.text}`"
+        label = f"the frame `{given.key.text}`"
         letters = axes.text if isinstance(axes, Scalar) else ""
         if not re.fullmatch("[xyz]+", letters) or re.search(r"(.)\1", letters):
-            text = f"`axes` of {what} must be letters x, y and z, none twice in a row"
+            text = f"`axes` of {label} must be letters x, y and z, none twice in a row"
             self.refuse(UNKNOWN_NAME, text, axes, "such as `axes: zxz`")
         node, count = given.below["angles"], len(letters)
-        parts = self.vector(node, given.indices, [count], f"`angles` of {what}")
+        parts = self.vector(node, given.indices, [count], f"`angles` of {label}")
         both = [
             self._moving(f"{name}.angle{k}", tree, at)
             for k, (tree, at) in enumerate(parts, 1)

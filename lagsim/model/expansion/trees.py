@@ -96,25 +96,25 @@ def described(value: Value) -> str:
     return f"a vector of {size(value)}" if size(value) > 1 else "a number"
 
 
-def scalar(value: Value, what: str) -> Tree:
+def scalar(value: Value, label: str) -> Tree:
     """Return `value` if it is a number; else raise an UnfitError.
 
-    what : name of the value in the message.
+    label : name of the value in the message.
     """
     if isinstance(value, Tree):
         return value
     hint = "write a component, such as `.x`, or `norm(...)`"
-    raise UnfitError(f"{what} must be a number, found {described(value)}", hint)
+    raise UnfitError(f"{label} must be a number, found {described(value)}", hint)
 
 
-def vector(value: Value, what: str) -> Vector:
+def vector(value: Value, label: str) -> Vector:
     """Return `value` if it is a vector of 2 or 3 components; else raise an UnfitError.
 
-    what : name of the value in the message.
+    label : name of the value in the message.
     """
     if isinstance(value, Tree) or len(value) == len(ENTRIES):
         raise UnfitError(
-            f"{what} must be a vector, found {described(value)}", "write vec(a, b)"
+            f"{label} must be a vector, found {described(value)}", "write vec(a, b)"
         )
     return value
 
@@ -126,10 +126,10 @@ def _pairs(a: Value, b: Value) -> Iterator[tuple[Tree, Tree]]:
     return zip(a, b, strict=True)
 
 
-def _alike(what: str, a: Value, b: Value) -> None:
+def _alike(label: str, a: Value, b: Value) -> None:
     if size(a) != size(b):
         raise UnfitError(
-            f"{what} takes values of one size, found {size(a)} and {size(b)}"
+            f"{label} takes values of one size, found {size(a)} and {size(b)}"
         )
 
 
@@ -275,9 +275,9 @@ def _columns(rows: Sequence[Vector]) -> tuple[Vector, ...]:
     return tuple(zip(*rows, strict=True))
 
 
-def _turned(rows: Sequence[Vector], v: Value, what: str) -> Vector:
+def _turned(rows: Sequence[Vector], v: Value, label: str) -> Vector:
     if size(v) != len(rows):
-        wanted = f"`{what}` takes a vector of {len(rows)} in this frame"
+        wanted = f"`{label}` takes a vector of {len(rows)} in this frame"
         raise UnfitError(f"{wanted}, found {described(v)}")
     assert not isinstance(v, Tree)
     return tuple(_inner(row, v) for row in rows)
@@ -403,8 +403,8 @@ def composed(
         a reference.
     """
 
-    def kept(what: str, x: Tree) -> Tree:
-        return x if not x.args else scalar(hide(f"{called}.{what}", x), what)
+    def kept(label: str, x: Tree) -> Tree:
+        return x if not x.args else scalar(hide(f"{called}.{label}", x), label)
 
     E = _columns(own.rows)
     P = parent.rows

@@ -698,7 +698,11 @@ def _in_place(root: Node, faults: Faults) -> Node:
     for name in filter(_is_stranger, [*top]):
         key, value = top[name]
         section = next((section for section in SECTIONS if has_key(section, name)), "")
-        if section and not isinstance(value, Mapping) and _put(top, [name], section):
+        if (
+            section
+            and not isinstance(value, Mapping)
+            and _move_to_section(top, [name], section)
+        ):
             text = f"unknown key `{name}` in the file"
             faults.add(UNKNOWN_KEY, text, key, belongs(name))
     for section, names in _unindented(top, faults).items():
@@ -706,7 +710,7 @@ def _in_place(root: Node, faults: Faults) -> Node:
         more = f", and {len(names) - 1} more," if len(names) > 1 else ""
         text = f"`{first.text}`{more} below `{section}:` must be indented"
         hint = f"two blanks before each line that belongs to `{section}`"
-        if _put(top, names, section):
+        if _move_to_section(top, names, section):
             faults.add(MISPLACED_KEY, text, first.place, hint)
     return root._replace(entries=tuple(top.values()))
 
@@ -731,7 +735,7 @@ def _move_to_top(top: dict[str, Entry], faults: Faults) -> None:
             top[section] = head, Mapping(tuple(kept), value.place)
 
 
-def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
+def _move_to_section(top: dict[str, Entry], names: list[str], section: str) -> bool:
     """Move the entries `names` of the file into a section, created if it is absent.
 
     Return False if the section is no mapping, or already has one of the names.

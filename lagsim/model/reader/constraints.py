@@ -102,14 +102,14 @@ def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
     key, node : its name and its value in the file.
     """
     found = {name.text: value for name, value in entries_of(node)}
-    both, what = found.get("relation"), f"the constraint `{key.text}`"
+    both, label = found.get("relation"), f"the constraint `{key.text}`"
     if not isinstance(both, Sequence):
         return [(key, node)]
     if len(both.items) != 2:
-        text = f"{what} must have one relation or two, found {len(both.items)}"
+        text = f"{label} must have one relation or two, found {len(both.items)}"
         x.faults.add(WRONG_COUNT, text, both)
     elif "limit" not in found:
-        text = f"{what} has two relations and no `limit`"
+        text = f"{label} has two relations and no `limit`"
         hint = "`limit` bounds their Euclidean norm; others are two constraints"
         x.faults.add(MISSING_KEY, text, both, hint)
     else:
@@ -218,25 +218,25 @@ class _ConstraintReader:
     """Reader of one constraint: its relation and its law."""
 
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
-        self.key, self.x, self.what = key, x, f"the constraint `{key.text}`"
+        self.key, self.x, self.label = key, x, f"the constraint `{key.text}`"
         alone = {"relation": (key, node)}
         self.limit = self.friction = _NO_BOUND
-        self.below = Fields(self.what, alone, key.place, True, x.faults)
+        self.below = Fields(self.label, alone, key.place, True, x.faults)
         if isinstance(node, Mapping):
-            self.below = fields(node, self.what, CONSTRAINT, x.faults, key.place)
+            self.below = fields(node, self.label, CONSTRAINT, x.faults, key.place)
 
     def read(self) -> Constraint | None:
         """Return the constraint; None where a fault was reported."""
-        what, below, x = self.what, self.below, self.x
+        label, below, x = self.label, self.below, self.x
         below.needs("relation")
         expression, pair = below.value("relation"), self._component()
         if isinstance(expression, Sequence) and "limit" in below:
             pair = 1 if self.key.text.endswith(".1") else -1
             expression = expression.items[0 if pair > 0 else 1]
-        relation, equality = read_relation(expression, what, x)
+        relation, equality = read_relation(expression, label, x)
         self._refuse_states(relation)
-        x.refuse_rates(expression, what)
-        x.refuse_rates(below.value("slip"), what)
+        x.refuse_rates(expression, label)
+        x.refuse_rates(below.value("slip"), label)
         law = None
         when = self._when()
         if equality:
@@ -255,7 +255,7 @@ class _ConstraintReader:
         # an expression with a fault of its own may be a relation
         elif equality is False and expression:
             hint = "two relations are equalities: write them with `=`"
-            text = f"{what} is one-sided"
+            text = f"{label} is one-sided"
             x.faults.add(NOT_AN_EQUALITY, text, expression, hint)
         about = below.text("description")
         if relation is None or not (equality or law):
@@ -288,7 +288,7 @@ class _ConstraintReader:
             return
         used = x.graph.depends([relation.node])
         if found := [s for s in x.names.of(NameKind.STATE) if s in used]:
-            text = f"{self.what}, between positions, depends on states: "
+            text = f"{self.label}, between positions, depends on states: "
             text += quoted_list(found)
             hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
             x.faults.add(STATE_MISPLACED, text, relation.place, hint)
@@ -302,13 +302,13 @@ class _ConstraintReader:
         """
         for key in keys:
             if key in self.below:
-                text = f"{self.what} {why} and has no `{key}`"
+                text = f"{self.label} {why} and has no `{key}`"
                 self.x.faults.add(code, text, self.below.place_of(key), hint)
 
     def _when(self) -> int | None:
         """Return the graph node of the condition `when`, of value 1 or 0; else None."""
         node = self.below.value("when")
-        x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
+        x, g, of = self.x, self.x.graph, f"the `when` of {self.label}"
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
         if node is None or condition is None:
             return None
@@ -347,14 +347,14 @@ class _ConstraintReader:
             self._refuse(NOT_A_CONTACT, CONTACT, "is between velocities", hint)
             return OneSided(0.0)
         if not any(key in self.below for key in CONTACT):
-            text = f"{self.what} is one-sided, and not homogeneous in the velocities"
+            text = f"{self.label} is one-sided, and not homogeneous in the velocities"
             hint = "a freewheel is, as `b_dot >= a_dot`; a contact is between positions"
             x.faults.add(NOT_HOMOGENEOUS, text, relation.place, hint)
             return None
-        what = f"{self.what}, being one-sided,"
-        found = x.text(self.below.value("relation"), what, parse_relation)
+        label = f"{self.label}, being one-sided,"
+        found = x.text(self.below.value("relation"), label, parse_relation)
         assert found is not None
-        x.check(found[1].names, found[0], what, Level.POSITION)
+        x.check(found[1].names, found[0], label, Level.POSITION)
         return self._contact(known=True)
 
     def _contact(self, *, known: bool) -> OneSided | None:
@@ -363,10 +363,10 @@ class _ConstraintReader:
         known : whether the relation is surely that of a contact, so that faults are
             reported.
         """
-        what, below, faults = self.what, self.below, self.x.faults
-        node, of = below.value("restitution"), f"the restitution of {what}"
+        label, below, faults = self.label, self.below, self.x.faults
+        node, of = below.value("restitution"), f"the restitution of {label}"
         if node is None and known:
-            text = f"{what} is one-sided and has no `restitution`"
+            text = f"{label} is one-sided and has no `restitution`"
             hint = "write {relation: ..., restitution: 0}: 0 stays down, 1 bounces back"
             faults.add(MISSING_KEY, text, below.place, hint)
         bounce, e = self._number(node, of, Level.POSITION, APPROACH_SPEED, most=1.0)
@@ -379,7 +379,7 @@ class _ConstraintReader:
             ("friction", "slip", opposed), ("slip", "friction", "give `friction: mu`"),
         ):  # fmt: skip
             if key in below and other not in below:
-                text = f"{what} has `{key}` but no `{other}`"
+                text = f"{label} has `{key}` but no `{other}`"
                 faults.add(MISSING_KEY, text, below.place_of(key), hint)
         if bounce is None:
             return None
@@ -393,14 +393,14 @@ class _ConstraintReader:
         known : keys of a mapping that states the bound while sliding and at rest.
         speed : name of the sliding speed, if the bound may depend on it.
         """
-        node, of = self.below.value(key), f"the {key} of {self.what}"
+        node, of = self.below.value(key), f"the {key} of {self.label}"
         if not isinstance(node, Mapping):
             return _Bound(key, self._number(node, of, Level.VELOCITY, speed)[0], node)
         faults, place = self.x.faults, self.below.place_of(key)
         given, parts = fields(node, of, known, faults, place), []
         for name, own in (("static", ""), ("dynamic", speed)):
             given.needs(name, "{static: ..., dynamic: ...}, or one number for both")
-            about = f"the {name} {key} of {self.what}"
+            about = f"the {name} {key} of {self.label}"
             parts.append(self._number(given.value(name), about, Level.VELOCITY, own))
         (sticking, most), (sliding, least) = parts
         if most is not None and least is not None and most < least:
@@ -415,7 +415,7 @@ class _ConstraintReader:
         most, least : values of the static and of the dynamic bound.
         place : the place of the static bound.
         """
-        text = f"the static {key} of {self.what} is {most:g}, less than the dynamic "
+        text = f"the static {key} of {self.label} is {most:g}, less than the dynamic "
         hint = "static friction is at least dynamic friction"
         self.x.faults.add(OUT_OF_RANGE, text + f"one, {least:g}", place, hint)
 
@@ -470,7 +470,7 @@ class _ConstraintReader:
         if found == Bounds(bound, bound) and rates:
             found = bounds_at_rest(g, bound, slips, fast, x.known, rates)
         if found is None:
-            text = f"the {key} of {self.what} has a switch at slip 0, or falls as "
+            text = f"the {key} of {self.label} has a switch at slip 0, or falls as "
             text += "steeply, and it is not clear which value bounds the force at rest "
             text += "and while it slides"
             hint = f"write {key}: {{static: ..., dynamic: ...}}"
@@ -490,7 +490,7 @@ class _ConstraintReader:
         x, values = self.x, list[float]()
         for name, part in zip(("static", "dynamic"), found, strict=True):
             if x.graph.depends([part]) <= x.known.keys():
-                about = f"the {name} {key} of {self.what}"
+                about = f"the {name} {key} of {self.label}"
                 value = x.value(part, about, node.place)
                 if value is not None and x.within(value, about, node.place, 0.0):
                     values.append(value)
@@ -500,7 +500,7 @@ class _ConstraintReader:
     def _number(
         self,
         node: Node | None,
-        what: str,
+        label: str,
         depends: Level,
         speed: str = "",
         most: float = math.inf,
@@ -510,46 +510,46 @@ class _ConstraintReader:
         Both are None after a fault, or without a coefficient.
 
         node : the coefficient in the file.
-        what : name in messages.
+        label : name in messages.
         depends : the highest level on which it may depend.
         speed : a name that it may contain besides.
         most : the largest permitted value.
         """
         x = self.x
         x.bound = {speed: x.graph.variable(speed)} if speed else {}
-        found = x.compile(node, what, depends)
+        found = x.compile(node, label, depends)
         x.bound = {}
         if node is None or found is None:
             return None, None
-        x.refuse_rates(node, what)
+        x.refuse_rates(node, label)
         if not x.graph.depends([found]) <= x.known.keys():  # `5 + 0*t` has a value
             return found, None
-        value = x.value(found, what, node.place)
+        value = x.value(found, label, node.place)
         if value is not None:
-            x.within(value, what, node.place, 0.0, most)
+            x.within(value, label, node.place, 0.0, most)
         return found, value
 
     def _slips(self) -> tuple[int, ...]:
-        node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x
+        node, label, x = self.below.value("slip"), f"the slip of {self.label}", self.x
         parts = items_of(node)
         if node and len(parts) not in (1, 2):
-            text = f"{what} must be one expression or two, found {len(parts)}"
+            text = f"{label} must be one expression or two, found {len(parts)}"
             x.faults.add(WRONG_COUNT, text, node)
             return ()
         found = []
         for part in parts:
-            slip = x.compile(part, what, Level.VELOCITY)
+            slip = x.compile(part, label, Level.VELOCITY)
             if slip is None:
                 continue
             found.append(slip)
             text = hint = ""
             if not has_velocity(slip, x):
-                text, hint = f"{what} contains no velocity", "it is a sliding velocity"
+                text, hint = f"{label} contains no velocity", "it is a sliding velocity"
                 if isinstance(part, Scalar) and part.text in x.names.moving():
                     hint = f"write {rate_of(part.text)}"
             elif not is_affine(slip, x):
                 text, hint = (
-                    f"{what} is not affine in the velocities",
+                    f"{label} is not affine in the velocities",
                     SUM_OF_VELOCITIES,
                 )
             if text:

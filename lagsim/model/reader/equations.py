@@ -102,10 +102,10 @@ def read_energies(
     nodes: dict[str, int | None] = {}
     called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
     for key in ENERGY:
-        node, what = found.value(key), called.get(key, f"the {key} energy")
+        node, label = found.value(key), called.get(key, f"the {key} energy")
         with gathering(key):
-            nodes[key] = x.compile(node, what, Level.VELOCITY)
-        x.refuse_rates(node, what)
+            nodes[key] = x.compile(node, label, Level.VELOCITY)
+        x.refuse_rates(node, label)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
@@ -123,12 +123,12 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[FirstOrderState, ..
     """
     found: dict[str, FirstOrderState] = {}
     for key, node in given:
-        name, what = key.text, f"the state `{key.text}`"
-        below = fields(node, what, STATE, x.faults, key.place)
+        name, label = key.text, f"the state `{key.text}`"
+        below = fields(node, label, STATE, x.faults, key.place)
         below.needs(
             "rate", f"write {name}: {{rate: ...}}, the expression for `{rate_of(name)}`"
         )
-        built = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
+        built = x.compile(below.value("rate"), f"the rate of {label}", Level.VELOCITY)
         unit, about = below.text("unit"), below.text("description")
         if built is not None:
             found[name] = FirstOrderState(name, built, unit, about)
@@ -164,8 +164,8 @@ def _along(
     """
     for key, value in given:
         direction = _direction(key, noun, x)
-        what = f"the {noun} on `{key.text}`{of}"
-        compiled = x.compile(value, what, Level.VELOCITY)
+        label = f"the {noun} on `{key.text}`{of}"
+        compiled = x.compile(value, label, Level.VELOCITY)
         if direction is not None and direction[1] is Level.VELOCITY:
             x.refuse_rates(key, f"the definition `{key.text}`")
         if direction is not None and compiled is not None:
@@ -240,11 +240,11 @@ def is_affine(node: int, x: Expressions) -> bool:
 
 
 def read_relation(
-    node: Node | None, what: str, x: Expressions, *, modes: bool = False
+    node: Node | None, label: str, x: Expressions, *, modes: bool = False
 ) -> tuple[Relation | None, bool | None]:
     """Build a relation, and determine whether it is an equality.
 
-    node, what : the relation in the file, and its name in messages.
+    node, label : the relation in the file, and its name in messages.
     modes : whether it may depend on modes alone; otherwise it must contain a
         coordinate, velocity or state.
 
@@ -255,12 +255,12 @@ def read_relation(
     equality : bool or None
         Whether it is an equality; None if it could not be parsed.
     """
-    found = x.text(node, what, parse_relation)
+    found = x.text(node, label, parse_relation)
     if found is None:
         return None, None
     scalar, parsed = found
     equality = parsed.sense == "="
-    if not x.check(parsed.names, scalar, what, Level.VELOCITY):
+    if not x.check(parsed.names, scalar, label, Level.VELOCITY):
         return None, equality
     gap = x.build(parsed.left)
     if parsed.right is not None:
@@ -268,9 +268,11 @@ def read_relation(
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
     moving = {NameKind.COORDINATE, NameKind.STATE, *([NameKind.MODE] if modes else ())}
     if not named(gap, moving, x):
-        text = f"{what} depends on no coordinate and no velocity"
+        text = f"{label} depends on no coordinate and no velocity"
         hint = _AT_A_TIME if modes else ""
-        hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
+        hint = (
+            "a time to stop at is `end` or `duration`" if label == "`until`" else hint
+        )
         x.faults.add(NO_COORDINATE, text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())
@@ -317,17 +319,17 @@ def read_events(node: Node | None, x: Expressions) -> tuple[Transition, ...]:
 
 
 def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
-    what = f"the event `{key.text}`"
-    below = fields(node, what, EVENT, x.faults, key.place)
+    label = f"the event `{key.text}`"
+    below = fields(node, label, EVENT, x.faults, key.place)
     hint = "`at` is a condition that is located, `every` a period"
     one = below.either("at", "every", hint)
-    at, _ = read_relation(below.value("at"), f"the `at` of {what}", x, modes=True)
-    of = f"the period of {what}"
+    at, _ = read_relation(below.value("at"), f"the `at` of {label}", x, modes=True)
+    of = f"the period of {label}"
     every = x.number(below.value("every"), of, positive=True)
     once = below.truth("once")
     given = [below.value(name) for name in ("set", "impulse")]
     sets, impulses = (
-        entries(part, f"the `{name}` of {what}", x.faults)
+        entries(part, f"the `{name}` of {label}", x.faults)
         for name, part in zip(("set", "impulse"), given, strict=True)
     )
     empty = all(
@@ -335,23 +337,23 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
         for part in given
     )
     if empty and below.sound:
-        text = f"{what} has no assignments and no impulse"
+        text = f"{label} has no assignments and no impulse"
         hint = "write set: {mode: expression} or impulse: {coordinate: expression}"
         x.faults.add(MISSING_KEY, text, key, hint)
     found: list[tuple[str, int]] = []
     for name, value in sets:
-        is_mode = _is_mode(name, what, x)
-        to = x.compile(value, f"`{name.text}` in {what}", Level.VELOCITY)
+        is_mode = _is_mode(name, label, x)
+        to = x.compile(value, f"`{name.text}` in {label}", Level.VELOCITY)
         if is_mode and to is not None:
             found.append((name.text, to))
-    kicks = tuple(_along(impulses, "impulse", f" by {what}", x))
+    kicks = tuple(_along(impulses, "impulse", f" by {label}", x))
     sound = one and len(found) == len(sets) and len(kicks) == len(impulses)
     if not sound or not (sets or impulses) or (at is None and every is None):
         return None
     return Transition(key.text, tuple(found), at, every or 0.0, once, key.place, kicks)
 
 
-def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
+def _is_mode(key: Scalar, label: str, x: Expressions) -> bool:
     """Whether a key is the name of a mode; if not, a fault is reported."""
     name, names = key.text, x.names
     meaning, modes = names.meaning(name), names.of(NameKind.MODE)
@@ -360,13 +362,13 @@ def _is_mode(key: Scalar, what: str, x: Expressions) -> bool:
     if meaning is None and (names.is_faulty(name) or not names.readable):
         return False
     code: ErrorCode = UNKNOWN_NAME
-    text = f"{what} sets `{name}`, and there is no such mode"
+    text = f"{label} sets `{name}`, and there is no such mode"
     hint = x.faults.did_you_mean(name, modes)
     hint = hint or (
         f"modes are {quoted_list(modes)}" if modes else f"modes: {{{name}: 0}}"
     )
     if meaning is not None:
-        code, text = NOT_A_MODE, f"{what} sets `{name}`, {meaning.kind.text}"
+        code, text = NOT_A_MODE, f"{label} sets `{name}`, {meaning.kind.text}"
         hint = _HINTS.get(meaning.kind, hint)
     x.faults.add(code, text, key, hint)
     return False

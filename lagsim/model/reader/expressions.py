@@ -152,11 +152,11 @@ class Expressions:
     # Reading a text
 
     def scalar(
-        self, node: Node | None, what: str, *, beside: bool = False
+        self, node: Node | None, label: str, *, beside: bool = False
     ) -> Scalar | None:
         """Return the scalar of an expression; None for other nodes, which are reported.
 
-        node, what : the value in the file, and its name in messages.
+        node, label : the value in the file, and its name in messages.
         beside : whether a unit may be given beside the expression.
         """
         if node is None or isinstance(node, Broken):
@@ -166,25 +166,25 @@ class Expressions:
             hint = quantities.of_collection(node, beside=beside)
         elif node.style or not node.empty:
             return node
-        text = f"{what} must be an expression, found {kind_of(node)}"
+        text = f"{label} must be an expression, found {kind_of(node)}"
         self.faults.add(NOT_AN_EXPRESSION, text, node, hint)
         return None
 
     def text(
         self,
         node: Node | None,
-        what: str,
+        label: str,
         parser: Callable[[str], _P],
         *,
         beside: bool = False,
     ) -> tuple[Scalar, _P] | None:
         """Return the scalar of an expression, and its parsed form; None after a fault.
 
-        what : name of the expression in messages.
+        label : name of the expression in messages.
         parser : parses the text.
         beside : whether a unit may be given beside the expression.
         """
-        scalar = self.scalar(node, what, beside=beside)
+        scalar = self.scalar(node, label, beside=beside)
         if scalar is None:
             return None
         known = self._with_tables(parser, scalar.text)
@@ -207,7 +207,7 @@ class Expressions:
         except ExpressionError as fault:
             self._report(fault, scalar, known, beside=beside)
             return None
-        self.read.append((what, scalar, found))
+        self.read.append((label, scalar, found))
         return scalar, found
 
     def _check_calls(self, found: Parsed | ParsedRelation, text: str) -> None:
@@ -283,19 +283,19 @@ class Expressions:
     # Building nodes
 
     def compile(
-        self, node: Node | None, what: str, most: Level, *, condition: bool = False
+        self, node: Node | None, label: str, most: Level, *, condition: bool = False
     ) -> int | None:
         """Return the graph node of an expression; None if it is absent or faulty.
 
-        node, what : the expression in the file, and its name in messages.
+        node, label : the expression in the file, and its name in messages.
         most : the highest level of names that it may contain, see `model.model.Level`.
         condition : whether it is a condition, as the first argument of `if`.
         """
-        found = self.text(node, what, parse_condition if condition else parse)
+        found = self.text(node, label, parse_condition if condition else parse)
         if found is None:
             return None
         scalar, parsed = found
-        sound = self.check(parsed.names, scalar, what, most)
+        sound = self.check(parsed.names, scalar, label, most)
         return self.build(parsed) if sound else None
 
     def build(self, parsed: Parsed) -> int:
@@ -303,38 +303,38 @@ class Expressions:
         return parsed.build(self.graph, self._node, self.names.tables)
 
     def number(
-        self, node: Node | None, what: str, *bounds: float, positive: bool = False
+        self, node: Node | None, label: str, *bounds: float, positive: bool = False
     ) -> float | None:
         """Return the finite value of an expression of parameters; None after a fault.
 
-        node, what : the expression in the file, and its name in messages.
+        node, label : the expression in the file, and its name in messages.
         bounds, positive : the permitted range, see `within`.
         """
-        found = self.compile(node, what, Level.NUMBER)
+        found = self.compile(node, label, Level.NUMBER)
         if node is None or found is None:
             return None
-        value, at = self.value(found, what, node.place), node.place
+        value, at = self.value(found, label, node.place), node.place
         if value is None or not self.within(
-            value, what, at, *bounds, positive=positive
+            value, label, at, *bounds, positive=positive
         ):
             return None
         return value
 
-    def value(self, found: int, what: str, place: Place) -> float | None:
+    def value(self, found: int, label: str, place: Place) -> float | None:
         """Return the value of the graph node `found`, which contains parameters alone.
 
         None if it is not finite, which is reported.
 
-        what, place : the quantity and its place in the file, for the message.
+        label, place : the quantity and its place in the file, for the message.
         """
         numbers = {name: value for name, (value, _) in self.known.items()}
         value = evaluate(self.graph, [found], numbers)[0]
-        return value if self.is_finite(value, what, place) else None
+        return value if self.is_finite(value, label, place) else None
 
     def within(
         self,
         value: float,
-        what: str,
+        label: str,
         place: Place | None,
         least: float = -math.inf,
         most: float = math.inf,
@@ -343,7 +343,7 @@ class Expressions:
     ) -> bool:
         """Whether a number lies in its range; if not, a fault is reported.
 
-        what, place : the quantity and its place in the file, for the message.
+        label, place : the quantity and its place in the file, for the message.
         least, most : the range.
         positive : whether 0 is excluded.
         """
@@ -353,29 +353,29 @@ class Expressions:
         elif value < least:
             rule = f"not be below {least:g}" if least else "not be negative"
         if rule:
-            text = f"{what} is {value:g}; it must {rule}"
+            text = f"{label} is {value:g}; it must {rule}"
             self.faults.add(OUT_OF_RANGE, text, place)
         return not rule
 
-    def is_finite(self, value: float, what: str, place: Place) -> bool:
+    def is_finite(self, value: float, label: str, place: Place) -> bool:
         """Whether a value is finite; if not, a fault is reported.
 
-        what, place : the quantity and its place in the file, for the message.
+        label, place : the quantity and its place in the file, for the message.
         """
         if not math.isfinite(value):
-            text = f"{what} is {value}, which is not a finite number"
+            text = f"{label} is {value}, which is not a finite number"
             self.faults.add(NOT_FINITE, text, place)
         return math.isfinite(value)
 
     def check(
-        self, used: Iterable[Name], scalar: Scalar, what: str, most: Level
+        self, used: Iterable[Name], scalar: Scalar, label: str, most: Level
     ) -> bool:
         """Whether all names `used` are permitted in an expression; others are reported.
 
-        scalar, what : the expression, and its name in messages.
+        scalar, label : the expression, and its name in messages.
         most : the highest level of quantities on which it may depend.
         """
-        return self.check_by(partial(self.allows, what, most), used, scalar)
+        return self.check_by(partial(self.allows, label, most), used, scalar)
 
     def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
         """Whether a rule permits all names of an expression.
@@ -405,11 +405,11 @@ class Expressions:
         self.faults.add(code, text, place, hint)
         return False
 
-    def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
+    def allows(self, label: str, most: Level, used: Name, scalar: Scalar) -> bool:
         """Whether an expression may contain a name; if not, a fault is reported.
 
         used : the name.
-        what : name of the expression in messages.
+        label : name of the expression in messages.
         most : the highest level on which it may depend.
         """
         name, meaning = used.text, self.names.meaning(used.text)
@@ -422,7 +422,7 @@ class Expressions:
             return False
         kind, base = meaning
         if kind.level > most:
-            return self.refuse(used, scalar, *_misplaced(name, kind, what, most))
+            return self.refuse(used, scalar, *_misplaced(name, kind, label, most))
         if kind not in OF_DEFINITIONS:
             # A parameter without a value is already reported; only numbers need the
             # value.
@@ -440,10 +440,10 @@ class Expressions:
             hint += "time"
         elif level > most and level is Level.OUTPUT:
             code, hint = OUTPUT_ONLY, _FOR_OUTPUT
-            text += f" uses {level.text}; {what} cannot use it"
+            text += f" uses {level.text}; {label} cannot use it"
         elif level > most:
             code = VELOCITY_NOT_ALLOWED
-            text += f" depends on velocities; {what} must not"
+            text += f" depends on velocities; {label} must not"
         if code:  # a fault of a hidden definition is reported at its own place
             silent = code == NO_RATE and base[:1] == HIDDEN
             return not silent and self.refuse(used, scalar, code, text, hint)
@@ -525,13 +525,13 @@ class Expressions:
             self.with_rates[rate_of(name)] = {s for s in rates if s in used}
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
-    def refuse_rates(self, node: Node | None, what: str) -> None:
+    def refuse_rates(self, node: Node | None, label: str) -> None:
         """Report rates of first-order states, in an expression, that the motion sets.
 
         Such a rate depends on coordinates or velocities; derivatives treat it as a
         given function of time, without slopes.
 
-        node, what : the expression in the file, and its name in messages.
+        node, label : the expression in the file, and its name in messages.
         """
         if node is None or not self.with_rates:
             return
@@ -539,7 +539,9 @@ class Expressions:
         used = {s for word in words_below(node) for s in self.with_rates.get(word, ())}
         for s in sorted(used):
             if depends := sorted(self.graph.depends([self.states[s]]) & moving):
-                text = f"{what} contains the rate of the state `{s}`, which depends on "
+                text = (
+                    f"{label} contains the rate of the state `{s}`, which depends on "
+                )
                 hint = "replace it by a coordinate with a constraint on its velocity"
                 text += f"`{depends[0]}`"
                 self.faults.add(STATE_MISPLACED, text, node, hint)
@@ -571,19 +573,19 @@ class Expressions:
 
 
 def _misplaced(
-    name: str, kind: NameKind, what: str, most: Level
+    name: str, kind: NameKind, label: str, most: Level
 ) -> tuple[ErrorCode, str, str]:
     """Return code, text and hint for a known name that is not permitted here.
 
-    what : name of the expression.
+    label : name of the expression.
     most : the highest level on which it may depend.
     """
     text = f"`{name}` is {kind.text}"
     if most is Level.NUMBER:
         hint = "numbers are made of parameters and `pi`"
-        return NOT_CONSTANT, f"{text}; {what} must be a number", hint
+        return NOT_CONSTANT, f"{text}; {label} must be a number", hint
     if kind.level is Level.VELOCITY:
-        text = f"{text}; {what} must not depend on velocities"
+        text = f"{text}; {label} must not depend on velocities"
         return VELOCITY_NOT_ALLOWED, text, ""
-    text = f"{text}, which the motion gives; {what} cannot use it"
+    text = f"{text}, which the motion gives; {label} cannot use it"
     return OUTPUT_ONLY, text, _FOR_OUTPUT

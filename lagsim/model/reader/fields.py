@@ -208,55 +208,55 @@ def is_mapping(node: Node) -> bool:
     return isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
 
 
-def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
+def entries(node: Node | None, label: str, faults: Faults) -> list[Entry]:
     """Return the entries of a mapping, except keys `x-...`; [] for an empty YAML node.
 
     Other nodes are reported.
 
-    what : name in messages.
+    label : name in messages.
     """
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if _is_given(node):
-        text = f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}"
-        faults.add(NOT_A_MAPPING, text, node, hints.of_lines(node, what))
+        text = f"{label} must be a mapping (lines `key: value`), found {kind_of(node)}"
+        faults.add(NOT_A_MAPPING, text, node, hints.of_lines(node, label))
     return []
 
 
-def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
+def items(node: Node | None, label: str, faults: Faults) -> list[Node]:
     """Return the items of a list; [] for an empty node; other nodes are reported.
 
-    what : name of the list in messages.
+    label : name of the list in messages.
     """
     if isinstance(node, Sequence):
         return list(node.items)
     if _is_given(node):
-        text = f"{what} must be a list, found {kind_of(node)}"
-        faults.add(NOT_A_LIST, text, node, hints.as_list(node, what))
+        text = f"{label} must be a list, found {kind_of(node)}"
+        faults.add(NOT_A_LIST, text, node, hints.as_list(node, label))
     return []
 
 
-def scalar_items(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
+def scalar_items(nodes: Iterable[Node], label: str, faults: Faults) -> Iterator[Scalar]:
     """Yield the items of a list that are scalars; other items are reported.
 
-    what : the list's name in messages.
+    label : the list's name in messages.
     """
     for node in nodes:
         if isinstance(node, Scalar):
             yield node
         elif not isinstance(node, Broken):
-            faults.add(NOT_A_TEXT, f"{what}, found {kind_of(node)}", node)
+            faults.add(NOT_A_TEXT, f"{label}, found {kind_of(node)}", node)
 
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """Mapping of the file with its known and unknown keys; `what` is its name.
+    """Mapping of the file with its known and unknown keys; `label` is its name.
 
     `found` has the entries with known keys, by key; `sound` is False where the node is
     no mapping.
     """
 
-    what: str
+    label: str
     found: dict[str, Entry]
     place: Place
     sound: bool
@@ -282,7 +282,7 @@ class Fields:
     def needs(self, key: str, hint: str = "") -> None:
         """Report a fault, with a hint, if the mapping lacks `key`."""
         if self.sound and key not in self.found:
-            text = f"{self.what} has no `{key}`"
+            text = f"{self.label} has no `{key}`"
             self.faults.add(MISSING_KEY, text, self.place, hint)
 
     def either(
@@ -298,7 +298,7 @@ class Fields:
             code: ErrorCode = BOTH_GIVEN if both else MISSING_KEY
             pair = "both `{}` and `{}`" if both else "neither `{}` nor `{}`"
             if self.sound:
-                text = f"{self.what} has {pair.format(one, other)}"
+                text = f"{self.label} has {pair.format(one, other)}"
                 self.faults.add(code, text, place or self.place_of(other), hint)
             return False
         return True
@@ -313,7 +313,7 @@ class Fields:
         name = self.text(key) or known[0]
         if name in known:
             return name
-        text = f"`{key}` of {self.what} cannot be `{in_one_line(name)}`"
+        text = f"`{key}` of {self.label} cannot be `{in_one_line(name)}`"
         near = self.faults.did_you_mean(name, known)
         hint = f"{near} known are {quoted_list(filter(None, known))}".strip()
         self.faults.add(code, text, self.at(key), hint)
@@ -360,7 +360,7 @@ class Fields:
 
 
 def fields(
-    node: Node, what: str, known: Collection[str], faults: Faults, place: Place
+    node: Node, label: str, known: Collection[str], faults: Faults, place: Place
 ) -> Fields:
     """Read a mapping with known keys; unknown keys are reported.
 
@@ -368,10 +368,10 @@ def fields(
     key is not also reported as missing.
 
     node, known : the mapping, and its keys.
-    what : name of the mapping in messages.
+    label : name of the mapping in messages.
     place : place of the mapping's key, for faults of the mapping as a whole.
     """
-    given = entries(node, what, faults)
+    given = entries(node, label, faults)
     found = {key.text: (key, value) for key, value in given if key.text in known}
     unknown: list[Entry] = []
     for key, value in given:
@@ -398,10 +398,10 @@ def fields(
             found.setdefault(near, (key, given_by))
         elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
         hint = hint or next(filter(None, elsewhere), f"known are {quoted_list(known)}")
-        text = f"unknown key `{in_one_line(name)}` in {what}"
+        text = f"unknown key `{in_one_line(name)}` in {label}"
         faults.add(UNKNOWN_KEY, text, key, hint)
         unknown += [] if near else [(key, value)]
-    return Fields(what, found, place, is_mapping(node), faults, tuple(unknown))
+    return Fields(label, found, place, is_mapping(node), faults, tuple(unknown))
 
 
 def _called(key: str, value: Node, known: Collection[str]) -> str:

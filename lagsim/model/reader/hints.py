@@ -416,7 +416,7 @@ def of_text(
             break
         reason = reason or written[2] or written[4] or ""
         last = found[2].startswith("a product")
-        text = _put(text, found[0], found[1], written[3] or "", last=last)
+        text = _replaced(text, found[0], found[1], written[3] or "", last=last)
     return first if typed == given else f"write {typed.strip()}"
 
 
@@ -435,7 +435,7 @@ def _typed(text: str, known: Collection[str]) -> str:
         pattern, new = _TYPED[row]
         found = re.search(pattern, text)
         if found:
-            text = _put(text, found.start(), found.end(), _filled(new, found))
+            text = _replaced(text, found.start(), found.end(), _filled(new, found))
         row = 0 if found else row + 1
     if text == before:
         return text
@@ -443,7 +443,7 @@ def _typed(text: str, known: Collection[str]) -> str:
     return re.sub(r"(?<=\() | (?=[)^*/])|(?<=[*/]) ", "", text)
 
 
-def _put(text: str, start: int, end: int, new: str, *, last: bool = False) -> str:
+def _replaced(text: str, start: int, end: int, new: str, *, last: bool = False) -> str:
     """Replace text[start:end] by `new`, with the parentheses and `*` needed.
 
     last : whether a power after the part belongs to its last factor only.
@@ -843,36 +843,36 @@ _INSTEAD = (
 )  # fmt: skip
 
 
-def of_lines(node: Node, what: str) -> str:
+def of_lines(node: Node, label: str) -> str:
     """Return a hint for a YAML node that should be a mapping with a line per entry.
 
-    what : name of the mapping in messages.
+    label : name of the mapping in messages.
     """
     parts = (part for item in items_of(node) for part in items_of(item))
     text = ", ".join(texts_of(parts))
-    if what == "`coordinates`" and re.fullmatch(rf"{_NAME}(?:[\s,]+{_NAME})*", text):
+    if label == "`coordinates`" and re.fullmatch(rf"{_NAME}(?:[\s,]+{_NAME})*", text):
         names = re.split(r"[\s,]+", text)
         return f"write {{{', '.join(f'{name}: {{}}' for name in names)}}}"
     for of, pattern, written in _INSTEAD:
-        found = re.match(pattern, text) if what.startswith(of) else None
+        found = re.match(pattern, text) if label.startswith(of) else None
         if found and (of or isinstance(node, Scalar)):
             return written.format(*found.groups())
     advice = "write lines `name: value`, without the `-` or brackets of a list"
     return advice if isinstance(node, Sequence) else ""
 
 
-def as_list(node: Node, what: str = "") -> str:
+def as_list(node: Node, label: str = "") -> str:
     """Return a hint that spells a YAML node as a list.
 
-    what : the name of the node in messages.
+    label : the name of the node in messages.
     """
     if isinstance(node, Mapping):
         pairs = [(key.text, node_text(value)) for key, value in node.entries]
         if not any(text for _, text in pairs):
             return f"write [{', '.join(key for key, _ in pairs)}]"
-        if "link" in what:
+        if "link" in label:
             links = ", ".join(f"[{a}, {b}]" for a, b in pairs)
-            return f"write [{links}]" if what == "`links`" else f"write {links}"
+            return f"write [{links}]" if label == "`links`" else f"write {links}"
         return f"write [{{{', '.join(f'{a}: {b}' for a, b in pairs)}}}]"
     text = node.text.strip() if isinstance(node, Scalar) else ""
     if text == "all":

@@ -147,15 +147,15 @@ class Names:
         return self.readable and bool(self.of(NameKind.COORDINATE) or self.broken)
 
     def section(
-        self, section: Node | None, what: str, kind: NameKind, faults: Faults
+        self, section: Node | None, label: str, kind: NameKind, faults: Faults
     ) -> list[Entry]:
         """Declare the names in a section, all of one kind; return the valid entries.
 
-        what : name of the section in messages.
+        label : name of the section in messages.
         """
         if section is None:
             return []
-        given = entries(section, what, faults)
+        given = entries(section, label, faults)
         self.readable &= is_mapping(section)
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
@@ -312,10 +312,10 @@ def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
             yield f"{base}{dot}{tail}", kinds
 
 
-def check_name(key: Scalar, what: str, faults: Faults) -> bool:
+def check_name(key: Scalar, label: str, faults: Faults) -> bool:
     """Whether a key is valid as a name; if not, a fault is reported.
 
-    what : the kind of thing that it names, such as `a point`, for the message.
+    label : the kind of thing that it names, such as `a point`, for the message.
     """
     name = key.text
     if key.reading is not None:  # of a member: the name of its family
@@ -323,17 +323,17 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     code: ErrorCode = RESERVED_NAME
     if problem := _spelling(name):
         text, hint = problem
-        text = f"`{in_one_line(name)}` cannot be the name of {what}: {text}"
+        text = f"`{in_one_line(name)}` cannot be the name of {label}: {text}"
         code = BAD_NAME
     elif name in RESERVED:
-        text = f"`{name}` is reserved and cannot be the name of {what}"
+        text = f"`{name}` is reserved and cannot be the name of {label}"
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
-    elif what == NameKind.TABLE.text and name in FUNCTIONS:
-        text, hint = f"`{name}` is a function already and cannot be {what} too", ""
+    elif label == NameKind.TABLE.text and name in FUNCTIONS:
+        text, hint = f"`{name}` is a function already and cannot be {label} too", ""
     elif name in JOINING:
-        text, hint = f"`{name}` is an operator and cannot be the name of {what}", ""
+        text, hint = f"`{name}` is an operator and cannot be the name of {label}", ""
     elif ending := re.search("_d?dot$", name):
-        text = f"`{name}`: a name of {what} must not end in `{ending[0]}`"
+        text = f"`{name}`: a name of {label} must not end in `{ending[0]}`"
         rate = "rates" if ending[0] == "_dot" else "accelerations"
         hint = f"that ending is for the {rate} of coordinates and definitions"
     else:

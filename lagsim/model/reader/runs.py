@@ -189,12 +189,12 @@ class _Simulation:
         least, most : the permitted range.
         positive : whether 0 is excluded.
         """
-        node, x, what = self.given.value(key), self.x, f"`{key}`"
+        node, x, label = self.given.value(key), self.x, f"`{key}`"
         if node and key in TIMES and (hint := quantities.time(node)):
-            text = f"{what} must be one time, found {kind_of(node)}"
+            text = f"{label} must be one time, found {kind_of(node)}"
             self._fault(NOT_AN_EXPRESSION, text, key, hint)
             return None
-        return x.number(node, what, least, most, positive=positive)
+        return x.number(node, label, least, most, positive=positive)
 
     def _end(self, start: float | None) -> float | None:
         key = "duration" if "duration" in self.given else "end"
@@ -286,24 +286,24 @@ def _sections(
     node: Node | None, columns: tuple[str, ...], x: Expressions
 ) -> Iterator[Section]:
     for key, value in entries(node, "`sections`", x.faults):
-        what = f"the section `{key.text}`"
-        below = fields(value, what, SECTION, x.faults, key.place)
+        label = f"the section `{key.text}`"
+        below = fields(value, label, SECTION, x.faults, key.place)
         if not check_name(key, "a section", x.faults) or not below.sound:
             continue
         hint = "write {at: x = 0, direction: up}, or {every: 2*pi/w}"
         if not below.either("at", "every", hint, key.place):
             continue
         relation, equality = read_relation(
-            below.value("at"), f"`at` of {what}", x, modes=True
+            below.value("at"), f"`at` of {label}", x, modes=True
         )
         if equality is False:
-            text, hint = f"`at` of {what} must be an equality", "such as x = 0"
+            text, hint = f"`at` of {label} must be an equality", "such as x = 0"
             x.faults.add(NOT_AN_EQUALITY, text, below.place_of("at"), hint)
         direction = below.choice("direction", DIRECTIONS)
         if "every" in below and "direction" in below:
-            text = f"{what} has both `every` and `direction`: times have none"
+            text = f"{label} has both `every` and `direction`: times have none"
             x.faults.add(BOTH_GIVEN, text, below.place_of("direction"))
-        every = x.compile(below.value("every"), f"`every` of {what}", Level.NUMBER)
+        every = x.compile(below.value("every"), f"`every` of {label}", Level.NUMBER)
         plot = tuple(_axes_of(below, columns, x))
         at = None if relation is None else relation.node
         yield Section(key.text, at, every, direction, plot, key.place)
@@ -363,8 +363,8 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
         if definition.level is Level.POSITION and not states:
             found.append(name)
             continue
-        what = "states" if states else definition.level.text
-        text = f"`{name}` has no reaction: it depends on {what}"
+        label = "states" if states else definition.level.text
+        text = f"`{name}` has no reaction: it depends on {label}"
         hint = "reactions exist of definitions of positions and time"
         x.faults.add(NO_REACTION, text, place, hint)
     return tuple(found)
@@ -377,26 +377,26 @@ _TWICE: dict[str, ErrorCode] = {
 
 
 def _definitions(
-    given: Iterable[Node], what: str, hint: str, x: Expressions
+    given: Iterable[Node], label: str, hint: str, x: Expressions
 ) -> dict[str, Place]:
     """Return the definitions that a list names, with their places.
 
-    what : for messages.
+    label : for messages.
     hint : the hint for a name that is a coordinate.
     given : the items of the list.
     """
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
-    for item in scalar_items(given, f"a {what} is the name of a definition", x.faults):
+    for item in scalar_items(given, f"a {label} is the name of a definition", x.faults):
         name, place = item.text, item.place
         kind = names.variables.get(name)
         if name in found:
-            text = f"the {what} `{name}` is given twice"
-            faults.add(_TWICE[what], text, place)
+            text = f"the {label} `{name}` is given twice"
+            faults.add(_TWICE[label], text, place)
         elif kind is NameKind.DEFINITION:
             found[name] = place
         elif kind is not None or names.meaning(name) or name in RESERVED:
-            text, more = _no_definition(name, what, hint, names)
+            text, more = _no_definition(name, label, hint, names)
             faults.add(NOT_A_DEFINITION, text, place, more)
         elif name not in names.faulty and names.complete:
             near = faults.did_you_mean(name, names.of(NameKind.DEFINITION))
@@ -405,10 +405,10 @@ def _definitions(
     return found
 
 
-def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
+def _no_definition(name: str, label: str, hint: str, names: Names) -> tuple[str, str]:
     """Return text and hint of the fault that a name is no definition.
 
-    what : `reaction` or `column`, for the text.
+    label : `reaction` or `column`, for the text.
     hint : for a coordinate.
     """
     meaning = names.meaning(name)
@@ -419,7 +419,7 @@ def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, 
         hint = "leave it out: it is a column in any case"
     elif meaning.kind is not NameKind.COORDINATE:
         hint = f"define it: {name}_given: {name}, and name that"
-    return f"{text}; {what}s are definitions", hint
+    return f"{text}; {label}s are definitions", hint
 
 
 def _plot(node: Node, x: Expressions) -> Plot | None:
@@ -525,12 +525,14 @@ class _SceneReader:
         return scene
 
     def _point(
-        self, what: str, node: Node, most: Level = Level.VELOCITY
+        self, label: str, node: Node, most: Level = Level.VELOCITY
     ) -> tuple[int, ...]:
         if isinstance(node, Broken):
             return ()
         if not isinstance(node, Sequence):
-            text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
+            text = (
+                f"{label} must be a list of 2 or 3 expressions, found {kind_of(node)}"
+            )
             hint = hints.as_list(node)
             if isinstance(node, Scalar) and not re.search(r"[,(]|\w\s+\w", node.text):
                 hint = f"write [{node.text}, 0]"
@@ -541,12 +543,12 @@ class _SceneReader:
             self.faults.add(NOT_A_LIST, text, node, hint)
             return ()
         count, apart = len(node.items), " ".join(texts_of(node.items)).split()
-        text = f"{what} must have 2 or 3 components, found {count}"
+        text = f"{label} must have 2 or 3 components, found {count}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
         if count == 1 < len(apart) < 4 and all(map(self.x.names.meaning, apart)):
             self.faults.add(WRONG_COUNT, text, node, f"write [{', '.join(apart)}]")
             return ()
-        compiled = [self.x.compile(part, what, most) for part in node.items]
+        compiled = [self.x.compile(part, label, most) for part in node.items]
         if count not in (2, 3) and None not in compiled:
             self.faults.add(WRONG_COUNT, text, node, hint)
         return tuple(c for c in compiled if c is not None)
@@ -628,8 +630,8 @@ class _SceneReader:
         for key, node in entries(self.found.value("shapes"), "`shapes`", x.faults):
             if not check_name(key, "a shape", x.faults) or isinstance(node, Broken):
                 continue
-            what = f"the shape `{key.text}`"
-            known = fields(node, what, SHAPE, x.faults, key.place)
+            label = f"the shape `{key.text}`"
+            known = fields(node, label, SHAPE, x.faults, key.place)
             shape = self._shape(key, known) if known.sound else None
             if shape is None:
                 continue
@@ -641,122 +643,122 @@ class _SceneReader:
         return tuple(found)
 
     def _shape(self, key: Scalar, known: Fields) -> Shape | None:
-        faults, what = self.faults, f"the shape `{key.text}`"
+        faults, label = self.faults, f"the shape `{key.text}`"
         kinds = [kind for kind in SHAPES if kind in known]
         if len(kinds) > 1:
             second = max(map(known.place_of, kinds), key=lambda at: at[1:3])
-            faults.add(BOTH_GIVEN, f"{what} is given as {quoted_list(kinds)}", second)
+            faults.add(BOTH_GIVEN, f"{label} is given as {quoted_list(kinds)}", second)
         elif not kinds and not known.unknown:
             hint = f"the kinds of shapes are {quoted_list(SHAPES)}"
-            faults.add(MISSING_KEY, f"{what} has no kind", key, hint)
+            faults.add(MISSING_KEY, f"{label} has no kind", key, hint)
         if len(kinds) != 1:
             return None
         kind, own = kinds[0], SHAPES[kinds[0]]
-        what = f"the {kind} `{key.text}`"
+        label = f"the {kind} `{key.text}`"
         for other in known.found.keys() - {kind, *own.keys}:
             of = [k for k, other_kind in SHAPES.items() if other in other_kind.keys]
             hint = f"`{other}` belongs to {quoted_list(of)}" if of else ""
-            text = f"unknown key `{other}` in {what}"
+            text = f"unknown key `{other}` in {label}"
             faults.add(UNKNOWN_KEY, text, known.place_of(other), hint)
-        return self._made(what, key.text, kind, known)
+        return self._made(label, key.text, kind, known)
 
-    def _made(self, what: str, name: str, kind: str, known: Fields) -> Shape | None:
+    def _made(self, label: str, name: str, kind: str, known: Fields) -> Shape | None:
         node, x = known.found[kind][1], self.x
         if isinstance(node, Broken):
             return None
         corners: tuple[tuple[int, ...], ...] = ()
         sized = list[Node]()
         if counts := SHAPES[kind].sizes:
-            sized = self._sized(what, node, counts)
+            sized = self._sized(label, node, counts)
         elif kind == "ground" and isinstance(node, Scalar):
             sized = [node]
         elif kind in ("polygon", "ground"):
-            corners = self._corners(what, node, 3 if kind == "polygon" else 2)
+            corners = self._corners(label, node, 3 if kind == "polygon" else 2)
         elif kind == "curve":
             if "s" in known:
-                sized = self._sized(f"`s` of {what}", known.found["s"][1], (2,))
+                sized = self._sized(f"`s` of {label}", known.found["s"][1], (2,))
             else:
                 hint = "such as s: [0, 2*pi]"
-                self.faults.add(MISSING_KEY, f"{what} has no `s`", node, hint)
+                self.faults.add(MISSING_KEY, f"{label} has no `s`", node, hint)
             x.bound = {"s": x.graph.variable(CURVE)}
-            corners = (self._point(what, node),)
+            corners = (self._point(label, node),)
             x.bound = {}
         else:
-            corners = (self._point(what, node, Level.OUTPUT),)
+            corners = (self._point(label, node, Level.OUTPUT),)
             sized = [n for n in [known.value("scale")] if n is not None]
-        sizes = [x.compile(n, f"a size of {what}", Level.NUMBER) for n in sized]
+        sizes = [x.compile(n, f"a size of {label}", Level.NUMBER) for n in sized]
         if () in corners or None in sizes:
             return None
-        at, point = self._at(what, known.value("at"))
+        at, point = self._at(label, known.value("at"))
         near = (self.lying.get(place, "") for place in ((at,) if at else corners))
         return Shape(
             name, kind, tuple(n for n in sizes if n is not None), corners, at,
-            self._axes(what, known.value("frame")),
+            self._axes(label, known.value("frame")),
             point or next(filter(None, near), ""), tuple(n.place for n in sized),
         )  # fmt: skip
 
-    def _sized(self, what: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
+    def _sized(self, label: str, node: Node, counts: tuple[int, ...]) -> list[Node]:
         """Return the YAML nodes of a shape's sizes, one per number; [] after a fault.
 
         A single size may be written without a list.
 
-        what : name in messages.
+        label : name in messages.
         node : the value of the key in the file.
         counts : the permitted numbers of sizes.
         """
         if counts == (1,):
             return [node]
-        given, wanted = items(node, what, self.faults), " or ".join(map(str, counts))
+        given, wanted = items(node, label, self.faults), " or ".join(map(str, counts))
         if isinstance(node, Sequence) and len(given) not in counts:
-            text = f"{what} has {wanted} numbers, found {len(given)}"
+            text = f"{label} has {wanted} numbers, found {len(given)}"
             self.faults.add(WRONG_COUNT, text, node)
             return []
         if isinstance(node, Scalar) and node.empty:
-            text = f"{what} must be a list, found nothing"
+            text = f"{label} must be a list, found nothing"
             self.faults.add(NOT_A_LIST, text, node, "such as [1, 2]")
         return given
 
     def _corners(
-        self, what: str, node: Node, least: int
+        self, label: str, node: Node, least: int
     ) -> tuple[tuple[int, ...], ...]:
-        given = items(node, what, self.faults)
+        given = items(node, label, self.faults)
         if not least <= len(given) <= MOST_CORNERS and isinstance(node, Sequence):
-            text = f"{what} has {least} to {MOST_CORNERS} corners, found {len(given)}"
+            text = f"{label} has {least} to {MOST_CORNERS} corners, found {len(given)}"
             hint = "each corner is a list [x, y]"
             self.faults.add(WRONG_COUNT, text, node, hint)
             given = []
-        return tuple(self._point(f"a corner of {what}", n) for n in given) or ((),)
+        return tuple(self._point(f"a corner of {label}", n) for n in given) or ((),)
 
-    def _at(self, what: str, node: Node | None) -> tuple[tuple[int, ...], str]:
+    def _at(self, label: str, node: Node | None) -> tuple[tuple[int, ...], str]:
         """Return the graph nodes of a shape's origin, and its point's name or "".
 
-        what : the shape's name in messages.
+        label : the shape's name in messages.
         node : the value of `at`, a point of the scene or a list of expressions.
         """
         if node is None or isinstance(node, Broken):
             return (), ""
         if not isinstance(node, Scalar) or re.search(r"[^\w. ]", node.text):
-            return self._point(f"`at` of {what}", node), ""
+            return self._point(f"`at` of {label}", node), ""
         if self._is_point(node) and node.text in self.points:
             return self.points[node.text], node.text
         return (), ""
 
-    def _axes(self, what: str, node: Node | None) -> tuple[int, ...]:
+    def _axes(self, label: str, node: Node | None) -> tuple[int, ...]:
         """Return the graph nodes of a shape's rotation matrix, row by row.
 
         node : the value of `frame`, an angle or rows of a matrix.
         """
-        x, what = self.x, f"`frame` of {what}"
+        x, label = self.x, f"`frame` of {label}"
         if isinstance(node, Sequence):
-            rows = [items(row, f"a row of {what}", x.faults) for row in node.items]
+            rows = [items(row, f"a row of {label}", x.faults) for row in node.items]
             if len(rows) not in (2, 3) or any(len(row) != len(rows) for row in rows):
-                text = f"{what} is an angle, or 2 or 3 rows of as many entries each"
+                text = f"{label} is an angle, or 2 or 3 rows of as many entries each"
                 hint = "such as [[cos(a), -sin(a)], [sin(a), cos(a)]]"
                 x.faults.add(WRONG_COUNT, text, node, hint)
                 return ()
-            found = [x.compile(n, what, Level.VELOCITY) for row in rows for n in row]
+            found = [x.compile(n, label, Level.VELOCITY) for row in rows for n in row]
             return () if None in found else tuple(n for n in found if n is not None)
-        angle = x.compile(node, what, Level.VELOCITY)
+        angle = x.compile(node, label, Level.VELOCITY)
         if angle is None:
             return ()
         cos, sin = x.graph.call("cos", angle), x.graph.call("sin", angle)
@@ -771,20 +773,20 @@ def check_sizes(scene: Scene, x: Expressions) -> None:
     numbers = {name: value for name, (value, _) in x.known.items()}
 
     def check(
-        nodes: SequenceType[int], places: SequenceType[Place], what: str, *, size: bool
+        nodes: SequenceType[int], places: SequenceType[Place], label: str, *, size: bool
     ) -> None:
         if not x.graph.depends(nodes) <= numbers.keys():
             return  # a parameter without a value is reported
         values = evaluate(x.graph, nodes, numbers)
         for value, place in zip(values, places, strict=True):
-            if x.is_finite(value, what, place) and size:
-                x.within(value, what, place, 0.0)
+            if x.is_finite(value, label, place) and size:
+                x.within(value, label, place, 0.0)
 
     for shape in scene.shapes:
-        what, size = (
+        label, size = (
             f"a size of the {shape.kind} `{shape.name}`",
             SHAPES[shape.kind].sizes,
         )
-        check(shape.sizes, shape.places, what, size=bool(size))
+        check(shape.sizes, shape.places, label, size=bool(size))
     for length in filter(None, dict.fromkeys(scene.lengths)):
         check([length.node], [length.place], STRING_LENGTH, size=True)

@@ -88,9 +88,9 @@ class _TableReader:
 
     def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
         self.name, self.place, self.x, self.file = key.text, key.place, x, file
-        self.what = f"the table `{key.text}`"
+        self.label = f"the table `{key.text}`"
         self._faults = len(x.faults)
-        self.below = fields(node, self.what, TABLE, x.faults, key.place)
+        self.below = fields(node, self.label, TABLE, x.faults, key.place)
         self.sha256 = ""
 
     def table(self, shift: tuple[int, float] | None = None) -> Table | None:
@@ -115,7 +115,7 @@ class _TableReader:
             axes, values = self._grid(points, how, outside)
         size = values.size * (2 if how == "linear" else 4) ** len(axes)
         if size > limits.TABLE_NUMBERS:
-            text = f"{self.what} has {size:,} coefficients, more than "
+            text = f"{self.label} has {size:,} coefficients, more than "
             text += f"{limits.TABLE_NUMBERS:,}"
             self._fault(TOO_LARGE, text, self.place, "fewer points, or linear, do")
         if not self._is_sound():
@@ -158,7 +158,7 @@ class _TableReader:
         for row, own in zip(rows, parts, strict=True):
             if len(own) != width and not isinstance(row, Broken):
                 found = f"a list of {len(own)}" if own else kind_of(row)
-                text = f"a point of {self.what} is a list of {width}, found {found}"
+                text = f"a point of {self.label} is a list of {width}, found {found}"
                 hint = "[x, y] each, or [x, y, z] for a function of two arguments"
                 self._fault(TABLE_POINTS, text, row, hint)
                 if not own:
@@ -183,7 +183,7 @@ class _TableReader:
             hint = f"scale the table where it is called: {name}*{self.name}(...)"
             self._fault(NOT_CONSTANT, text, node, hint)
             return math.nan
-        found = x.number(node, f"a number of {self.what}")
+        found = x.number(node, f"a number of {self.label}")
         return math.nan if found is None else found
 
     def _counted(
@@ -192,7 +192,7 @@ class _TableReader:
         import numpy as np
 
         if self._is_sound() and len(numbers) < 2:
-            text = f"{self.what} has {len(numbers)} point{'s' * (len(numbers) != 1)}"
+            text = f"{self.label} has {len(numbers)} point{'s' * (len(numbers) != 1)}"
             self._fault(TABLE_POINTS, text, self.place, "a curve has 2 at least")
         points = _Points(np.array(numbers), place)
         sound = self._is_sound() and not np.isnan(points.numbers).any()
@@ -208,7 +208,7 @@ class _TableReader:
         header = sheet.header
         keys = [key for key in AXES if key in below]
         if keys not in (["x", "y"], ["x", "y", "z"]):
-            text = f"{self.what} has no `{'x' if 'x' not in keys else 'y'}`: which "
+            text = f"{self.label} has no `{'x' if 'x' not in keys else 'y'}`: which "
             text += "column of the file that is"
             pairs = zip(AXES, header, strict=False)
             hint = "such as " + ", ".join(f"{k}: {h}" for k, h in pairs)
@@ -262,7 +262,7 @@ class _TableReader:
             except UnicodeDecodeError as error:
                 line = content.count(b"\n", 0, error.start) + 1
                 fault, hint = f"line {line} is not UTF-8", "save it as UTF-8"
-        self._fault(TABLE_FILE, f"`{path}` of {self.what}: {fault}", place, hint)
+        self._fault(TABLE_FILE, f"`{path}` of {self.label}: {fault}", place, hint)
         return None
 
     def _read(self, sheet: Sheet, columns: list[int], path: str) -> _Points | None:
@@ -283,8 +283,8 @@ class _TableReader:
             if not text and not all(map(math.isfinite, found)):
                 j = [math.isfinite(x) for x in found].index(False)
                 missing = columns[j] >= len(cells)
-                what = "nothing" if missing else f"`{cells[columns[j]].strip()}`"
-                text = f"a finite number is expected, found {what}"
+                label = "nothing" if missing else f"`{cells[columns[j]].strip()}`"
+                text = f"a finite number is expected, found {label}"
             if text and faults < LISTED:
                 faults += 1
                 self._fault(TABLE_POINTS, text, place(i, j))
@@ -305,7 +305,7 @@ class _TableReader:
             text = f"x is {x[i]:.9g} after {x[i - 1]:.9g} here{more}: it must increase"
             self._fault(TABLE_POINTS, text, points.place(i, 0))
         if outside == "repeat" and y[0] != y[-1]:
-            text = f"{self.what} repeats, and its last value {y[-1]:.9g} is not the "
+            text = f"{self.label} repeats, and its last value {y[-1]:.9g} is not the "
             text += f"first, {y[0]:.9g}"
             self._fault(TABLE_POINTS, text, points.place(len(y) - 1, 1))
         return (x,), y
@@ -335,18 +335,18 @@ class _TableReader:
             )
             self._fault(code, text, points.place(i, 0))
         elif min(shape) < 2:
-            self._fault(code, f"{self.what} has one row of a grid only", place)
+            self._fault(code, f"{self.label} has one row of a grid only", place)
         elif not many.all():
             i, j = (int(k[0]) for k in np.nonzero(many == 0.0))
             missing = f"{axes[0][i]:.9g}, {axes[1][j]:.9g}"
-            text = f"{self.what} has no point at {missing}: it is no full grid "
+            text = f"{self.label} has no point at {missing}: it is no full grid "
             text += f"({shape[0]} times {shape[1]} points)"
             self._fault(code, text, place)
         elif outside == "repeat" and not (
             np.array_equal(values[0], values[-1])
             and np.array_equal(values[:, 0], values[:, -1])
         ):
-            text = f"{self.what} repeats, and its last values are not the first"
+            text = f"{self.label} repeats, and its last values are not the first"
             self._fault(code, text, place)
         return axes, values
 

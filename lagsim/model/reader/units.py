@@ -107,8 +107,8 @@ class _UnitCheck:
     ) -> None:
         self.model, self.found = model, dict[Place, Mismatch]()
         self.read: dict[str, tuple[Scalar, Parsed | ParsedRelation]] = {}
-        for what, scalar, x in read:  # components of a point have one name
-            key = f"{what} {len(self.read)}" if what in self.read else what
+        for label, scalar, x in read:  # components of a point have one name
+            key = f"{label} {len(self.read)}" if label in self.read else label
             self.read[key] = scalar, x
         given = (*model.parameters, *model.variables, *model.definitions)
         self.units = {
@@ -119,38 +119,38 @@ class _UnitCheck:
     def run(self) -> list[Mismatch]:
         if not self.units:
             return []
-        for what in self.read:
-            self.value(what)
+        for label in self.read:
+            self.value(label)
         energy = self._energy()
-        for what, (scalar, _) in self.read.items():
-            kind, _, name = what.partition(" `")
+        for label, (scalar, _) in self.read.items():
+            kind, _, name = label.partition(" `")
             wanted = self._wanted(kind, name.rstrip("`"), energy)
-            text = f"{what} is in {{}} here, where {{}} is expected"
-            self._compare(scalar, None, self.value(what), wanted, text)
+            text = f"{label} is in {{}} here, where {{}} is expected"
+            self._compare(scalar, None, self.value(label), wanted, text)
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
-    def value(self, what: str) -> Quantity:
-        """Return the quantity of the expression with the name `what`.
+    def value(self, label: str) -> Quantity:
+        """Return the quantity of the expression with the name `label`.
 
         The units in it are checked. The quantity is unknown for a relation.
         """
-        if what not in self.values:
-            self.values[what] = _UNKNOWN
-            if what in self.read:
-                self.values[what] = self._went_through(*self.read[what])
-        return self.values[what]
+        if label not in self.values:
+            self.values[label] = _UNKNOWN
+            if label in self.read:
+                self.values[label] = self._went_through(*self.read[label])
+        return self.values[label]
 
     def _energy(self) -> Quantity:
         """Return the quantity of all energies; inconsistent ones are reported."""
         found = _UNKNOWN
-        for what in ("the kinetic energy", "the potential energy", "the Lagrangian"):
-            own = self.value(what)
+        for label in ("the kinetic energy", "the potential energy", "the Lagrangian"):
+            own = self.value(label)
             # If no unit contains a mass, the unit of mass is not stated.
             if not own.unit or "kg" not in own.unit:
                 continue
             if found.unit:
-                text = f"{what} is in {{}}, the kinetic energy in {{}}"
-                self._compare(self.read[what][0], None, own, found, text)
+                text = f"{label} is in {{}}, the kinetic energy in {{}}"
+                self._compare(self.read[label][0], None, own, found, text)
             found = found if found.unit else own
         return found
 

@@ -74,9 +74,9 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
     """Return the coordinates of the entries `given`; faults are reported."""
     found = []
     for key, node in given:
-        what = f"the coordinate `{key.text}`"
+        label = f"the coordinate `{key.text}`"
         if isinstance(node, Scalar) and not node.empty:
-            text = f"{what} has no value here, found `{node.text}`"
+            text = f"{label} has no value here, found `{node.text}`"
             unit = node.text.removeprefix("unit ")
             hint = f"write {{unit: {unit}}}; start values belong in `initial`"
             if re.match(r"[-+.\d]", node.text):
@@ -84,7 +84,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
             x.faults.add(NOT_A_MAPPING, text, node, hint)
             found.append(Coordinate(key.text))
             continue
-        below = fields(node, what, COORDINATE, x.faults, key.place)
+        below = fields(node, label, COORDINATE, x.faults, key.place)
         unit, about = below.text("unit"), below.text("description")
         found.append(Coordinate(key.text, unit, about))
     return tuple(found)
@@ -105,17 +105,17 @@ class _Entry(NamedTuple):
 
 
 def _value_entry(
-    key: Scalar, node: Node, what: str, x: Expressions, form: Form = DEFINITION
+    key: Scalar, node: Node, label: str, x: Expressions, form: Form = DEFINITION
 ) -> _Entry:
     """Return the value and the further keys of an entry, see `_Entry`.
 
     key, node : name and value in the file.
-    what : name of the entry in messages.
+    label : name of the entry in messages.
     form : the keys that the mapping may have.
     """
     if not isinstance(node, Mapping):
         return _Entry(node)
-    found = fields(node, what, form, x.faults, key.place)
+    found = fields(node, label, form, x.faults, key.place)
     found.needs("value", belongs(key.text) or "write {value: ..., unit: ...}")
     value = found.value("value") or Broken(key.place)
     about = found.text("unit"), found.text("description")
@@ -134,10 +134,10 @@ class Definitions:
         # expressions without a fault
         self._texts: dict[str, tuple[Scalar, Parsed]] = {}
         for key, node in given:
-            name, what = key.text, f"the definition `{key.text}`"
-            entry = _value_entry(key, node, what, x)
+            name, label = key.text, f"the definition `{key.text}`"
+            entry = _value_entry(key, node, label, x)
             self._about[name] = entry.unit, entry.about
-            text = x.text(entry.value, what, parse, beside=entry.value is node)
+            text = x.text(entry.value, label, parse, beside=entry.value is node)
             if text is not None:
                 self._texts[name] = text
         # The definitions that each expression names, at their first place; the level of
@@ -282,7 +282,7 @@ class _Numbers:
     def _read(
         self,
         node: Node,
-        what: str,
+        label: str,
         rule: Rule,
         *,
         beside: bool = False,
@@ -292,19 +292,19 @@ class _Numbers:
 
         None after a fault.
 
-        node, what : the value in the file, and its name in messages.
+        node, label : the value in the file, and its name in messages.
         rule : see `expressions.Expressions.check_by`.
         beside : whether a unit may be given beside the expression.
         wanted : False to check the expression only, and return None.
         """
-        x, found = self.x, self.x.text(node, what, parse, beside=beside)
+        x, found = self.x, self.x.text(node, label, parse, beside=beside)
         if found is None:
             return None
         scalar, parsed = found
         if not (x.check_by(rule, parsed.names, scalar) and wanted):
             return None
         value = self._unfolded.value_with_error(parsed, self.known, x.names.tables)
-        is_finite = x.is_finite(value[0], what, scalar.place)
+        is_finite = x.is_finite(value[0], label, scalar.place)
         return (scalar, parsed, value) if is_finite else None
 
 
@@ -323,14 +323,14 @@ class ParameterReader(_Numbers):
         found = []
         for key, node in (*given, *modes):
             kind = self.x.names.variables.get(key.text, NameKind.PARAMETER)
-            name, what = key.text, f"the{kind.text[1:]} `{key.text}`"
+            name, label = key.text, f"the{kind.text[1:]} `{key.text}`"
             form = VALUE if kind is NameKind.PARAMETER else DEFINITION
-            entry = _value_entry(key, node, what, self.x, form)
+            entry = _value_entry(key, node, label, self.x, form)
             expression = self._instead.get(name, entry.value)
-            rule = partial(self._rule, name, what, below)
-            read = self._read(expression, what, rule, beside=expression is node)
-            deviation = self._deviation(entry.uncertainty, what, rule)
-            between = self._range(entry.range, what, rule)
+            rule = partial(self._rule, name, label, below)
+            read = self._read(expression, label, rule, beside=expression is node)
+            deviation = self._deviation(entry.uncertainty, label, rule)
+            between = self._range(entry.range, label, rule)
             below.discard(name)
             if read is not None:
                 _, parsed, value = read
@@ -344,27 +344,27 @@ class ParameterReader(_Numbers):
                 )
         return tuple(found)
 
-    def _deviation(self, node: Node | None, what: str, rule: Rule) -> float:
+    def _deviation(self, node: Node | None, label: str, rule: Rule) -> float:
         """Return the value of `uncertainty`, a standard deviation; 0 without the key.
 
         node : the value of the key.
-        what : the parameter, for messages.
+        label : the parameter, for messages.
         rule : see `expressions.Expressions.check_by`.
         """
         if node is None:
             return 0.0
-        what = f"`uncertainty` of {what}"
-        read = self._read(node, what, rule)
+        label = f"`uncertainty` of {label}"
+        read = self._read(node, label, rule)
         if read is None:
             return 0.0
         scalar, _, (value, _) = read
         if value < 0.0:
-            text = f"{what} is {value:g}, a standard deviation is 0 or larger"
+            text = f"{label} is {value:g}, a standard deviation is 0 or larger"
             self.x.faults.add(OUT_OF_RANGE, text, scalar)
         return value
 
     def _range(
-        self, node: Node | None, what: str, rule: Rule
+        self, node: Node | None, label: str, rule: Rule
     ) -> tuple[float, float] | None:
         """Return the least and the greatest value of a slider, from the key `range`.
 
@@ -372,17 +372,17 @@ class ParameterReader(_Numbers):
         """
         if node is None:
             return None
-        what, faults = f"`range` of {what}", self.x.faults
+        label, faults = f"`range` of {label}", self.x.faults
         if not isinstance(node, Sequence) or len(node.items) != 2:
-            text = f"{what} is a list of two numbers, the least and the greatest value"
+            text = f"{label} is a list of two numbers, the least and the greatest value"
             faults.add(WRONG_COUNT, text, node.place, "write range: [0, 10]")
             return None
-        ends = [self._read(end, what, rule) for end in node.items]
+        ends = [self._read(end, label, rule) for end in node.items]
         low, high = (None if end is None else end[2][0] for end in ends)
         if low is None or high is None:
             return None
         if not low < high:
-            text = f"{what} goes from {low:g} to {high:g}: the second must be larger"
+            text = f"{label} goes from {low:g} to {high:g}: the second must be larger"
             faults.add(OUT_OF_RANGE, text, node.place)
             return None
         return low, high
@@ -414,10 +414,10 @@ class ParameterReader(_Numbers):
             faults.add(UNKNOWN_PARAMETER, text, option.place_of(0, len(name)), hint)
 
     def _rule(
-        self, name: str, what: str, below: set[str], used: Name, scalar: Scalar
+        self, name: str, label: str, below: set[str], used: Name, scalar: Scalar
     ) -> bool:
         if used.text not in below:
-            return self.x.allows(what, Level.NUMBER, used, scalar)
+            return self.x.allows(label, Level.NUMBER, used, scalar)
         text = f"`{name}` uses `{used.text}`, which is below it"
         if used.text == name:
             text = f"`{name}` uses itself"
@@ -474,9 +474,9 @@ class Initial(_Numbers):
         nodes = [d.node for d in started if d is not None and d.node is not None]
         every = [(q, "coordinate", "guess") for q in x.names.of(NameKind.COORDINATE)]
         every += [(s, "state", "steady") for s in x.names.of(NameKind.STATE)]
-        for q, what, key in every:
+        for q, label, key in every:
             if q not in self._all and not x.names.is_faulty(q):
-                own, text = in_file(q), f"`initial` has no value for the {what} `{q}`"
+                own, text = in_file(q), f"`initial` has no value for the {label} `{q}`"
                 hint = f"write `{own}: 0`, or `{own}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
                     hint = f"write `{own}: {{{key}: 0}}`: it is solved for, near 0"
@@ -498,11 +498,11 @@ class Initial(_Numbers):
         return tuple(found[name] for name in dict.fromkeys(order) if name in found)
 
     def _start(self, key: Scalar, node: Node) -> InitialValue | None:
-        name, what = key.text, f"the start value of `{key.text}`"
+        name, label = key.text, f"the start value of `{key.text}`"
         sound, defined = self._defined(key)
-        expression, guess = self._guess(key, node, what)
+        expression, guess = self._guess(key, node, label)
         expression = self._instead.get(name, expression)
-        read = self._read(expression, what, self._rule, wanted=sound)
+        read = self._read(expression, label, self._rule, wanted=sound)
         if read is None:
             return None
         scalar, self.formulas[name], value = read
@@ -514,32 +514,32 @@ class Initial(_Numbers):
         stated = " ".join(scalar.text.split())
         return InitialValue(name, *value, guess, stated, scalar.place, defined)
 
-    def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
+    def _guess(self, key: Scalar, node: Node, label: str) -> tuple[Node, bool]:
         """Return the expression of a start value, and whether it is a guess.
 
         key, node : name and value in the file.
-        what : name in messages.
+        label : name in messages.
         """
         faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
-            text = f"{what} must be one expression, found {kind_of(node)}"
+            text = f"{label} must be one expression, found {kind_of(node)}"
             hint = f"write `{key.text}: {both[0]}` and `{rate_of(key.text)}: {both[1]}`"
             faults.add(NOT_AN_EXPRESSION, text, node, hint)
             return broken
         if not isinstance(node, Mapping):
             return node, False
         if "value" in {name.text for name, _ in node.entries}:
-            self.x.scalar(node, what)  # a fault, with a hint
+            self.x.scalar(node, label)  # a fault, with a hint
             return broken
         is_state = key.text in self.x.names.of(NameKind.STATE)
         wanted, other = ("steady", "guess") if is_state else ("guess", "steady")
-        given = fields(node, what, START, faults, key.place)
+        given = fields(node, label, START, faults, key.place)
         guess = given.value(wanted)
         if guess is None and not node.entries:
-            text = f"{what} must be an expression, or {{{wanted}: expression}}"
+            text = f"{label} must be an expression, or {{{wanted}: expression}}"
             faults.add(NOT_AN_EXPRESSION, text, node)
         if other in given:
-            text = f"{what} has `{other}`, which is for "
+            text = f"{label} has `{other}`, which is for "
             text += "coordinates and velocities" if is_state else "states"
             hint = f"write {{{wanted}: ...}}: "
             hint += "solved for where its rate is 0" if is_state else "it is solved for"

@@ -125,7 +125,7 @@ class _Orders:
         pairs = [self._operand(n, values) for n in made[size:]]
         self._factors[k] = list(zip(pairs[::2], pairs[1::2], strict=True))
         if 1 < k < self.order - 2:
-            self._keep(k)
+            self._store_factors(k)
 
     def _operand(self, n: int, values: Mapping[int, str]) -> str:
         if n in values:
@@ -182,7 +182,7 @@ class _Orders:
     def _place(self, j: int, first: int, which: int) -> Place:
         return "w", self.row * j + which * (self.row // 2) + first
 
-    def _keep(self, k: int) -> None:
+    def _store_factors(self, k: int) -> None:
         """Write code that stores the factors of order k of all sums in memory.
 
         The factors are stored in the memory of the series: in each vector one lane per

@@ -66,7 +66,7 @@ class Instructions:
         self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
         return place
 
-    def _put(self, value: Value, place: str) -> None:
+    def _emit_store(self, value: Value, place: str) -> None:
         self.lines.append(f"  store {LLVM[value.kind]} {value.text}, ptr {place}")
 
     def _get(self, kind: str, place: str) -> Value:

@@ -179,7 +179,7 @@ class Folding:
         names: dict[str, object] = {}
         for part in ast.walk(node):
             if isinstance(part, ast.Name):
-                found = self._known(part)
+                found = self._static_value(part)
                 if found is None:
                     return None
                 names[part.id] = found
@@ -193,7 +193,7 @@ class Folding:
             raise self.error(node, f": {fault}") from fault
         return value if is_static(value) else None
 
-    def _known(self, node: ast.Name) -> object | None:
+    def _static_value(self, node: ast.Name) -> object | None:
         """Return the static value of a name; None if it has none.
 
         Modules and functions of static values count as static.
@@ -252,7 +252,7 @@ class Folding:
 
         target, iterable : the variable and the `unrolled(...)`.
         """
-        if not isinstance(target, ast.Name) or not self.goes_over(
+        if not isinstance(target, ast.Name) or not self.is_call_of(
             iterable, words.unrolled
         ):
             raise self.error(iterable, "is no unrolled(...) of one name")
@@ -263,7 +263,7 @@ class Folding:
             yield value
         self.unrolled = before
 
-    def goes_over(self, node: ast.expr, *functions: object) -> bool:
+    def is_call_of(self, node: ast.expr, *functions: object) -> bool:
         """Whether an iterable is a call of one of `functions`."""
         return isinstance(node, ast.Call) and (
             self.source.meaning(node.func) in functions

@@ -439,7 +439,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
         for label, (value, lines) in zip(labels, found, strict=True):
             self._begin(label)
             self.lines += lines
-            self._put(self._cast(value, kind, node), place)
+            self._emit_store(self._cast(value, kind, node), place)
             self._jump(end)
         self._begin(end)
         return self._get(kind, place)
@@ -577,7 +577,9 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
 
         def store(k: Value, _after: str, following: str) -> None:
             self.element = k.text
-            self._put(self._converted(value, "float"), self._address(begin, k.text))
+            self._emit_store(
+                self._converted(value, "float"), self._address(begin, k.text)
+            )
             self.element = ""
             self._jump(following)
 
@@ -613,7 +615,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
             self._store_name(target, target.id, value)
         else:
             place = self._place(target)
-            self._put(self._cast(value, "float", target), place)
+            self._emit_store(self._cast(value, "float", target), place)
 
     def _store_name(self, node: ast.AST, name: str, value: Value) -> None:
         if name in self.unrolled or value.kind == "None":
@@ -621,7 +623,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
         if name not in self.kinds:
             self.kinds[name] = value.kind
             self.allocated.append(f'  %"{name}.v" = alloca {LLVM[value.kind]}')
-        self._put(self._cast(value, self.kinds[name], node), f'%"{name}.v"')
+        self._emit_store(self._cast(value, self.kinds[name], node), f'%"{name}.v"')
 
     def visit_Break(self, _node: ast.Break) -> None:
         self._jump(self.loops[-1][0])
@@ -681,10 +683,10 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
 
     def visit_For(self, node: ast.For) -> None:
         call = node.iter
-        if self.goes_over(call, words.unrolled):
+        if self.is_call_of(call, words.unrolled):
             self._unrolled(node)
             return
-        if not self.goes_over(call, range, words.apart):
+        if not self.is_call_of(call, range, words.apart):
             raise self.error(node, "is no loop over range, apart or unrolled")
         assert isinstance(call, ast.Call)
         bounds = [self._converted(a, "int") for a in call.args[:2]]
@@ -696,7 +698,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
             self._store(node.target, now)
             self._body(node, after, following)
 
-        self._counted(start, stop, body, parallel=self.goes_over(call, words.apart))
+        self._counted(start, stop, body, parallel=self.is_call_of(call, words.apart))
 
     def _counted(
         self,
@@ -713,7 +715,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
         parallel : whether the passes access disjoint elements.
         """
         counter = self._allocate("counter", "int")
-        self._put(start, counter)
+        self._emit_store(start, counter)
         head, inside, advance, after = map(self._name, ("for", "do", "next", "endfor"))
         first = len(self.lines)
         self._jump(head)
@@ -726,7 +728,7 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
         self._begin(advance)
         if self.live:
             now = self._get("int", counter)
-            self._put(self._op("int", f"add nsw i64 {now.text}, 1"), counter)
+            self._emit_store(self._op("int", f"add nsw i64 {now.text}, 1"), counter)
             self._jump(head)
         if parallel:
             self._mark_parallel(first)

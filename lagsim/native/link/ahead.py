@@ -23,7 +23,7 @@ _helpers: list[list[Helper]] = []
 
 @contextlib.contextmanager
 def helped() -> Iterator[None]:
-    """Context manager: within it `bring` may start second processes, where possible.
+    """Context manager: within it `start` may start second processes, where possible.
 
     Only for a process with a single thread: a fork copies locks, but not the threads
     that would release the locks. The processes are ended on exit.
@@ -45,7 +45,7 @@ def is_possible() -> bool:
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
-def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
+def start(make: Callable[[], bytes]) -> Callable[[], bytes]:
     """Start `make` in a second process where possible; return its future result.
 
     Returns
@@ -60,12 +60,12 @@ def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
     _helpers[-1].append(helper)
     contents = helper.send(b"")
 
-    def brought() -> bytes:
+    def result() -> bytes:
         content = next(contents, None)
         helper.end()
         return make() if content is None else content
 
-    return brought
+    return result
 
 
 class Helper:

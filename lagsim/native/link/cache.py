@@ -106,7 +106,7 @@ class ProgramPart:
         """Start compilation in a second process, where that is possible."""
         key, path = _place([*self.made_from, *engine.target()])
         if path is None or not path.exists():
-            _coming[key] = ahead.bring(self._compiled)
+            _coming[key] = ahead.start(self._compiled)
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:

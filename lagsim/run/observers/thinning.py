@@ -435,7 +435,7 @@ class Frames:
         self._last = block[-1:].copy()
         # The last row is processed with the next block, when its successor is known.
         done = block[:-1]
-        self._keep(done[self._wanted(done)])
+        self._append(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
         """Return a mask (k,) of a block's rows that are stored as rows of impacts."""
@@ -447,7 +447,7 @@ class Frames:
         even: Flags = block[:, NUMBER] % self.stride == 0
         return even | self._struck_in(block)
 
-    def _keep(self, rows: Floats) -> None:
+    def _append(self, rows: Floats) -> None:
         self._kept.append(rows)
         self._count += len(rows)
         if self._count > 2 * self._most:

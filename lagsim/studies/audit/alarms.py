@@ -84,14 +84,14 @@ def about_gaps(found: Mapping[str, Gap]) -> Caution:
 
     found : the first such value of each of these columns, by the name of the column.
     """
-    told = [
+    described = [
         f"`{name}` is {gap.value} at t = {gap.time:.9g}"
         + (f", the first of {gap.rows} rows" if gap.rows > 1 else "")
         for name, gap in found.items()
     ]
-    text = f"not all values of the table are finite: {'; '.join(told[:MOST])}"
-    if len(told) > MOST:
-        text += f"; and {len(told) - MOST} more columns"
+    text = f"not all values of the table are finite: {'; '.join(described[:MOST])}"
+    if len(described) > MOST:
+        text += f"; and {len(described) - MOST} more columns"
     if "energy" in found or "work" in found:
         text += "; so the energy drift is not known"
     return Caution(COLUMN_NOT_FINITE, text)

@@ -288,7 +288,7 @@ class Reference:
         """Return the reference with the field `agreement` set by a second solution."""
         count = min(len(self.rows), len(second.rows))
         apart = self.apart(second.rows, count, second.events)
-        known = _known(np.max(apart[:, self.state], axis=1))
+        known = _rows_before_horizon(np.max(apart[:, self.state], axis=1))
         agreement = np.max(apart[:known], axis=0)
         return replace(self, verified=second.how, known=known, agreement=agreement)
 
@@ -398,7 +398,7 @@ def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Refer
     )
 
 
-def _known(apart: Floats) -> int:
+def _rows_before_horizon(apart: Floats) -> int:
     """Return the number of rows before the horizon of two solutions.
 
     It is the number of all rows if no horizon can be found.
@@ -500,7 +500,7 @@ class BenchOptions(NamedTuple):
     steps: tuple[float, float] | None = None
     budget: float = BUDGET
 
-    def wants(self, name: str) -> bool:
+    def is_requested(self, name: str) -> bool:
         """Whether a method is requested."""
         return self.methods is None or name in self.methods
 
@@ -612,7 +612,7 @@ def _curves(
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
-    for name in filter(wish.wants, names()):
+    for name in filter(wish.is_requested, names()):
         solvers, reasons = formulation_solvers(case, name)
         refused += [
             {"method": name, "formulation": formulation, "reason": reason}
@@ -624,7 +624,7 @@ def _curves(
             yield PrecisionCurve(
                 own, sorted({*values, *more}, reverse=True), more, reference
             )
-    wanted = list(filter(wish.wants, SCIPY))
+    wanted = list(filter(wish.is_requested, SCIPY))
     if not wanted:
         return
     own = index_one(case)

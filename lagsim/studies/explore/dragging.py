@@ -134,7 +134,7 @@ class ConstrainedStart:
             x = self._towards(place, x.at(before), target[: len(nodes)])
         return self._named(x, self._with_rates(x))
 
-    def put(self, name: str, value: float) -> dict[str, float]:
+    def with_value(self, name: str, value: float) -> dict[str, float]:
         """Return a start in which a coordinate or a velocity has a value.
 
         If the constraints exclude the value, the nearest admissible one is used.

@@ -404,7 +404,7 @@ class Explorer:
             if start.is_free or name not in (*equations.q, *equations.velocities):
                 return {name: value}
             before = _values_of(session)
-            found = start.put(name, value)
+            found = start.with_value(name, value)
             return {x: y for x, y in found.items() if y != before[x] or x == name}
 
     def _texts(self, values: Values) -> dict[str, str]:

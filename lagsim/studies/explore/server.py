@@ -311,7 +311,7 @@ class Handler(BaseHTTPRequestHandler):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
         return found
 
-    def _asked(self) -> tuple[dict[str, Any], dict[str, float | str]]:
+    def _requested(self) -> tuple[dict[str, Any], dict[str, float | str]]:
         """Return the JSON object of a request, and its numbers and texts `values`."""
         found = self._body()
         values = found.get("values", {})
@@ -332,19 +332,19 @@ class Handler(BaseHTTPRequestHandler):
         self._send_json({"mathml": self.server.explorer.equations()})
 
     def _motion(self) -> None:
-        found, values = self._asked()
+        found, values = self._requested()
         page, follow = _page_of(found), found.get("follow") is True
         content = self.server.explorer.motion(values, page, follow=follow)
         self._send(content, BYTES)
 
     def _state(self) -> None:
-        found, values = self._asked()
+        found, values = self._requested()
         t = _number(found.get("t"))
         state = self.server.explorer.state(values, t, _page_of(found))
         self._send_json({"state": state})
 
     def _drag(self) -> None:
-        found, values = self._asked()
+        found, values = self._requested()
         target = found.get("target")
         if not isinstance(target, list) or len(target) not in (2, 3):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
@@ -355,12 +355,12 @@ class Handler(BaseHTTPRequestHandler):
         self._send_json({"start": moved})
 
     def _start(self) -> None:
-        found, values = self._asked()
+        found, values = self._requested()
         name, value = str(found.get("name")), _number(found.get("value"))
         self._send_json({"start": self.server.explorer.start(values, name, value)})
 
     def _file(self) -> None:
-        _, values = self._asked()
+        _, values = self._requested()
         self._send(self.server.explorer.text(values).encode(), YAML)
 
     def _listen(self) -> None:

@@ -372,14 +372,14 @@ class Fit:
         values = self._values(number, x)
         return Recording(self.setup, values, at, interrupt=self.interrupt)
 
-    def _stop_if_asked(self) -> None:
+    def _raise_if_interrupted(self) -> None:
         if self.interrupt is not None and self.interrupt.requested:
             raise StoppedError
 
     def raw(self, x: Floats) -> Floats:
         """Return model less data (n,) in the units of the columns, at x (p,)."""
         runs = self.at(x)
-        self._stop_if_asked()
+        self._raise_if_interrupted()
         rows = [
             run.rows(run.centre)[seen]
             for run, seen in zip(runs, self.seen, strict=True)
@@ -400,7 +400,7 @@ class Fit:
                 if k in concerned(one, self.names, self.own)
             ]
             found = self._team.derivatives(tasks, runs, self.interrupt)
-            self._stop_if_asked()
+            self._raise_if_interrupted()
             self._jacobians[key] = self._arranged(tasks, found)
         return self._jacobians[key]
 

@@ -72,7 +72,7 @@ def own_values(
     values: list[dict[str, float]] = []
     for label, text in texts.items():
         name, _, number = (part.strip() for part in label.partition("@"))
-        if _known(f"--set {label}", number, records, faults):
+        if _record_exists(f"--set {label}", number, records, faults):
             found[int(number) - 1][name] = text
     for own in found:
         values.append({})
@@ -97,7 +97,7 @@ def _clock(text: str) -> float:
         return math.nan
 
 
-def _known(label: str, number: str, records: int, faults: Problems) -> bool:
+def _record_exists(label: str, number: str, records: int, faults: Problems) -> bool:
     """Whether a record with a number exists; add a fault if not.
 
     label : for the message.
@@ -136,7 +136,7 @@ def parse_names(texts: Sequence[str], own: Sequence[Collection[str]]) -> list[Va
             message = f"--vary {text}: a name, and bounds if any, are expected"
             faults.add(USAGE, message, hint="such as --vary k, or --vary k=1:10")
             continue
-        if at and not _known(f"--vary {label}", number, len(own), faults):
+        if at and not _record_exists(f"--vary {label}", number, len(own), faults):
             continue
         record = int(number) - 1 if at else -1
         label = f"{name}@{record + 1}" if at else name

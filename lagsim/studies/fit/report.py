@@ -31,8 +31,8 @@ def document_of(fit: Fit, found: Found) -> dict[str, Any]:
     for j, one in enumerate(fit.names):
         value = float(found.x[j])
         entry: dict[str, Any] = {
-            "value": value, "standard_error": _known(deviations[j]),
-            "interval": [_known(value - wide[j]), _known(value + wide[j])],
+            "value": value, "standard_error": _finite_or_none(deviations[j]),
+            "interval": [_finite_or_none(value + w) for w in (-wide[j], wide[j])],
             "start": one.start,
         }  # fmt: skip
         if math.isnan(wide[j]):
@@ -44,7 +44,7 @@ def document_of(fit: Fit, found: Found) -> dict[str, Any]:
     for k, match in enumerate(fit.matches):
         own = found.raw[fit.of == k]
         spread[match.column] = (
-            _known(float(np.sqrt(np.mean(own**2)))) if len(own) else None
+            _finite_or_none(float(np.sqrt(np.mean(own**2)))) if len(own) else None
         )
     noise = dict(zip(spread, found.noise.tolist(), strict=True))
     combinations = found.estimate.combinations if found.estimate else []
@@ -54,14 +54,14 @@ def document_of(fit: Fit, found: Found) -> dict[str, Any]:
         "loss": fit.loss,
         "parameters": parameters,
         "correlation": {
-            a: {b: _known(correlation[i, j]) for j, b in enumerate(labels)}
+            a: {b: _finite_or_none(correlation[i, j]) for j, b in enumerate(labels)}
             for i, a in enumerate(labels)
         },
         "rms": spread,
         "noise": noise,
         "identifiable": found.estimate and not combinations,
         "combinations": combinations,
-        "chi2": _known(float(np.sum((found.raw / found.noise[fit.of]) ** 2))),
+        "chi2": _finite_or_none(float(np.sum((found.raw / found.noise[fit.of]) ** 2))),
         "degrees_of_freedom": len(fit.data) - len(fit.names) + len(combinations),
         "starts": found.starts,
         "reached": found.reached,
@@ -75,7 +75,7 @@ def document_of(fit: Fit, found: Found) -> dict[str, Any]:
     return document
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
@@ -132,7 +132,7 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
         cells[seen] = np.column_stack([data, data + raw, -raw])
         begin += count
         for time, row in zip(record.times.tolist(), cells, strict=True):
-            values = (_known(x) for x in row.ravel().tolist())
+            values = (_finite_or_none(x) for x in row.ravel().tolist())
             rows.append([number, time, *values])
     return {TABLE: table_of(header, rows)}
 

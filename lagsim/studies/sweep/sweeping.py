@@ -276,7 +276,7 @@ def draw_chart(found: SweepRows) -> bytes:
     return chart(found)
 
 
-def made_of(found: SweepRows, *, plots: bool) -> Iterator[Made]:
+def sweep_files(found: SweepRows, *, plots: bool) -> Iterator[Made]:
     """Yield name and content of each file of a sweep other than sweep.json.
 
     plots : whether sweep.png is among these.
