@@ -87,7 +87,9 @@ _NOWHERE, _NONE = np.zeros(0, np.int64), np.zeros(0)
 
 
 class Elements:
-    """Members of one form: payload of a leaf, the first argument of `elements.sums`.
+    """All members of a sum that differ in variables and numbers only, as a table.
+
+    It is the payload of a leaf, which is the first argument of a node `elements.sums`.
 
     Attributes
     ----------

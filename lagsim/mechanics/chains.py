@@ -585,8 +585,9 @@ MOST_OPERATIONS = 100
 
 
 class Composite(Factorisation):
-    """Diagonal of M: the inertia outward of each joint as one rigid body.
+    """Factorisation whose pivots are composite inertias, the diagonal of M.
 
+    The composite inertia of a joint is that of all bodies beyond it as one rigid body.
     This is the composite-rigid-body algorithm (Featherstone, chapter 6): sums are
     substituted, and unknowns are removed without elimination.
     """

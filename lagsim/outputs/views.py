@@ -58,9 +58,9 @@ if TYPE_CHECKING:
 
 # --- Views
 
-# Inches, about: room for numbers and names between two views, the width of a single
-# view, and of one of two; the least height of a view, and the greatest in the plane. In
-# space no view is higher than wide.
+# In inches: the gap between two views, for numbers and names; the width of a single
+# view, and of one of two; the least height of a view, and the greatest of a view in
+# the plane. In space no view is higher than wide.
 BETWEEN, WHOLE, HALF, LOWEST, HIGHEST = 0.52, 6.2, 2.8, 1.0, 3.8
 # Ratio of the length of an axis to that of the paths.
 FREE = 1.12

@@ -120,7 +120,7 @@ class Control(ArcRows):
 
 
 def record_sizes(s: Control, p: Parameters) -> None:
-    """Update the largest sizes and the energy by the state reached, just accepted."""
+    """Update the largest sizes so far, and the energy, by the accepted state s.y."""
     store_energies(s, s.t, s.y, p)
     record_measured(s, p)
 

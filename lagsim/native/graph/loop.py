@@ -216,10 +216,11 @@ def write(
 
 
 def _sums(w: FunctionWriter, padded: int) -> tuple[str, str]:
-    """Return the calls that compute the sums of orders k and k + 1; declare functions.
+    """Return code of the sums of orders k and k + 1, and declare its functions.
 
-    The first calls compute both but for the ends of the second sums, which the other
-    calls add.
+    The result is a pair of texts. The first calls compute all sums of order k, and of
+    order k + 1 without the terms of the newest factors; the second calls add these
+    terms.
 
     padded : the number of sums, rounded up to a multiple of TOGETHER.
     """

@@ -211,7 +211,9 @@ class _VectorWriter:
         self._store(value, "out")
 
     def reached(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `reached` of the module docstring.
+        """Write the function `reached`: the sum of a series, and its roundoff.
+
+        The arguments of this function are in the docstring of the module.
 
         terms : the terms of orders from 2 on.
         """

@@ -296,10 +296,13 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the sides of the open surfaces determine the side of surface k.
 
-        They do if on all sides of the open surfaces, and at their levels, where laws
-        may hold the motion, the expression of k is off its levels, or at a level that
-        its rate leaves, and if its level or the sign of its rate depends on these
-        sides.
+        Each combination of sides of the open surfaces is examined, and the state at
+        their levels, where laws may hold the motion. The result is false if
+
+        - in one of these, the expression of k is at a level with the rate 0 (unless
+          it is constant there, or k is parallel to an open surface);
+        - in all, it is at one level, and its rate has one sign: the side of k does not
+          then depend on the open surfaces.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)

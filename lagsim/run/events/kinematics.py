@@ -380,7 +380,7 @@ class Kinematics:
 
     @cached_property
     def _bound_roundoff(self) -> Floats:
-        """Bounds (L,) of the rounding errors of `bounds`."""
+        """Estimates (L,) of the rounding errors of `bounds`, by their change in t."""
         span = max(abs(self.t), self.arc.settings.duration)
         bounds = self._beside(self.t + PROBE * span)[2]
         return np.asarray(SUM_ROUNDOFF / PROBE * np.abs(bounds - self.bounds))

@@ -154,7 +154,7 @@ class LawsAt(NamedTuple):
 
 
 class LawState(NamedTuple):
-    """The laws at the state reached, by the last phase `velocities`.
+    """State of the laws at an instant, by the last phase `velocities`.
 
     Attributes
     ----------
@@ -163,8 +163,8 @@ class LawState(NamedTuple):
     some : list of int
         The laws that are closed and can strike.
     steady : ndarray of bool, shape (L,), or None
-        The laws with the accelerations, rates and bounds at the end of the arc; None
-        where more than ends of modes of laws and their impacts may have changed these.
+        A mask of the laws whose motion no impact at this instant has changed, see
+        `law_modes.steady_laws`; None if the modes of all laws are to be decided.
     """
 
     here: Kinematics

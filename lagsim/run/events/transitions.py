@@ -208,7 +208,7 @@ class Transitions(Source):
                 if self._chatters(arc, k, counts[k]):
                     ending = ending or _chatter(acts.visits or rounds)
             if due.periodic or any(events[k].once for k in own):
-                # They act once at an instant, so no cycle contains this round.
+                # These events act once at an instant, so no cycle contains this round.
                 rounds.clear()
             else:
                 ending = ending or _undone(arc, rounds)
