@@ -103,7 +103,7 @@ def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
 def rates_at(
     D: Floats, c: Floats, noise: Floats, free: list[int], ways: Floats
 ) -> tuple[Floats, Floats]:
-    """Solve for the rates x (r,) of multipliers, which decide ties, and w = D x + c.
+    """Solve for the rates x (r,) of multipliers, and w = D x + c; rates decide ties.
 
     A tie is a row with a multiplier at a bound and w = 0.
 

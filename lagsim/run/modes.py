@@ -2,17 +2,20 @@
 
 The kernels read the modes of the file, the branches of switches of t, and the modes of
 surfaces and laws from the memory of the arc (`methods.parts.parameters.ModeWords`). A
-phase of `run.settle` decides on trial
-(`TrialModes`): the modes that it tries, and those that it selects, are in the memory
-until the trial ends, so that the functions of the model are evaluated with them. Then
-the memory is as it was before, and the modes selected are a record. Only `settle`
-writes the record to the memory (`write`). The truth of the conditions of events, which
-is in the memory of the method, is part of the record.
+phase of `run.settle` decides on trial (`TrialModes`): until the trial ends, the modes
+that it tries and selects are in the memory, and the functions of the model are
+evaluated with these modes. Then the memory is restored, and the selected modes are
+returned as a record. Only `settle` writes the record to the memory (`write`). The truth
+of the conditions of events, which is in the memory of the method, is part of the
+record.
 
-Within an arc the kernel itself changes some words: the cell of a table of t whose knot
-is passed, the side and the slack of a surface whose level decides nothing and is
-passed, a slack that has been left, `law_opens`, and the truth of a condition that
-becomes false, or waits for another one.
+Within an arc the kernel itself changes some words:
+
+- the cell of a table of t, at a knot;
+- the side and the slack of a surface that is passed without a decision, and a slack
+  that has been left;
+- `law_opens`;
+- the truth of a condition that becomes false, or that waits for another one.
 """
 
 from __future__ import annotations
