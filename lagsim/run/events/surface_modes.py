@@ -12,7 +12,7 @@ from lagsim.program.functions import on_rates
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, VALUE_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.surfaces import Side
@@ -257,6 +257,11 @@ class SurfaceModes:
         """Return the level of surface k that is closest to `value`."""
         return float(np.round(value)) if self.whole[k] else 0.0
 
+    def off_levels(self) -> Floats:
+        """Return the distances (K,) of all expressions now from their closest levels."""
+        values = self.values(self.arc.t, self.arc.y)
+        return np.abs(values - np.where(self.whole, np.round(values), 0.0))
+
     def write(self) -> None:
         """Write the modes to the parameters of the compiled functions."""
         p, slides, value, free = self.p, self.slides, self.value, self.bound
@@ -409,10 +414,7 @@ class SurfaceModes:
         reach = np.zeros(len(arc.y))
         reach[arc.velocities] = span * VALUE_ROUNDOFF * np.abs(bounds)
         reach[arc.state.positions] = span * reach[arc.velocities]
-        here, found = self.values(arc.t, arc.y), np.zeros(self.count)
-        for aside in self.asides(reach):
-            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
-        return np.asarray(found)
+        return self._moved_by(self.asides(reach))
 
     def changes(self, time: float) -> Floats:
         """Return the largest changes (K,) of the surfaces' expressions in a short time.
@@ -426,7 +428,16 @@ class SurfaceModes:
         reach[arc.state.positions] += time * reach[arc.velocities]
         here = self.values(arc.t, arc.y)
         found = np.abs(self.values(arc.t + time, arc.y) - here)
-        for aside in self.asides(reach):
+        return np.fmax(found, self._moved_by(self.asides(reach)))
+
+    def _moved_by(self, asides: Iterable[Floats]) -> Floats:
+        """Return the largest changes (K,) of the expressions at nearby states.
+
+        asides : the states (size,).
+        """
+        arc, found = self.arc, np.zeros(self.count)
+        here = self.values(arc.t, arc.y)
+        for aside in asides:
             found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
         return np.asarray(found)
 
@@ -506,12 +517,8 @@ class SurfaceModes:
         moved[: arc.system.n] = seen[arc.state.positions]
         levels = (slopes @ x for x in (seen[arc.state.driven], moved))
         terms = np.where(self.on_rates, *levels)
-        found = np.maximum(rows.scales, terms)
-        here = self.values(arc.t, arc.y)
-        for aside in [*self.asides(), *self._asides_along()]:
-            off = np.abs(self.values(arc.t, aside) - here)
-            found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
-        return np.asarray(found)
+        moved = self._moved_by([*self.asides(), *self._asides_along()])
+        return np.fmax(np.maximum(rows.scales, terms), moved / RESIDUAL_ROUNDOFF)
 
     def _asides_along(self) -> list[Floats]:
         """Return states (size,) that differ by rounding along the rows in force.

@@ -173,8 +173,7 @@ class Switching(Source):
         if arc.state.discontinuous:
             off = -1.0
         elif arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
-            value = float(modes.values(arc.t, arc.y)[k])
-            off = abs(value - modes.level(k, value))
+            off = float(modes.off_levels()[k])
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
@@ -189,16 +188,10 @@ class Switching(Source):
         if not np.any(modes.on_rates):
             return False
         modes.begin(arc)
-        values, sizes = modes.values(arc.t, arc.y), modes.sizes(modes.rows())
-        near = RESIDUAL_ROUNDOFF * sizes
+        near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
         if surfaces.met >= 0:
             near[surfaces.met] = max(near[surfaces.met], surfaces.off)
-        return any(
-            on and abs(value - modes.level(k, value)) <= least
-            for k, (on, value, least) in enumerate(
-                zip(modes.on_rates, values.tolist(), near.tolist(), strict=True)
-            )
-        )
+        return bool(np.any(modes.on_rates & (modes.off_levels() <= near)))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision at a located switch, or ahead of a surface that is near.
@@ -406,10 +399,9 @@ class Switching(Source):
         constraints. A surface whose expression has jumped since is farther off and not
         included.
         """
-        modes, arc, held = self.modes, self.modes.arc, dict[int, float]()
+        modes, held = self.modes, dict[int, float]()
         if self.resting:
-            values = modes.values(arc.t, arc.y)
-            off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
+            off = modes.off_levels()
             held = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.held()
         held |= self.resting
@@ -552,12 +544,11 @@ class Switching(Source):
 
         They are the surfaces at which switches accumulate.
         """
-        modes, arc = self.modes, self.modes.arc
+        modes = self.modes
         most = REGULAR * modes.changes(within)
         most += RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
-        values = modes.values(arc.t, arc.y).tolist()
-        off = [abs(x - modes.level(k, x)) for k, x in enumerate(values)]
-        return [k for k, x in enumerate(off) if x <= most[k]]
+        near: list[int] = np.flatnonzero(modes.off_levels() <= most).tolist()
+        return near
 
     def _beside(self, some: Collection[int], near: Collection[int]) -> list[int]:
         """Return the surfaces of `near` that switch together with surfaces of `some`.
