@@ -9,6 +9,7 @@ import pytest
 import lagsim
 from lagsim.methods.parts.parameters import KEPT
 from lagsim.run import arcs, settle
+from lagsim.run.events.surface_modes import SurfaceModes
 from lagsim.run.modes import ArcModes, TrialModes
 
 PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
@@ -92,6 +93,23 @@ def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
     assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno", "event"}
     assert {m for m, *_ in given} == {-1.0, -2.0, 2.0}
     assert {branch for _, branch in given} >= {-1.0, 1.0}
+
+
+def test_all_words_that_a_selection_of_sides_stores_are_in_the_record(monkeypatch):
+    # A trial restores them, and another system of the run receives them.
+    stored, inner = set(), SurfaceModes.store
+
+    def storing(modes, **numbers):
+        inner(modes, **numbers)
+        p = modes.p
+        first, last = p.place("file_modes"), p.place_after("law_pushes")
+        stored.update(numbers)
+        for name in numbers:
+            assert first <= p.place(name) < last, name
+
+    monkeypatch.setattr(SurfaceModes, "store", storing)
+    lagsim.simulate(ALL_KINDS, error_bar="never")
+    assert stored >= {"slack", "band", "roundoff", "decisive"}
 
 
 CORNER = """\

@@ -160,6 +160,8 @@ class ModeWords(KnownPoints):
     least_above: Floats = array("surfaces")
     most_above: Floats = array("surfaces")
     roundoff: Floats = array("surfaces")  # bound of the rounding of a rate in sliding
+    # 1 where the expression of a surface that rests at its level depends on the side.
+    decisive: Floats = array("surfaces")
     # Least argument of roots in the expression during the motion; see `switches.roots`.
     floor: Floats = array("surfaces")
     # the value of `floor` for states between rows
@@ -214,8 +216,6 @@ class Surfaces(ModeWords):
     last_smooth: Floats = array("surfaces")
     first_met: Floats = array("surfaces")
     last_met: Floats = array("surfaces")
-    # 1 where the expression of a surface that rests at its level depends on the side.
-    decisive: Floats = array("surfaces")
     # Copies of the sides, and of `slides`, while a row is evaluated with other sides.
     side_before: Floats = array("surfaces")
     slides_before: Floats = array("surfaces")
