@@ -460,16 +460,15 @@ class Run:
         before = self._before(code)
         corner = self._corner(code)
         decision = self._decision(code)
-        if code in LOCATED:
-            decision = self._with_breaks(decision)
         located = NOWHERE if decision is None else decision.located
-        now = met_at(self.arc, self.record, located, before)
+        now, settles = met_at(self.arc, self.record, located, before), False
         if code in INSTANTS:
             now = due_before(now, self.deciders)
+            settles = now.due != NOTHING or self._is_at_break()
         if decision is None:
-            last = code == at.DONE and now.due == NOTHING and self._strikes_last()
-            decision = SETTLE if last or now.due != NOTHING else None
-        elif now.due != NOTHING:
+            settles |= code == at.DONE and not settles and self._strikes_last()
+            decision = SETTLE if settles else None
+        elif settles:
             decision = decision._replace(turn=Turn.SETTLE)
         if decision is None:
             return self._end_of(code)
@@ -493,26 +492,15 @@ class Run:
             return False
         return may_strike(arc, self.deciders)
 
-    def _with_breaks(self, decision: Decision | None) -> Decision | None:
-        """Return the decision at a located event, joined with that of a break.
+    def _is_at_break(self) -> bool:
+        """Whether a break is at the time reached.
 
-        With a break all modes are selected with the branches of t after the break: with
-        the former branches of some switches, and the new ones of t, an expression could
+        All modes are then selected with the branches of t after the break: with the
+        former branches of some switches, and the new ones of t, an expression could
         have a value that it has on neither side.
-
-        decision : that at the event, or None. It is returned unless a break is at the
-            time of the event.
         """
         breaks = self.deciders.breaks
-        passed = None if breaks is None else breaks.decide(self.arc, at.DONE)
-        if passed is None:
-            return decision
-        own = decision or GO_ON
-        return own._replace(
-            events=own.events + passed.events,
-            ending=own.ending or passed.ending,
-            turn=passed.turn,
-        )
+        return breaks is not None and breaks.is_at(self.arc)
 
     def _end_of(self, code: int) -> Ending | None:
         """Return the ending that a kernel's return code means, or None to continue."""
@@ -537,9 +525,8 @@ class Run:
         ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         ends |= code == at.PAUSED and arc.checks_approach
         # Unilateral constraints store the state before their own events.
-        breaks = self.deciders.breaks
-        meets = breaks is not None and breaks.is_at(arc)
-        ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0 or meets
+        surfaces = arc.system.surfaces > 0
+        ends &= code != at.SWITCH_FOUND or surfaces or self._is_at_break()
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         return before_event(arc)
@@ -590,7 +577,7 @@ class Run:
         if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending
         if decision.turn is Turn.SETTLE:
-            shown, now = self.recorder.rows, now.but(breaks=decision.events)
+            shown = self.recorder.rows
             ending = self._recorded(settle(now, self.deciders))
             # An impact has rows of its own.
             struck = self.record.after is not None or shown != self.recorder.rows

@@ -49,8 +49,6 @@ class InstantRecord:
         `run.events.records`; `laws` is None in a model without laws.
     stale : bool
         Whether the branches of t are to be selected again.
-    breaks : tuple of Event
-        The events of breaks at this time, listed when branches are selected.
     before : Before or None
         The row before the instant, where equalities may jump.
     shown : ndarray, shape (k,), or None
@@ -82,7 +80,6 @@ class InstantRecord:
     surfaces: SurfacesAt = NO_SURFACES
     laws: LawsAt | None = None
     stale: bool = True
-    breaks: tuple[Event, ...] = ()
     before: Before | None = None
     shown: Floats | None = None
     impacts: bool = False

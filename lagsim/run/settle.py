@@ -265,24 +265,22 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the branches of all switches of t alone, from the instant on.
 
+    A break at the time of the instant is passed.
+
     now : the record before the phase.
     by : the parts of the run that decide.
     """
     if not now.stale:
         return now
-    arc, found = now.arc, None
+    arc, found, passed = now.arc, None, GO_ON
     if arc.system.switches.modes:
         with TrialModes(arc) as trial:
             if by.knots is not None:
                 by.knots.select(arc)
             if by.breaks is not None:
-                by.breaks.select(arc)
+                passed = by.breaks.select(arc)
         found = trial.found
-    events = now.events + now.breaks
-    now = carried_out(
-        now, GO_ON, modes=found,
-        events=events, breaks=(), stale=False, admissible=None,
-    )  # fmt: skip
+    now = carried_out(now, passed, modes=found, stale=False, admissible=None)
     arc.runner.prepare()
     return now
 

@@ -258,7 +258,7 @@ class SurfaceModes:
         return float(np.round(value)) if self.whole[k] else 0.0
 
     def off_levels(self) -> Floats:
-        """Return the distances (K,) of all expressions now from their closest levels."""
+        """Return the distances (K,) of expressions now from their closest levels."""
         values = self.values(self.arc.t, self.arc.y)
         return np.abs(values - np.where(self.whole, np.round(values), 0.0))
 

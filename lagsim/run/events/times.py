@@ -25,7 +25,7 @@ from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.breaks import NEIGHBOURS, TimedTable, Values, break_times
 from lagsim.run.instants import width
-from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
+from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -241,8 +241,12 @@ class TimeBreaks(_Ahead):
         ends = (at_ends(g, clock.axis, clock.argument) for clock in closed)
         return [*(modes[k].discrete for k in self._own), *ends]
 
-    def select(self, arc: Arc) -> None:
-        """Set the branches of switches of t for the interval up to the next break."""
+    def select(self, arc: Arc) -> Decision:
+        """Set the branches of switches of t for the interval up to the next break.
+
+        Return the decision with the event of a break at the time reached, if any.
+        """
+        found = self._passed(arc) if self.is_at(arc) else GO_ON
         if self._is_other(arc):
             self._discrete, self._next = None, self._following(inf)
         if self._own:
@@ -252,6 +256,7 @@ class TimeBreaks(_Ahead):
             end = min(self._next, arc.settings.end)
             branches = prevailing(self._discrete, arc.t, end)
             arc.system.set_modes(branches, self._own)
+        return found
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
         """Return the time of the next break; inf after the last."""
@@ -261,13 +266,8 @@ class TimeBreaks(_Ahead):
         """Whether the next break is at the time reached."""
         return arc.t >= self._next - width(arc.settings, arc.t)
 
-    def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to pass a break at the time reached, or None.
-
-        code : the kernel's return code.
-        """
-        if code != at.DONE or not self.is_at(arc):
-            return None
+    def _passed(self, arc: Arc) -> Decision:
+        """Pass the break at the time reached; return its event, or the run's ending."""
         self._met.add(arc.t, 0)
         self._first = arc.t if self._taken == 1 else self._first
         ending = None
@@ -276,7 +276,7 @@ class TimeBreaks(_Ahead):
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following(inf)
-        return Decision(events=self._events(arc), turn=Turn.SETTLE, ending=ending)
+        return Decision(events=self._events(arc), ending=ending)
 
     def _events(self, arc: Arc) -> tuple[Event, ...]:
         """Return the event of the break reached; () at knots where y' is continuous.

@@ -16,7 +16,6 @@ from lagsim.language.graph import Graph
 from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
-from lagsim.methods.parts import state as at
 from lagsim.run.events import times
 from lagsim.run.events.breaks import break_times
 from lagsim.run.trajectory import Outcome
@@ -314,7 +313,7 @@ def last_of(monkeypatch, breaks):
     arc.settings.start, arc.settings.duration = 0.0, breaks[-1]
     found = times.TimeBreaks(arc)
     for t in breaks:
-        decision = found.decide(SimpleNamespace(t=t, settings=arc.settings), at.DONE)
+        decision = found.select(SimpleNamespace(t=t, settings=arc.settings))
         if decision.ending is not None:
             return t, decision.ending.outcome
     return t, None
