@@ -271,7 +271,8 @@ class SurfaceModes:
         p.slides[:] = self.kind
         p.low[:] = np.where(self.whole | free, value, -1.0)
         p.high[:] = np.where(self.whole, value + 1.0, 1.0)
-        p.high[self.is_corner] = np.where(slides, 1.0, value)[self.is_corner]
+        bent = self.is_corner & (self.kind == kept.REDUNDANT_SIDE)
+        p.high[bent] = value[bent]
         p.leader[:] = p.ends_above = 0.0
         least, most = self._ends(value)
         for k, carried in self.carried.items():
