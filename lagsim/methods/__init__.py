@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
 
 WIDTH = 88
+# Methods with options: every start asks for all options, and most methods have none.
+WITH_OPTIONS = ("generalized-alpha",)
 
 
 class Structure(NamedTuple):
@@ -136,7 +138,7 @@ def options() -> dict[str, tuple[str, Option]]:
     """Return the options of all methods by key, with the names of their methods."""
     return {
         key: (name, found)
-        for name in names()
+        for name in WITH_OPTIONS
         for key, found in options_of(name).items()
     }
 

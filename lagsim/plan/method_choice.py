@@ -12,7 +12,6 @@ from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
 from lagsim.mechanics.derivation import OF_ELEMENTS, may_gather
 from lagsim.mechanics.equations import memoized_by_motion
-from lagsim.mechanics.linearisation import newton_matrix
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.methods import Structure, method, options_of
@@ -36,6 +35,8 @@ def newton_of(name: str, equations: Equations) -> NewtonMatrix | None:
     """
     if not hasattr(method(name), "SPARSE"):
         return None
+    from lagsim.mechanics.linearisation import newton_matrix
+
     return newton_matrix(equations)
 
 

@@ -32,7 +32,6 @@ from lagsim.run.events.constraints import (
 )
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.records import NOTHING
-from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import KnotTimes, Pulses, TimeBreaks, clocks
 from lagsim.run.events.transitions import Transitions
 from lagsim.run.failures import (
@@ -695,6 +694,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
     if arc.equations.model.events or arc.equations.model.located:
         yield Transitions(arc)
     if arc.system.surfaces:
+        from lagsim.run.events.switching import Switching
+
         yield Switching(arc)
     if arc.system.laws:
         yield Contacts(arc)
@@ -719,12 +720,16 @@ def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
         """Return the source of a class, or None."""
         return next((x for x in sources if isinstance(x, kind)), None)
 
-    switches = arc.system.switches
+    switches, switching = arc.system.switches, None
+    if arc.system.surfaces:
+        from lagsim.run.events.switching import Switching
+
+        switching = own(Switching)
     return Deciders(
         own(KnotTimes),
         own(TimeBreaks),
         own(Transitions),
-        own(Switching),
+        switching,
         own(Contacts),
         equalities_may_jump(arc),
         bool(switches.modes or switches.sides),

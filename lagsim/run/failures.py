@@ -25,7 +25,6 @@ from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.tables import ended
-from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods import method
 from lagsim.methods.moreau import MOST_SWEEPS
@@ -421,6 +420,8 @@ class Stiffness(Source):
         accuracy is close to its stability bound, so the steps do not show whether the
         bound limits them.
         """
+        from lagsim.mechanics.linearisation import Linearisation
+
         self._review_at = int(CHECK_GROWTH) * arc.steps
         state, equations = arc.state, arc.system.equations
         if equations.quadratures:
@@ -484,6 +485,8 @@ def _fastest_motion(arc: Arc) -> Fast | None:
 
     None if J is not finite.
     """
+    from lagsim.mechanics.linearisation import eigenmodes
+
     n = arc.system.n
     size, sparse = arc.system.size, arc.system.newton
     length = (size - n) * arc.state.dynamic.stop

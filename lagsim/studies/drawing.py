@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, TypeAlias
 from lagsim.native.link import ahead
 from lagsim.notes import Caution
 from lagsim.outputs import Made, attempted
-from lagsim.outputs.letters import letters_of
-from lagsim.outputs.plot_data import PlotData, marked
 from lagsim.outputs.table import EVENTS, events_table
 from lagsim.run.event_store import EventStore
 
@@ -27,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.model.model import Model
+    from lagsim.outputs.plot_data import PlotData
     from lagsim.run.observers.thinning import Frames, Thinning
     from lagsim.studies.attempts import Attempt
 
@@ -96,6 +95,8 @@ def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
     rows : the thinned rows.
     form : the file format.
     """
+    from lagsim.outputs.letters import letters_of
+    from lagsim.outputs.plot_data import PlotData, marked
     from lagsim.outputs.units import units
 
     equations, trajectory = made.session.equations, made.trajectory

@@ -35,7 +35,6 @@ from lagsim.program.system import System
 from lagsim.run.arc import NO_LOSS, shift
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.records import Before, SurfacesAt
-from lagsim.run.events.switching import corners_met
 from lagsim.run.modes import EqualitiesAlone
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import (
@@ -132,6 +131,8 @@ def inelastic_impact(
     SurfacesAt
         The surfaces, with the corners at which velocities are stopped.
     """
+    from lagsim.run.events.switching import corners_met
+
     now = arc.observed()
     bent, rests = corners_met(arc, surfaces.levels), list[Event]()
     with EqualitiesAlone(arc):

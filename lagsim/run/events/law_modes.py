@@ -17,7 +17,6 @@ from lagsim.mechanics.row_modes import RowModes, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.sliders import at_edge
-from lagsim.run.events.slips import begin_slips
 from lagsim.tolerances import CLEAR_OF_ROUNDING, HALF_OF_DIGITS, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -313,6 +312,8 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     p.law_floor[:], p.law_still[:], p.law_lasts[:] = floors, stills, math.inf
     p.law_turn[:] = 0.0
     if begun and here.t < arc.settings.end:
+        from lagsim.run.events.slips import begin_slips
+
         places = [found.some.index(k) for pair in begun for k in pair]
         friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
         begin_slips(here, np.array(begun), friction, steady)
