@@ -6,8 +6,8 @@ law, event). Intervals that shrink at a ratio r have the sum of a geometric seri
 (`series_left`), which gives the limit in time. An accumulation is ended where what is
 left is below the resolution of the motion:
 
-- of switches, the time left. Surfaces may switch in turn, so that intervals of all of
-  them count, in windows of several;
+- of switches, the paths left in the directions of their surfaces. Surfaces may switch
+  in turn, so that intervals of all of them count, in windows of several;
 - of impacts, the paths left, of each contact by its own flights.
 
 Without a limit the run ends where events leave no time for a motion (`is_stuck`).
@@ -19,14 +19,11 @@ import itertools
 import math
 from collections import deque
 
-# Accumulating switches have ended where the time left to their limit is at most the
-# part SHORT of the longest interval so far, and of the longest window since they began
-# to accumulate. The remaining motion is then about SHORT squared of the motion in that
-# window.
 WINDOW = 4
-SHORT = 4e-6
-# A window that is longer, by this factor, than the ratio predicts does not belong to
-# the accumulation.
+# Halves of a window shrink like the windows if the square of their ratio is at most
+# EVEN times that of the windows.
+EVEN = 2.0
+# Largest increase of the speed of a flight, relative to that predicted by the ratio.
 REGULAR = 16.0
 # The motion cannot continue past STUCK events within NO_TIME, a few units in the last
 # place relative to the time.
@@ -134,8 +131,6 @@ class Accumulation:
     ----------
     last : float
         The time of the last event.
-    longest : float
-        The longest interval between two successive events so far.
     recent : deque of (float, int)
         Times and rows of the last events.
     own : dict of int to History
@@ -146,7 +141,6 @@ class Accumulation:
         self.last = start
         self.span = span
         self.window = window
-        self.longest = 0.0
         self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
         self.own: dict[int, History] = {}
 
@@ -159,7 +153,6 @@ class Accumulation:
 
     def add(self, time: float, row: int) -> None:
         """Store an event of a row (surface, law, event of the file) at a time."""
-        self.longest = max(self.longest, time - self.last)
         self.last = time
         self.recent.append((time, row))
         self.of(row).times.append(time)
@@ -185,30 +178,24 @@ class Accumulation:
         return self.recent[first][0] - self.recent[first - self.window][0]
 
     def limit(self) -> float | None:
-        """Return the time at which events accumulate if it is near the last event.
+        """Return the time at which events accumulate, or None.
 
-        None where this time is farther from the last event than `SHORT` allows, or
-        where the intervals of the last window do not shrink.
+        None where the intervals of the last window do not shrink, or shrink less than
+        those of the last two windows: a window of long intervals before a short one,
+        as of a motion that meets several surfaces close to each other, is none of an
+        accumulation.
         """
         end = self.end()
-        if end is None or not self._shrinks():
-            return None
-        left = end - self.recent[-1][0]
-        ratio = self.ratio()
-        if left > SHORT * self.longest or left > SHORT * self._since(ratio):
-            return None
-        return end
+        return end if end is not None and self._shrinks() else None
 
     def _shrinks(self) -> bool:
-        """Whether the second half of the last window is shorter than its first half.
-
-        This alone proves no accumulation: where rows have events in turn at unequal
-        intervals, some halves are shorter than the halves before.
-        """
+        """Whether the halves of the last window shrink, about as the windows do."""
         first, half, last = (
             self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)
         )
-        return last - half < half - first
+        former, latter = half - first, last - half
+        regular = latter**2 <= EVEN * self.ratio() * former**2
+        return latter < former and regular
 
     def end(self) -> float | None:
         """Return the limit of the event times, extrapolated as a geometric series.
@@ -219,22 +206,6 @@ class Accumulation:
         if ratio >= 1.0 or ratio == 0.0:
             return None
         return self.recent[-1][0] + series_left(self._stretch(0), ratio)
-
-    def _since(self, ratio: float) -> float:
-        """Return the length of the longest window since the lengths began to decrease.
-
-        Windows count from the last one back, while their lengths grow by at most
-        REGULAR / ratio.
-
-        ratio : the ratio of the last two windows.
-        """
-        longest = self._stretch(0)
-        for k in range(1, (len(self.recent) - 1) // self.window):
-            former = self._stretch(k)
-            if not longest < former <= REGULAR / ratio * longest:
-                break
-            longest = former
-        return longest
 
     def is_stuck(self) -> bool:
         """Whether the last events leave no time for the motion.

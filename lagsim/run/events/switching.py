@@ -506,38 +506,73 @@ class Switching(Source):
         """
         self.approaches = 0
         self.sequence.add(arc.t, k)
-        several = self.sequence.lately()
+        found = self._at_limit(arc, surfaces, laws, k)
+        if found is not None:
+            return found
+        found = self.select(arc, surfaces, laws, k)
+        if found.decision.ending or not self.sequence.is_stuck():
+            return found
+        ending = Ending(
+            Outcome.SWITCHES_ACCUMULATE, self._names(self.sequence.lately())
+        )
+        return found._replace(decision=found.decision._replace(ending=ending))
+
+    def _at_limit(
+        self, arc: Arc, surfaces: SurfacesAt, laws: LawsAt | None, k: int
+    ) -> SidesFound | None:
+        """Select rest on the surfaces whose switches accumulate, or return None.
+
+        None where switches do not accumulate, where the motion that rest would omit is
+        not negligible, or where the forces do not hold the motion on the surfaces.
+        Arguments: see `select`.
+        """
         limit = self.sequence.limit()
         if limit is None:
-            found = self.select(arc, surfaces, laws, k)
-            goes_on = not self.sequence.is_stuck()
-        else:
-            near, often = self._near(limit - arc.t), self.sequence.lately(2)
-            located = [i for i in several if i == k or i in near]
-            several = located + self._beside(located, near)
-            often = [i for i in located if i in often]
-            often += self._beside(often, near)
-            self.sequence.recent.clear()
+            return None
+        near, often = self._near(limit - arc.t), self.sequence.lately(2)
+        located = [i for i in self.sequence.lately() if i == k or i in near]
+        # A surface that a fast motion passes once is no part of the accumulation.
+        again = [i for i in located if i in often]
+        still, recent = arc.system.p.law_still.copy(), self.sequence.recent.copy()
+        for some in [located] + [again] * (again != located):
+            if not some or not self._is_negligible(limit - arc.t, some):
+                continue
+            several = some + self._beside(some, near)
             if laws is not None:
                 rest_soon(arc, REACH * (limit - arc.t))
+            self.sequence.recent.clear()
             found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
-            if found.decision.ending and often != several:
-                # A surface that a fast motion passes once is no part of the
-                # accumulation.
-                several = often
-                found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
-            rested = [i for i in several if i in located]
-            zeno = [self._rested(arc, i, limit) for i in rested]
+            if found.decision.ending or not np.any(self.modes.bound[several]):
+                arc.system.p.law_still[:] = still
+                self.sequence.recent.extend(recent)
+                continue  # of impacts `contacts` computes the limit
+            zeno = [self._rested(arc, i, limit) for i in some]
             events = (*zeno, *found.decision.events)
-            found = found._replace(decision=found.decision._replace(events=events))
-            goes_on = bool(np.any(self.modes.bound[several]))
-            if laws is not None and not (goes_on or found.decision.ending):
-                # Impacts accumulate, whose limit is computed by `contacts`.
-                found, goes_on = self.select(arc, surfaces, laws, k), True
-        if goes_on or found.decision.ending:
-            return found
-        ending = Ending(Outcome.SWITCHES_ACCUMULATE, self._names(several))
-        return found._replace(decision=found.decision._replace(ending=ending))
+            return found._replace(decision=found.decision._replace(events=events))
+        return None
+
+    def _is_negligible(self, left: float, some: Collection[int]) -> bool:
+        """Whether the paths across surfaces in a short time are below the resolution.
+
+        The resolution is that of the motion: the part of its range that the tolerance
+        is, or the rounding of positions. The paths are those by the present speed
+        across each surface, and by the terms of the forces.
+
+        left : the time.
+        some : the surfaces.
+        """
+        modes, arc, n = self.modes, self.modes.arc, self.modes.arc.system.n
+        rows, values = modes.rows(), modes.values(arc.t, arc.y)
+        J, state = np.abs(rows.J), arc.state
+        off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
+        speeds = np.where(self.on_rates, off, np.abs(rows.rates))
+        far = left * (speeds + left * (J[:, :n] @ state.parts[:n]))
+        ranges, seen = (
+            np.append(x[state.positions], x[state.first_order])
+            for x in (arc.ranges_to(arc.y), arc.seen)
+        )
+        least = arc.plan.tolerance * (J @ ranges) + RESIDUAL_ROUNDOFF * (J @ seen)
+        return bool(np.all((far <= least)[[*some]]))
 
     def _near(self, within: float) -> list[int]:
         """Return the surfaces whose levels the motion can reach in the time `within`.

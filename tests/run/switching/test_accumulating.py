@@ -2,10 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import lagsim
+from lagsim.model.reader import read
 from lagsim.run.events.accumulation import Accumulation
+from tests.run.switching.scenes import one_quick
 
 MODEL = """\
 coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
@@ -76,3 +80,80 @@ def test_shrinking_intervals_accumulate_at_their_limit():
     for n in range(40):
         sequence.add(1.0 - 0.5**n, n % 2)
     assert sequence.limit() == pytest.approx(1.0, rel=1e-12)
+
+
+# A bead on a bent wire: it comes to rest in the corner, is driven out, returns after
+# 95 s, and rests again. Mass, weight, spring, slopes, and the forces from their times.
+M, W, C = 1.5855773466719028, 1.831460932408977, 2 * 0.0006513617035942781
+SLOPES = (-0.3807621222276607, 1.46417327386189)
+PUSHES = ((147.6, 2.748775417316293), (220.8, 1.599932163124946))
+BEAD = f"""
+coordinates: {{{{x: {{{{}}}}, y: {{{{}}}}}}}}
+energy:
+  kinetic: {M}*(x_dot^2 + y_dot^2)/2
+  potential: {W}*y + {C}*x^2/2
+forces: {{{{x: "if(t < 147.6, 0, if(t < 220.8, {PUSHES[0][1]}, {PUSHES[1][1]}))"}}}}
+constraints: {{{{wire: "y = {{wire}}"}}}}
+initial:
+  x: 0
+  x_dot: -2.824931791618209
+  y: {{{{guess: 0}}}}
+  y_dot: {{{{guess: 0}}}}
+simulation: {{{{duration: 294, output_step: 6{{more}}}}}}
+"""
+
+
+def swung(side, force, x, v):
+    """Return x and x' as functions of time on one side of the corner."""
+    k = SLOPES[side]
+    w = math.sqrt(C / (M * (1.0 + k * k)))
+    middle = (force - W * k) / C
+
+    def after(t):
+        c, s = math.cos(w * t), math.sin(w * t)
+        return middle + (x - middle) * c + v / w * s, v * c - (x - middle) * w * s
+
+    return after
+
+
+def rest_in_the_corner():
+    """Return the time at which the bead rests again, by closed forms of its flights."""
+    (start, first), (later, force) = PUSHES
+    x, v = swung(1, first, 0.0, 0.0)(later - start)
+    path, side = swung(1, force, x, v), 1
+    took = brentq(lambda t: path(t)[0], 0.0, 60.0)
+    t, v = later + took, path(took)[1]
+    while abs(v) > 1e-12:
+        k, other = SLOPES[side], SLOPES[1 - side]
+        v *= (1.0 + k * other) / (1.0 + other * other)
+        side = 1 - side
+        path = swung(side, force, 0.0, v)
+        a = (force - W * other) / (M * (1.0 + other * other))
+        took = -2.0 * v / a  # the spring adds v^2 of this at most
+        if abs(v) > 1e-3:
+            took = brentq(lambda t, of=path: of(t)[0], 0.5 * took, 2.0 * took)
+        t, v = t + took, (path(took)[1] if abs(v) > 1e-3 else -v)
+    return t
+
+
+@pytest.mark.parametrize("method", one_quick("auto", "dopri5", "rk4, step: 0.01"))
+@pytest.mark.parametrize(
+    "wire",
+    one_quick(
+        f"if(x <= 0, {SLOPES[0]}*x, {SLOPES[1]}*x)",
+        f"max({SLOPES[0]}*x, {SLOPES[1]}*x)",
+        f"{sum(SLOPES) / 2}*x + {(SLOPES[1] - SLOPES[0]) / 2}*abs(x)",
+    ),
+)
+def test_a_bead_rests_in_its_corner_after_flights_of_very_different_length(
+    wire, method
+):
+    # Four flights after the one of 95 s counted as an accumulation, at x' = 6e-4.
+    model = BEAD.format(wire=wire, more=f", method: {method}")
+    result = lagsim.simulate(read(model, "bead.yaml"), error_bar="never")
+    assert result.complete
+    last = max(e.time for e in result.events if e.kind == "zeno")
+    assert last == pytest.approx(rest_in_the_corner(), abs=1e-6)
+    rest = result["t"] > last
+    assert np.all(np.abs(result["x"][rest]) < 1e-12)
+    assert np.all(np.abs(result["x_dot"][rest]) < 1e-12)
