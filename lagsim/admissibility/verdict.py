@@ -35,10 +35,8 @@ from lagsim.language.names import rate_of
 from lagsim.language.sparse import joined
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import constraint_row
-from lagsim.mechanics.impacts import impact
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import at_limit
-from lagsim.mechanics.row_modes import modes
 from lagsim.mechanics.rows import Closed, Mode, RowTable, delassus
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
@@ -632,6 +630,10 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
     ]
     if not chosen:
         return LawsAtStart(sliders)
+    # Most models have no laws in force at the start.
+    from lagsim.mechanics.impacts import impact
+    from lagsim.mechanics.row_modes import modes
+
     before = _LawValues(point, chosen)
     rates, rounding = before.rates, before.rounding
     approach = [k for k, low in zip(chosen, rates < -rounding, strict=True) if low]

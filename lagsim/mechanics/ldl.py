@@ -27,7 +27,6 @@ from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
 from lagsim.mechanics.chains import Factorisation, Vector, symmetric
 from lagsim.mechanics.derivation import has_angles
-from lagsim.mechanics.tensions import accelerations, has_masses
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -114,6 +113,12 @@ def turns(e: Equations) -> bool:
     return not e.rows and has_angles(e.graph, e.model.lagrangian)
 
 
+def _has_masses(e: Equations) -> bool:
+    from lagsim.mechanics.tensions import has_masses
+
+    return has_masses(e)
+
+
 def elimination_of(equations: Equations) -> Elimination | None:
     """Return the elimination of equations; None where loops are faster.
 
@@ -121,7 +126,7 @@ def elimination_of(equations: Equations) -> Elimination | None:
     without mass have eliminations of their own.
     """
     e = equations
-    key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
+    key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and _has_masses(e))
 
     def found() -> Elimination | None:
         # The choice of the factors of a tree has counted the operations of M already.
@@ -206,7 +211,11 @@ class Elimination:
         # Corrections are computed later, with a part of these operations.
         self.operations = self.budget.operations
         self.budget.stop()
-        found = accelerations(e) if turns(e) else None
+        found = None
+        if turns(e):
+            from lagsim.mechanics.tensions import accelerations
+
+            found = accelerations(e)
         # `operations` stays that of L D L^T: tapes pay as early as before.
         self.along_links = found is not None and (
             g.cost(found, e.moving) < g.cost(self._motion[0], e.moving)

@@ -30,7 +30,6 @@ from lagsim.run.events.constraints import (
     before_event,
     singularity_caution,
 )
-from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.records import NOTHING
 from lagsim.run.events.times import KnotTimes, Pulses, TimeBreaks, clocks
 from lagsim.run.events.transitions import Transitions
@@ -698,6 +697,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
 
         yield Switching(arc)
     if arc.system.laws:
+        from lagsim.run.events.contacts import Contacts
+
         yield Contacts(arc)
     if arc.system.m:
         yield NearDependence()
@@ -720,17 +721,21 @@ def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
         """Return the source of a class, or None."""
         return next((x for x in sources if isinstance(x, kind)), None)
 
-    switches, switching = arc.system.switches, None
+    switches, switching, contacts = arc.system.switches, None, None
     if arc.system.surfaces:
         from lagsim.run.events.switching import Switching
 
         switching = own(Switching)
+    if arc.system.laws:
+        from lagsim.run.events.contacts import Contacts
+
+        contacts = own(Contacts)
     return Deciders(
         own(KnotTimes),
         own(TimeBreaks),
         own(Transitions),
         switching,
-        own(Contacts),
+        contacts,
         equalities_may_jump(arc),
         bool(switches.modes or switches.sides),
     )  # fmt: skip

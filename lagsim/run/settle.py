@@ -29,7 +29,6 @@ import numpy as np
 from lagsim.mechanics.equations import may_jump
 from lagsim.run.events.accumulation import STUCK
 from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
-from lagsim.run.events.contacts import comes_to_rest, laws_at
 from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.failures import end_of_table
@@ -176,7 +175,11 @@ def new_record(arc: Arc, **known: Any) -> InstantRecord:
 
     known : the fields that are known from the start.
     """
-    laws = laws_at(arc) if arc.system.laws else None
+    laws = None
+    if arc.system.laws:
+        from lagsim.run.events.contacts import laws_at
+
+        laws = laws_at(arc)
     return InstantRecord.of(arc=arc, t=arc.t, laws=laws, **known)
 
 
@@ -542,8 +545,11 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     def rests(arc: Arc) -> bool:
         """Whether a law or a surface may hold a rate at 0 from this instant on."""
-        if arc.system.laws and comes_to_rest(arc):
-            return True
+        if arc.system.laws:
+            from lagsim.run.events.contacts import comes_to_rest
+
+            if comes_to_rest(arc):
+                return True
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 

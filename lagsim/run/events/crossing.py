@@ -24,7 +24,6 @@ import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
 from lagsim.run.events.curve_ends import REACH
-from lagsim.run.events.filippov import FilippovCone
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.law_modes import Chosen, ahead_of, that_could_act, write_modes
 from lagsim.run.events.surface_modes import (
@@ -47,7 +46,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
-    from lagsim.run.events.filippov import SideSolution
+    from lagsim.run.events.filippov import FilippovCone, SideSolution
     from lagsim.run.events.kinematics import Acting
     from lagsim.run.events.records import LawsAt
     from lagsim.run.events.surface_modes import Rows, SurfaceModes
@@ -556,6 +555,8 @@ class Crossing:
 
         Open surfaces are those whose sides the forces decide.
         """
+        from lagsim.run.events.filippov import FilippovCone
+
         modes, arc = self.modes, self.modes.arc
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.pieces import MARK, whole
-from lagsim.mechanics.row_modes import RowModes, modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.sliders import at_edge
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Kinematics
 
@@ -182,13 +182,15 @@ def chosen_modes(
     kept_on : laws that stay in their modes, and are not coupled with the laws `some`.
     here : all laws at the state reached.
     """
+    from lagsim.mechanics import row_modes
+
     if not some:
         none = np.empty(0)
-        nothing = RowModes((), none, none, paradox=False)
+        nothing = row_modes.RowModes((), none, none, paradox=False)
         return Chosen.of(here, some, nothing, kept_on)
     laws, asked = here.acting(some, left), here.accelerations[some]
     asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
-    found = modes(
+    found = row_modes.modes(
         laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
         ahead_of(here, some, kept_on=kept_on), laws.left,
     )  # fmt: skip

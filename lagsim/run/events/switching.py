@@ -21,7 +21,6 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.accumulation import REGULAR, Accumulation
-from lagsim.run.events.contacts import rest_soon
 from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.curve_ends import REACH, come_to_rest
@@ -539,6 +538,8 @@ class Switching(Source):
                 continue
             several = some + self._beside(some, near)
             if laws is not None:
+                from lagsim.run.events.contacts import rest_soon
+
                 rest_soon(arc, REACH * (limit - arc.t))
             self.sequence.recent.clear()
             found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
