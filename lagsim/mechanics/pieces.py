@@ -157,8 +157,8 @@ class _Pieces:
     ) -> None:
         self.g, self.values, self.moving = g, values, [*moving]
         self.known: dict[tuple[int, int], list[Piece]] = {}
-        # Conditions of the joints of pieces, at which these have no kink.
-        self.joints = set[int]()
+        # Conditions of the joints of the divided piece, which has no kink there.
+        self.joints = frozenset[int]()
 
     def kinked(self, nodes: list[int]) -> list[int]:
         """Return the moving nodes with kinks below `nodes`, in order of evaluation."""
@@ -292,6 +292,7 @@ class _Pieces:
 
         way : see `of`.
         """
+        outer = self.joints
         for atom in self.kinked([n]):
             found = self._divided(n, atom, way)
             if found:
@@ -301,6 +302,8 @@ class _Pieces:
                     for y in self._apart(x.node, way)
                     if y.fits(x)
                 ]
+                # Conditions of the gap itself may be those of joints of other pieces.
+                self.joints = outer
                 return further if len(further) <= MOST else found
         return [Piece(n)]
 

@@ -522,6 +522,32 @@ def test_a_ball_rests_in_each_groove_of_nested_conditions(groove):
     assert result["lambda_floor"] == pytest.approx(G, rel=1e-9)
 
 
+# Two grooves, of which the one at 0 has the condition x <= 0 of a joint of the other.
+@pytest.mark.parametrize("groove", [0.0, 0.8])
+@pytest.mark.parametrize("push", [0.0, -0.5, 0.5])
+def test_a_ball_rests_in_each_of_two_grooves_beside_each_other(groove, push):
+    steep = {0.0: (0.6, 0.29), 0.8: (0.12, 0.78)}[groove]
+    force = push * G * steep[push > 0.0]
+    result = simulated(
+        f"""
+        coordinates: {{x: {{}}, y: {{}}}}
+        energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}}
+        forces: {{x: {force!r}}}
+        constraints:
+          floor:
+            relation: "y >= if(x <= 0, -0.6*x, if(x <= 0.5, 0.29*(x - 0.5) + 0.145,
+              if(x < 0.8, -0.12*(x - 0.8) + 0.109, 0.78*(x - 0.8) + 0.109)))"
+            restitution: 0.5
+        initial: {{x: {groove}, y: {0.109 if groove else 0.0}}}
+        simulation: {{duration: 1, output_step: 0.1}}
+        """
+    )
+    assert result.complete
+    assert abs(result["x"] - groove).max() < 1e-12
+    assert result["lambda_floor"] == pytest.approx(G, rel=1e-9)
+    assert result["Qc_x"] == pytest.approx(-force, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "relation",
     [
