@@ -27,7 +27,6 @@ from lagsim.run.events.constraints import (
     LostPartition,
     NearDependence,
     RankLosses,
-    before_event,
     singularity_caution,
 )
 from lagsim.run.events.records import NOTHING
@@ -75,7 +74,6 @@ if TYPE_CHECKING:
     from lagsim.notes import Choice
     from lagsim.run.arc import Arc
     from lagsim.run.event_store import EventList
-    from lagsim.run.events.records import Before
     from lagsim.run.events.sections import Sections
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
@@ -455,11 +453,10 @@ class Run:
             self._set_instant(code)
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
             arc.runner.update_relations(arc.state)
-        before = self._before(code)
         corner = self._corner(code)
         decision = self._decision(code)
         located = NOWHERE if decision is None else decision.located
-        now, settles = met_at(self.arc, self.record, located, before), False
+        now, settles = met_at(self.arc, self.record, located), False
         if code in INSTANTS:
             now = due_before(now, self.deciders)
             settles = now.due != NOTHING or self._is_at_break()
@@ -508,26 +505,6 @@ class Run:
             finite = np.isfinite(self.arc.rates(self.arc.t, self.arc.y)).all()
             code = code if finite else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
-
-    def _before(self, code: int) -> Before | None:
-        """Return the row before the event just located, if equalities may jump there.
-
-        None if no jump is possible.
-
-        code : the kernel's return code.
-        """
-        arc = self.arc
-        if not self.deciders.jumping:
-            return None
-        ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
-        ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
-        ends |= code == at.PAUSED and arc.checks_approach
-        # Unilateral constraints store the state before their own events.
-        surfaces = arc.system.surfaces > 0
-        ends &= code != at.SWITCH_FOUND or surfaces or self._is_at_break()
-        if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
-            return None
-        return before_event(arc)
 
     def _corner(self, code: int) -> Floats | None:
         """Return columns (4, k) of states at an event, see `_beside_event`; or None.

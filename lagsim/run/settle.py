@@ -133,9 +133,7 @@ def phase(
 # --- The record of an instant
 
 
-def met_at(
-    arc: Arc, last: InstantRecord, located: Located, before: Before | None
-) -> InstantRecord:
+def met_at(arc: Arc, last: InstantRecord, located: Located) -> InstantRecord:
     """Return the record with which an instant begins, at the end of an arc.
 
     Parameters
@@ -147,19 +145,16 @@ def met_at(
         continues: the events, impacts and located functions in its record still count.
     located : Located
         The event function that has ended the arc.
-    before : Before or None
-        The row before the instant, where equalities may jump.
     """
     alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
     if last.t != arc.t:
         return new_record(
             arc, located=located, surfaces=surfaces_met(NO_SURFACES, located),
-            stale=not alone, before=before,
+            stale=not alone,
         )  # fmt: skip
     return last.but(
         arc=arc, located=located, surfaces=surfaces_met(last.surfaces, located),
-        stale=not alone, before=before, impacts=False, shown=None, rows=(),
-        events=(), cautions=(),
+        stale=not alone, impacts=False, shown=None, rows=(), events=(), cautions=(),
     )  # fmt: skip
 
 
@@ -241,16 +236,17 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     All events due together act in the order of the file; events whose conditions these
     acts make true act next, until no further condition becomes true. Then the sum of
-    the impulses of all these events changes the velocities.
+    the impulses of all these events changes the velocities. Where equalities may jump
+    at the instant, the row before all of it is stored first.
 
     now : the record before the phase.
     by : the parts of the run that decide.
     """
+    if by.jumping and now.before is None and (now.stale or now.due.acts):
+        now = now.but(before=before_event(now.arc))
     if by.transitions is None or not now.due.acts:
         return now
-    arc, before = now.arc, now.before
-    if before is None and by.jumping:
-        before = before_event(arc)
+    arc = now.arc
     # The row before an impact has the modes before the event.
     shown = arc.observed() if arc.system.laws else None
     with TrialModes(arc) as trial:
@@ -259,9 +255,8 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         if corners is not None:
             corners.restore()
     return carried_out(
-        now, found, modes=trial.found,
-        shown=shown, acts=acted, before=before, stale=True,
-    )  # fmt: skip
+        now, found, modes=trial.found, shown=shown, acts=acted, stale=True
+    )
 
 
 @phase
