@@ -453,7 +453,6 @@ class Run:
             self._set_instant(code)
         if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
             arc.runner.update_relations(arc.state)
-        corner = self._corner(code)
         decision = self._decision(code)
         located = NOWHERE if decision is None else decision.located
         now, settles = met_at(self.arc, self.record, located), False
@@ -467,7 +466,7 @@ class Run:
             decision = decision._replace(turn=Turn.SETTLE)
         if decision is None:
             return self._end_of(code)
-        return self._act(decision, now, corner)
+        return self._act(decision, now)
 
     def _decision(self, code: int) -> Decision | None:
         """Return the decision of the first source that handles the kernel's code.
@@ -506,21 +505,6 @@ class Run:
             code = code if finite else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
 
-    def _corner(self, code: int) -> Floats | None:
-        """Return columns (4, k) of states at an event, see `_beside_event`; or None.
-
-        None where no rows beside events are stored.
-
-        code : the kernel's return code.
-        """
-        if not self.corners:
-            return None
-        arc = self.arc
-        meets = code in (at.SWITCH_FOUND, at.DONE)
-        meets |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
-        meets &= arc.t < arc.settings.end
-        return self._beside_event(BACK) if meets else None
-
     def _beside_event(self, back: float = 0.0) -> Floats:
         """Return the columns (4, k) of four states at an event.
 
@@ -538,26 +522,26 @@ class Run:
         states[1] -= aside
         return arc.runner.tabulate(states)
 
-    def _act(
-        self, decision: Decision, now: InstantRecord, corner: Floats | None
-    ) -> Ending | None:
+    def _act(self, decision: Decision, now: InstantRecord) -> Ending | None:
         """Carry out a decision: settle the instant `now`, or begin another arc.
 
         Return the ending of the run, or None.
-
-        corner : columns just before the event, see `_corner`.
         """
+        arc, settings = self.arc, self.arc.settings
         if decision.ending is not None or decision.turn is not Turn.SETTLE:
             self._carry_out(decision)
         if decision.ending is not None or decision.turn is Turn.NONE:
             return decision.ending
         if decision.turn is Turn.SETTLE:
-            shown = self.recorder.rows
+            shown, corner = self.recorder.rows, None
+            acts = arc.equations.model.events or not now.due.conditions
+            if self.corners and acts and arc.t < settings.end:
+                corner = self._beside_event(BACK)
             ending = self._recorded(settle(now, self.deciders))
             # An impact has rows of its own.
             struck = self.record.after is not None or shown != self.recorder.rows
-            if corner is not None and self.corners and not struck:
-                within = ASIDE * self.arc.settings.duration
+            if self.corners and corner is not None and not struck:
+                within = ASIDE * settings.duration
                 self.corners.add(corner, self._beside_event(), within)
             if ending is not None:
                 return ending
