@@ -58,8 +58,6 @@ class InstantRecord:
         Whether velocities have jumped since conditions were decided.
     admissible : LawState or None
         The laws, where no closed row approaches; None where this is to be decided.
-    jumped : bool
-        Whether velocities have jumped since sides were decided.
     rows : tuple of ndarray, shape (1, k)
         Rows of jumps that are to be written.
     stored_truth : bool
@@ -84,7 +82,6 @@ class InstantRecord:
     shown: Floats | None = None
     impacts: bool = False
     admissible: LawState | None = None
-    jumped: bool = False
     rows: tuple[Floats, ...] = ()
     stored_truth: bool = False
     after: Floats | None = None

@@ -222,8 +222,9 @@ def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     now = branches(now, by)
     for _ in range(STUCK):
-        now = velocities(sides(now, by), by)
-        if not now.jumped or now.ending is not None:
+        decided = sides(now, by)
+        now = velocities(decided, by)
+        if now.after is decided.after or now.ending is not None:
             return now if now.before is None else now.but(before=None)
     late = now.events[-STUCK:]
     about = quoted(x for e in late if (x := e.constraint or e.switch))
@@ -295,14 +296,14 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     by : the parts of the run that decide.
     """
     if by.switching is None:
-        return now.but(jumped=False) if now.jumped else now
+        return now
     located, arc = now.located, now.arc
     with TrialModes(arc) as trial:
         if located.surface >= 0:
             found = by.switching.select_at(arc, now.surfaces, now.laws, located.surface)
         else:
             found = by.switching.select(arc, now.surfaces, now.laws)
-    now = now.but(located=NOWHERE, admissible=None, jumped=False)
+    now = now.but(located=NOWHERE, admissible=None)
     return carried_out(
         now, found.decision, modes=trial.found, surfaces=found.surfaces, laws=found.laws
     )
@@ -527,7 +528,7 @@ def jumped(
         p.row_impulses[:] += given.rows
     after = arc.runner.tabulate(arc.row())
     arc.pass_shown()
-    return now.but(rows=rows, after=after, shown=None, impacts=True, jumped=True)
+    return now.but(rows=rows, after=after, shown=None, impacts=True)
 
 
 # --- The events that are due, just before an instant and at the start
