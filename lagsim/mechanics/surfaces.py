@@ -92,6 +92,9 @@ class Side(NamedTuple):
     smooth, met
         Open intervals of levels which the motion crosses without a jump of y'
         (`smooth`) or of velocities (`met`: the rate of `node` determines the side).
+    shown
+        Whether the surface is only in conditions and output: it has no influence on the
+        motion and is not located. It is on its level while laws hold it there.
     """
 
     variable: str
@@ -102,6 +105,7 @@ class Side(NamedTuple):
     floor: str = ""
     smooth: tuple[float, float] = (0.0, 0.0)
     met: tuple[float, float] = (0.0, 0.0)
+    shown: bool = False
 
 
 class Corner(NamedTuple):

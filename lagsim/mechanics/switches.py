@@ -48,11 +48,19 @@ from lagsim.mechanics.surfaces import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import (
+        Callable,
+        Collection,
+        Iterable,
+        Iterator,
+        Mapping,
+        Sequence,
+    )
 
     from lagsim.language.functions import Domain
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
 
 
 def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int] | None:
@@ -520,6 +528,8 @@ def find_switches(
     ignored: frozenset[int] = frozenset(),
     accelerations: Sequence[int] = (),
     rates: Sequence[int] | None = None,
+    shown: Sequence[int] = (),
+    held: Collection[str] = (),
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -540,6 +550,10 @@ def find_switches(
         The expressions on which y' depends, except quadratures; and the residuals and
         rates of rows (None if velocities may jump by forces too). Levels at which these
         do not jump are passed, see `_smooth` and `_passed`.
+    shown, held
+        Expressions of conditions and output, and the names of variables that laws may
+        hold. Surfaces may hold theirs. The steps of these expressions, in such
+        variables alone, have sides too, see `Side.shown`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     orders = highest_orders(g, accelerations) if accelerations else {}
@@ -551,36 +565,59 @@ def find_switches(
     state = dict(sorted(finder.state.items()))
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
+    levels = (surface.node for d in watched for surface in surfaces(g, d))
+    held = {*held} | (g.depends(levels) & {*moving})
+    beside = _held_steps(g, shown, moving, speeds, held) if held else {}
     while True:
-        sides, sides_of = _sides(g, {d: state[d] for d in watched})
+        sides, sides_of = _sides(g, {d: state[d] for d in watched}, beside)
         roots = Roots.among(g, dynamics, sides, speeds)
         sides = tuple(s._replace(floor=roots.floors.get(s.node, "")) for s in sides)
         known = tuple(modes.values()), state, sides
         found = Switches(g, *known, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
-        if len(moves) == len(watched):
+        own = dict.fromkeys(found.moving([*beside], moving))
+        if len(moves) == len(watched) and len(own) == len(beside):
             return _passed(g, found, orders, rates, speeds) if accelerations else found
-        watched = moves
+        watched, beside = moves, {d: beside[d] for d in own}
+
+
+def _held_steps(
+    g: Graph,
+    shown: Sequence[int],
+    moving: Collection[str],
+    speeds: Collection[str],
+    held: Collection[str],
+) -> dict[int, str]:
+    """Return the steps in the expressions `shown` that laws may hold at their levels.
+
+    The result maps discrete functions (nodes) to their texts; parameters: see
+    `find_switches`.
+    """
+    finder, others = _Finder(g, [*shown], held, speeds), {*moving} - {*held}
+    steps = sorted(n for n, d in finder.decided.items() if n == d)
+    return {n: finder.state[n] for n in steps if others.isdisjoint(g.depends([n]))}
 
 
 def _sides(
-    g: Graph, switches: Mapping[int, str]
+    g: Graph, switches: Mapping[int, str], shown: Mapping[int, str]
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
     """Return one side for each surface, and the side of each discrete function.
 
     The second result maps discrete functions to pairs: the mode variable (a node), and
     the sign of `oriented`.
 
-    switches : discrete function (node) -> its text.
+    switches, shown : discrete function (node) -> its text; the sides of `shown` alone
+        are those of `Side.shown`.
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
-    for discrete, text in switches.items():
+    for discrete, text in ({**switches, **shown}).items():  # `switches` first
         (surface,) = surfaces(g, discrete)
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
         k = len(sides)
-        side = sides.setdefault(key, Side(f"side.{k}", f"sliding.{k}", *key, text))
+        new = Side(f"side.{k}", f"sliding.{k}", *key, text)
+        side = sides.setdefault(key, new._replace(shown=discrete not in switches))
         sides_of[discrete] = g.variable(side.variable), sign
     return tuple(sides.values()), sides_of
 
@@ -620,7 +657,7 @@ def _passed(
     speeds : the names of velocities.
     found : the switches, without these levels.
     """
-    others = [*(rates or ()), *(s.node for s in found.sides)]
+    others = [*(rates or ()), *(s.node for s in found.sides if not s.shown)]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))
     fast = g.dependent([s.node for s in found.sides], speeds)
     sides = []
@@ -721,12 +758,24 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
+    shown = tuple(_conditions_and_output(e.model)) if located else ()
+    of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
+    held = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
     if not e.model.tables and not e.graph.of(WHOLE):
-        return _found(e.graph, *known, sizes)
+        return _found(e.graph, *known, sizes, shown=shown, held=held)
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
-        rates = tuple(x for row in e.every_row for x in (row.residual, row.rate))
-    return _found(e.graph, *known, sizes, (*e.of_accelerations, *beside), rates)
+        rates = of_rows
+    accelerations = (*e.of_accelerations, *beside)
+    return _found(e.graph, *known, sizes, accelerations, rates, shown, held)
+
+
+def _conditions_and_output(model: Model) -> Iterator[int]:
+    """Yield the nodes of conditions, of definitions that are columns, of sections."""
+    yield from (x.node for x in model.located)
+    columns = {*model.output.columns}
+    yield from (x.node for x in model.definitions if x.name in columns)
+    yield from (x.at for x in model.output.sections if x.at is not None)
 
 
 _found = memoized(find_switches)

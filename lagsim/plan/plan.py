@@ -462,10 +462,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     choices += found.choices
     equations, switches = _with_switches(equations, settings)
     found = found._replace(reduction=found.reduction._replace(equations=equations))
-    if switches.sides:
+    if count := sum(not side.shown for side in switches.sides):
         reason = "forces jump or have a kink there: each is located, and the "
         reason += "integration restarts"
-        choices.append(Choice(f"switches: {len(switches.sides)} located", reason))
+        choices.append(Choice(f"switches: {count} located", reason))
     lengths = usual_lengths(equations, start)
     if not locates(settings.method):
         elimination = None

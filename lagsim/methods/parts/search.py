@@ -277,24 +277,8 @@ def find_end(s: Crossings, p: Parameters) -> None:
     if UNTIL:
         prepare_true(s, p)
     search(EVENT, s, p, 0.0, 1.0)
-    while UNTIL and s.event > 0.0:
-        passed = int(s.event) - 1
-        side, leeway = s.orientation[passed], s.leeway[passed]
-        if not continues_past(s, p, passed):
-            break
-        before = max(s.cut - NEXT, 0.0)
-        low = min(s.cut + NEXT, 1.0)  # beyond the rounding at a jump
-        s.event = 0.0
-        s.cut = 0.0
-        s.t = t
-        s.row_limit = s.arc_rows
-        if SWITCHES and mode_ends(s, p, low):
-            cut(s, p, before, low)
-            if s.switched > 0.0:  # a slip that stops has not passed 0
-                s.orientation[passed] = side
-                s.leeway[passed] = leeway
-        else:
-            search(EVENT, s, p, low, 1.0)
+    if UNTIL and s.event > 0.0:
+        continue_past(s, p, t)
     if UNTIL:
         for k in range(s.conditions):
             if follows(s, k):
@@ -304,6 +288,39 @@ def find_end(s: Crossings, p: Parameters) -> None:
                 clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
                 s.leeway[k] = 0.0 if clear else s.leeway[k]
             s.ahead[k] = 0.0
+
+
+def continue_past(s: Crossings, p: Parameters, t: float) -> None:
+    """Continue the search past the condition just located, while it ends nothing.
+
+    Changes of conditions at the time that is located last are undone: the instant
+    decides these. A slip that stops there has not passed 0.
+
+    t : the time at the end of the step.
+    """
+    s.passed[:] = -1.0
+    while s.event > 0.0:
+        k = int(s.event) - 1
+        side, leeway = s.orientation[k], s.leeway[k]
+        if not continues_past(s, p, k):
+            break
+        before = max(s.cut - NEXT, 0.0)
+        low = min(s.cut + NEXT, 1.0)  # beyond the rounding at a jump
+        s.passed[k] = s.cut
+        s.passed_side[k] = side
+        s.passed_leeway[k] = leeway
+        s.event = 0.0
+        s.cut = 0.0
+        s.t = t
+        s.row_limit = s.arc_rows
+        if SWITCHES and mode_ends(s, p, low):
+            cut(s, p, before, low)
+        else:
+            search(EVENT, s, p, low, 1.0)
+    for k in range(s.conditions if s.cut > 0.0 else 0):
+        if s.passed[k] >= max(s.cut - NEXT, 0.0):
+            s.orientation[k] = s.passed_side[k]
+            s.leeway[k] = s.passed_leeway[k]
 
 
 def mode_ends(s: Crossings, p: Parameters, x: float) -> bool:

@@ -170,6 +170,11 @@ class SearchTable(Rank):
     any_stays: float  # 1 if any value stays at 0
     was_clear: Floats = array("conditions")
     former: Floats = array("conditions")
+    # Within a step: the fraction at which the search has continued past a change of the
+    # condition, or -1; its orientation and its leeway before.
+    passed: Floats = array("conditions")
+    passed_side: Floats = array("conditions")
+    passed_leeway: Floats = array("conditions")
 
     # For each section: the last sign of its relation, 0 before the motion has left the
     # section; and the largest value of the relation that counts as on the section, see

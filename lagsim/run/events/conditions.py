@@ -75,6 +75,8 @@ class Truth:
     def __init__(self, arc: Arc, *, set_by_modes: bool = True) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
         self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
+        # Orientation and leeway (C,) of the conditions before `met`.
+        self._before = np.zeros(0), np.zeros(0)
 
     def run(self, kernel: str, *arguments: float) -> float:
         """Call a kernel of `methods.parts.truth` by its name, and return its result."""
@@ -173,23 +175,34 @@ class Truth:
 
         A condition that is about to become false at that time counts as false.
         """
+        state = self.state
+        self._before = state.orientation.copy(), state.leeway.copy()
         return self._marked(self.run("mark_satisfied"))
 
-    def jumped(self, met: Iterable[int]) -> frozenset[int]:
-        """Return the conditions among `met` whose values have jumped past 0.
+    def falsified(self) -> list[int]:
+        """Return indices of the conditions that `met` has found to become false."""
+        was_true, now = self._before[0] == 0.0, self.state.orientation
+        found: list[int] = np.flatnonzero(was_true & (now != 0.0)).tolist()
+        return found
 
-        Their values exceed the rounding of 0, although the motion has just satisfied
-        the conditions.
+    def jumped(self, some: Iterable[int]) -> frozenset[int]:
+        """Return the conditions among `some` whose values have jumped past 0.
+
+        Their values exceed the rounding of 0, although the motion has just changed the
+        truth of the conditions.
         """
         state = self.state
-        return frozenset(k for k in met if abs(state.worth[k]) > state.zero[k])
+        return frozenset(k for k in some if abs(state.worth[k]) > state.zero[k])
 
     def wait(self, waiting: Iterable[int]) -> None:
-        """Remove the mark of the conditions `waiting`: they are false until `settled`.
+        """Restore the truth of the conditions `waiting` until `settled` decides it.
 
-        waiting : indices of conditions.
+        waiting : indices of conditions whose truth `met` has found to change.
         """
-        self.state.marked[list(waiting)] = 0.0
+        state, some = self.state, list(waiting)
+        state.marked[some] = 0.0
+        state.orientation[some] = self._before[0][some]
+        state.leeway[some] = self._before[1][some]
 
     def mark_true(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store as true from now on the conditions that were last found to become true.

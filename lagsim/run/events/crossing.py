@@ -535,7 +535,10 @@ class Crossing:
                     carried[k] = Carried(self.open[i], float(modes.value[k]), *ends)
         modes.restore(low, kind)
         for k, each in carried.items():
-            modes.carry(k, each)
+            if modes.shown[k] and k in self.levels:  # as written, at its level
+                modes.set_mode(k, self.levels[k], LEVEL)
+            else:
+                modes.carry(k, each)
         for i in along:
             k = self.open[i]
             modes.set_mode(k, self.levels[k], sides[i], float(shares[i]))

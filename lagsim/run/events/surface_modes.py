@@ -117,6 +117,7 @@ class SurfaceModes:
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
         self.whole = np.array([s.whole for s in self.sides])
+        self.shown = np.array([s.shown for s in self.sides], dtype=bool)
         self.has_whole = bool(self.whole.any())
         self.is_corner = np.zeros(self.count, dtype=bool)
         self.is_corner[[*system.switches.corners]] = True
@@ -264,7 +265,8 @@ class SurfaceModes:
 
     def write(self) -> None:
         """Write the modes to the parameters of the compiled functions."""
-        p, slides, value, free = self.p, self.slides, self.value, self.bound
+        p, slides, value = self.p, self.slides, self.value
+        free = self.bound | self.shown
         p.sliding = float(np.count_nonzero(self.holds))
         p.part_above[:], value = self._parts(value)
         p.side[:] = value

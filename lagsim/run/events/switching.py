@@ -260,7 +260,8 @@ class Switching(Source):
         rests = come_to_rest(modes, levels, crossing.sizes, left, laws)
         if not rests:
             crossing.decide()
-            roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
+            several = [k for k in crossing.undecided if not self.sides[k].shown]
+            roundoff, cautions = crossing.roundoff, self._undecided(several)
             ridges = corners_met(arc, levels)
             ridges = [k for k in ridges if modes.kind[k] == kept.LEVEL]
             cautions += self._undecided(ridges)
@@ -485,7 +486,7 @@ class Switching(Source):
         self, before: Flags, hit: int | None, time: float, *, rests: bool
     ) -> Iterator[Event]:
         holds = self.modes.holds
-        for k in np.flatnonzero(before != holds):
+        for k in np.flatnonzero((before != holds) & ~self.modes.shown):
             kind = "switch"
             if self.on_rates[k] or rests:
                 kind = "stick" if holds[k] else "slip"

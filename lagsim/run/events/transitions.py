@@ -139,11 +139,12 @@ class Transitions(Source):
         truth = self._truth(arc)
         truth.decide_before(int(arc.state.event) - 1)
         met = frozenset(truth.met())
-        waiting = truth.jumped(met) if met else NONE
-        if waiting and not comes_to_rest(arc):
-            waiting = NONE
+        # A rate that ends at 0 may be past 0 by rounding.
+        waiting = truth.jumped([*met, *truth.falsified()])
+        if not waiting or not comes_to_rest(arc):
+            return Due(periodic, met)
         truth.wait(waiting)
-        return Due(periodic, met - waiting, bool(waiting))
+        return Due(periodic, met - waiting, True)
 
     def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
         """Return the events that are due by the state after all acts.
