@@ -76,6 +76,7 @@ def test_a_pendulum_on_a_trolley_that_speeds_up(result):
     assert np.ptp(balance) < 1e-8 * np.ptp(result["energy"])
 
 
+@pytest.mark.slow
 @of("balance-wheel")
 def test_an_escapement_tends_to_its_limit_cycle(result):
     # Of the speeds after kicks each is r times the one before, plus J/I.

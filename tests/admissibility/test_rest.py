@@ -180,6 +180,7 @@ def test_a_rest(case):
     assert ("undetermined-guess" in codes(start)) is (case[3] == [4.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("walls", "rest"),
     [("x >= 0, x <= 2, y >= 0, y <= 3", [2, 3]), ("x >= 0, x >= -0.5, x <= 2", [2])],
@@ -420,6 +421,7 @@ def test_the_command(change, code, text, lagsim, write):
             assert re.search(text, called.out + called.err)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ["Z: {}, x: {}, y: {}", "x: {}, y: {}, Z: {}"])
 def test_a_heavy_body_at_rest_beside_a_pendulum_rests_wherever_it_stands(names):
     # The pendulum of length 0.4 hangs where a spring to x = 0.3 balances its weight:

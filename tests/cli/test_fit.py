@@ -101,6 +101,7 @@ def test_a_model_without_duration_needs_the_option(lagsim, write, data):
     lagsim("fit", path, *options, "--duration", "10", code=0)
 
 
+@pytest.mark.slow
 def test_files_of_others_are_not_replaced(lagsim, write, data):
     path = write(MODEL)
     again = "--vary", "x", "--set", "k=10", "--no-plots", "-q"

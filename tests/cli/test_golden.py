@@ -95,6 +95,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.slow
 def test_a_changed_model(lagsim, stored, write):
     path = Path("golden/pendulum.json")
     path.write_text(path.read_text().replace('"lagsim": "', '"lagsim": "0.0.'))

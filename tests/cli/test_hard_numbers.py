@@ -47,6 +47,7 @@ def test_a_contact_whose_multiplier_doubles_do_not_hold(lagsim, write):
     assert called.reports("E503", "t = 2.0")
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_point_of_the_scene_that_is_nowhere(lagsim, write):
     text = FREE + "definitions: {p: sqrt(-1 - x^2)}\nscene: {points: {a: [p, x]}}\n"

@@ -68,6 +68,7 @@ def test_a_run_in_a_retired_formulation_takes_another_one(lagsim, name):
         assert record["formulation"] == "none"
 
 
+@pytest.mark.slow
 def test_commands_on_several_methods_leave_a_retired_one_out(lagsim):
     Path("model.yaml").write_text(
         "coordinates: {x: {}}\n"

@@ -122,6 +122,7 @@ def test_o_says_what_is_made(overlay, tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 @pytest.mark.parametrize(
     ("name", "begins"), [("it.svg", b"<?xml"), ("it.pdf", b"%PDF")]

@@ -313,6 +313,7 @@ simulation: {duration: 2, output_step: 0.1}
     assert all(bound == 0.0 for _, bound in kept["bounds"]["kinetic"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "since"), [("1/x", 1), ("sqrt(x)", 0), ("log(abs(x))", 1)]
 )
@@ -392,6 +393,7 @@ def test_the_time_of_an_impact_is_judged_and_one_that_is_gone_is_missed():
     assert not judged(name, case, gone).passed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [scenes.sphere(50), scenes.dry(as_limit=True)])
 def test_laws_of_every_kind_are_the_same_again(text):
     case = open_case(read(text, "m.yaml"))

@@ -231,6 +231,7 @@ def test_a_string_sags_where_its_ends_are_nearer_than_it_is_long(length, sag):
     assert middle == pytest.approx(-sag, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_events_horizon_and_notes_where_there_are_any():
     told = {"switch", "past the horizon", "incomplete: until t = 3"}
     events = (0.5, 3.25, 11.0)

@@ -213,6 +213,7 @@ def test_what_is_zero_gives_way(impulses, more, labels, said):
     assert drawing.title == f"ball: {said}"
 
 
+@pytest.mark.slow
 def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
     names = ["x1", "y1", "th1", "x2", "y2", "th2", "x3", "y3"]
     columns = {"t": T} | {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}

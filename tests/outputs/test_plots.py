@@ -145,6 +145,7 @@ def test_files_for_print_are_the_same_again_and_tell_no_date_and_nobody(form, co
     assert not any(told.search(file) for file in first)
 
 
+@pytest.mark.slow
 def test_a_line_stands_where_it_stands_in_pixels():
     """The frame of the first panel, from both: inches from the upper left corner."""
     places = []
@@ -181,6 +182,7 @@ def test_numbers_of_charts_count_in_the_power_at_their_axis():
     assert not axes.yaxis.get_offset_text().get_visible()
 
 
+@pytest.mark.slow
 def test_a_part_of_the_energy_that_is_the_whole_is_seen():
     t = np.linspace(0, 1, 9)
     whole, none = np.ones_like(t), np.zeros_like(t)
@@ -287,6 +289,7 @@ def test_long_text_is_cut_in_the_middle():
     assert cut_text("a\nb\tc", 30) == "a b c"
 
 
+@pytest.mark.slow
 def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
     t = np.linspace(0, 1, 9)
     names = ["near", "far", "wide", "high", "distancefromtheotherendofthelongerrod"]
@@ -416,6 +419,7 @@ def test_bands_end_at_gaps():
     assert other[:, 0].min() == pytest.approx(panel.at(600), abs=near)
 
 
+@pytest.mark.slow
 def test_fast_swings_are_the_band_that_they_fill():
     """Of a steady amplitude: level, without a pattern of pixels and turns."""
     t = np.linspace(0.0, 1.0, 40_000)

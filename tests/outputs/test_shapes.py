@@ -260,6 +260,7 @@ def test_grounds_are_hatched_at_their_right():
 BEFORE = "near: {sphere: 0.2, at: [8, -9, 0]}, far: {sphere: 0.5, at: [0, 9, 0]}"
 
 
+@pytest.mark.slow
 def test_what_is_near_is_drawn_last_on_paper():
     drawing, _ = sheet(SPACE, BEFORE)
     view = drawing.panels[1]
@@ -283,6 +284,7 @@ def test_every_shape_is_legible_on_paper():
     assert_legible(drawing)
 
 
+@pytest.mark.slow
 def test_many_shapes_have_few_names():
     drawing, _ = sheet(PLANE, '"d(i = 1..40)": {disk: i/40, at: [x, i]}')
     assert_legible(drawing)

@@ -179,6 +179,7 @@ def test_forces_that_are_zero_have_no_picture(tmp_path):
     assert "constraint_forces.png" not in names
 
 
+@pytest.mark.slow
 def test_drift_leaves_the_constraints_of_the_file():
     """The same top, held at its tip by three constraints on its free centre."""
     text = QUATERNION.replace("p3: {}}", "p3: {}, r: {components: xyz}}")

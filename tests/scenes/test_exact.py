@@ -83,6 +83,7 @@ def test_a_light_slider_on_a_driven_spring_starts_from_rest(mass):
     assert found["s"][-1] == pytest.approx(s, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [1.0, 3e-3, 2e4])
 @pytest.mark.parametrize(
     ("start", "at", "on_a_row"),

@@ -189,6 +189,7 @@ def test_rest_on_a_ridge_is_not_decided():
     assert "unresolved-switch" in [w.code for w in found.warnings]
 
 
+@pytest.mark.slow
 def test_a_yo_yo_turns_at_the_end_of_its_string():
     m, J, r, length = 0.05, 2e-5, 0.005, 0.8
     text = f"""

@@ -82,6 +82,7 @@ def one(found, **where):
     return x
 
 
+@pytest.mark.slow
 def test_a_double_pendulum_has_four_rests():
     found = lagsim.equilibrium(DOUBLE)
     assert len(found.equilibria) == 4
@@ -126,6 +127,7 @@ def test_of_two_rests_at_one_distance_the_stable_one_is_first():
     assert frequency == pytest.approx(math.sqrt(9.81) / (2.0 * math.pi), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("w", "count"), [(3.0, 2), (5.0, 4)])
 def test_a_bead_on_a_turning_hoop(w, count):
     found = lagsim.equilibrium(lagsim.load(HOOP).bind(w=w, theta=0.2))

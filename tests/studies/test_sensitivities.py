@@ -235,6 +235,7 @@ def test_five_names_cost_41_runs_where_the_first_step_serves(monkeypatch):
     assert len(made) == 41
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("e", marks=pytest.mark.slow), "h"])
 def test_columns_that_do_not_depend_on_a_name_lose_no_rows(name):
     """Their differences are rounding errors, of which no two orders agree."""

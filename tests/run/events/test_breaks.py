@@ -216,6 +216,7 @@ def random_expression(draw, depth):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [*range(40), 102, 166, 216, 350])
 def test_no_change_is_missed_and_none_invented(seed):
     draw = random.Random(seed)

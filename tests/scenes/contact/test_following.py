@@ -50,6 +50,7 @@ def slips(count, falls):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "falls"),
     [

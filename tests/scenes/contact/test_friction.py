@@ -371,6 +371,7 @@ def test_a_rod_that_jams_between_a_cart_and_a_floor_rests(length):
     assert found["x_dot"][late] == pytest.approx(0.0, abs=1e-12 * float(length))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("c", "s"), [(1, 0), (0.8, 0.6)])
 def test_dry_friction_beside_a_limit_adds_to_it(c, s):
     # Coulomb: `sign` and `limit` on one slip hold it together, by the sum of both.

@@ -595,6 +595,7 @@ def alarmed(text, **options):
     return [c for c in cautions(run(text, **options)) if c.code.startswith("energy")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", OTHERS)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_a_mistake_is_told_as_it_is_alone(wrong, other):

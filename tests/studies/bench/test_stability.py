@@ -127,6 +127,7 @@ def test_the_third_order_resonance_shows_in_a_map():
     assert all(1.6 < step < 1.84 for step in lost)
 
 
+@pytest.mark.slow
 def test_a_map_over_a_parameter():
     found = looked_at(
         COUPLED, "verlet", "dop853", steps=(0.05, 0.9), name="w", between=(5.0, 20.0),

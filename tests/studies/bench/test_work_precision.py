@@ -118,6 +118,7 @@ def test_constraints_have_their_own_errors():
     assert front([cheaper, ours], "seconds", 0.0) == [1]
 
 
+@pytest.mark.slow
 def test_what_does_not_apply_is_left_out_with_its_reason():
     forced = oscillator("duration: 4, output_step: 0.5", force="sign(sin(t))")
     found = measure(

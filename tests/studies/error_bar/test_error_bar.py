@@ -331,6 +331,7 @@ def test_repeats_are_by_another_method_or_by_other_steps(method, others):
     assert tightened(plan, 10.0).atol == pytest.approx(1e-9, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", TIGHT)
 @pytest.mark.parametrize(
     "name", ["andrews", "car-axis", "chain-angles", "chain-cartesian"]

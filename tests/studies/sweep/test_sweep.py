@@ -229,6 +229,7 @@ def test_rows_are_those_of_runs_alone(scene, options):
     assert_those_of_runs_alone(scene, asked)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "options"), ENDS)
 def test_ends_are_those_of_runs_alone(scene, options):
     assert_those_of_runs_alone(scene, {"duration": 6} | options, ends=True)
