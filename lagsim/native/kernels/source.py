@@ -12,7 +12,6 @@ import builtins
 import functools
 import inspect
 import math
-import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -46,11 +45,27 @@ def parsed(function: Callable[..., Any]) -> ast.stmt:
 
     It is shared by all translations of the function, and must not be changed.
     """
-    lines, first = inspect.getsourcelines(function)
-    tree = ast.parse(textwrap.dedent("".join(lines)))
-    ast.increment_lineno(tree, first - 1)
-    [node] = tree.body
-    return node
+    lines, _ = inspect.findsource(function)
+    return _definitions("".join(lines))[function.__code__.co_firstlineno]
+
+
+@functools.cache
+def _definitions(text: str) -> dict[int, ast.stmt]:
+    """Return the statements of a module by their first lines, decorators included."""
+    found: dict[int, ast.stmt] = {}
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.stmt):
+            above = [x.lineno for x in getattr(node, "decorator_list", [])]
+            found.setdefault(min([node.lineno, *above]), node)
+    return found
+
+
+@functools.cache
+def _names(node: ast.AST) -> tuple[ast.Name, ...]:
+    """Return the names in a node of a parsed function."""
+    if isinstance(node, ast.Name):
+        return (node,)
+    return tuple(x for part in ast.iter_child_nodes(node) for x in _names(part))
 
 
 class KernelText:
@@ -177,12 +192,11 @@ class Folding:
             known = self.fold(node.operand)
             return None if known is None else not known
         names: dict[str, object] = {}
-        for part in ast.walk(node):
-            if isinstance(part, ast.Name):
-                found = self._static_value(part)
-                if found is None:
-                    return None
-                names[part.id] = found
+        for part in _names(node):
+            found = self._static_value(part)
+            if found is None:
+                return None
+            names[part.id] = found
         if node not in self._compiled:
             text = ast.Expression(node)
             self._compiled[node] = compile(text, self.source.file, "eval")
