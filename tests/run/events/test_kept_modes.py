@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lagsim.mechanics import row_modes
 from lagsim.run.events import law_modes
 from tests.scenes.contact.motions import play
 
@@ -57,13 +58,13 @@ simulation: {duration: 3}
 @pytest.fixture
 def decided(monkeypatch):
     """The numbers of laws whose modes are decided at each instant."""
-    counts, choose = [], law_modes.modes
+    counts, choose = [], row_modes.modes
 
     def counted(closed, *others):
         counts.append(len(closed))
         return choose(closed, *others)
 
-    monkeypatch.setattr(law_modes, "modes", counted)
+    monkeypatch.setattr(row_modes, "modes", counted)
     return counts
 
 
