@@ -245,6 +245,8 @@ class Switches:
         Position of the state relative to each surface on which the motion depends.
     corners
         Index of a side -> corner of equalities on its surface.
+    cuts
+        The nodes atan2(y, x) whose jump is located: y = 0 is their surface.
     """
 
     graph: Graph
@@ -255,6 +257,7 @@ class Switches:
     _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
     _roots: Roots
     corners: Mapping[int, Corner] = field(default_factory=dict)
+    cuts: frozenset[int] = frozenset()
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` with each switch decided by its mode variable.
@@ -315,6 +318,8 @@ class Switches:
         op, args = self.graph.ops[n], self.graph.args[n]
         if not self._sides_of or not args:
             return None
+        if n in self.cuts:
+            return self._sides_of.get(self.graph.call("sign", args[0]))
         if step := OPERATIONS[op].decided_by:
             n = self.graph.call(step, *args)
         return self._sides_of.get(n)
@@ -328,6 +333,8 @@ class Switches:
         sign : see `surfaces.oriented`.
         """
         g, op = self.graph, self.graph.ops[n]
+        if op == "atan2":
+            return _continued(g, *args, stepped(g, "sign", variable, sign))
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
             return g.call("mul", value, args[0])
@@ -519,6 +526,17 @@ def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
     return g.call("if", truth, *args) if op in ("min", "max") else truth
 
 
+def _continued(g: Graph, y: int, x: int, side: int) -> int:
+    """Return atan2(y, x), continued across its cut y = 0, x < 0 from one side.
+
+    side : the node of the sign of y on that side.
+    """
+    beyond = g.call("atan", g.call("div", y, x))
+    half_turn = g.call("mul", g.constant(math.pi), side)
+    left = g.call("add", beyond, half_turn)
+    return g.call("if", g.call("lt", x, g.zero), left, g.call("atan2", y, x))
+
+
 def find_switches(
     g: Graph,
     nodes: Iterable[int],
@@ -530,6 +548,7 @@ def find_switches(
     rates: Sequence[int] | None = None,
     shown: Sequence[int] = (),
     held: Collection[str] = (),
+    cuts: frozenset[int] = frozenset(),
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -554,8 +573,10 @@ def find_switches(
         Expressions of conditions and output, and the names of variables that laws may
         hold. Surfaces may hold theirs. The steps of these expressions, in such
         variables alone, have sides too, see `Side.shown`.
+    cuts
+        The nodes atan2(y, x) that are switches: they jump by 2 pi where y = 0, x < 0.
     """
-    finder = _Finder(g, list(nodes), moving, speeds)
+    finder = _Finder(g, list(nodes), moving, speeds, cuts)
     orders = highest_orders(g, accelerations) if accelerations else {}
     modes = {
         d: TimeSwitch(f"mode.{k}", d, _smooth(g, d, orders))
@@ -573,7 +594,7 @@ def find_switches(
         roots = Roots.among(g, dynamics, sides, speeds)
         sides = tuple(s._replace(floor=roots.floors.get(s.node, "")) for s in sides)
         known = tuple(modes.values()), state, sides
-        found = Switches(g, *known, modes_of, sides_of, roots)
+        found = Switches(g, *known, modes_of, sides_of, roots, cuts=cuts)
         moves = found.moving(watched, (*moving, "t"))
         own = dict.fromkeys(found.moving([*beside], moving))
         if len(moves) == len(watched) and len(own) == len(beside):
@@ -593,7 +614,8 @@ def _held_steps(
     The result maps discrete functions (nodes) to their texts; parameters: see
     `find_switches`.
     """
-    finder, others = _Finder(g, [*shown], held, speeds), {*moving} - {*held}
+    finder = _Finder(g, [*shown], held, speeds, frozenset())
+    others = {*moving} - {*held}
     steps = sorted(n for n, d in finder.decided.items() if n == d)
     return {n: finder.state[n] for n in steps if others.isdisjoint(g.depends([n]))}
 
@@ -692,6 +714,8 @@ class _Finder:
         The graph, and the expressions.
     moving, speeds
         The names of variables that change along the motion, and of velocities.
+    cuts
+        The nodes atan2(y, x) that are switches.
     """
 
     def __init__(
@@ -700,9 +724,10 @@ class _Finder:
         nodes: list[int],
         moving: Collection[str],
         speeds: Collection[str],
+        cuts: frozenset[int],
     ) -> None:
-        self.g = g
-        nodes = nodes if g.of(SWITCHING) else []
+        self.g, self.cuts = g, cuts
+        nodes = nodes if cuts or g.of(SWITCHING) else []
         found = g.dependents(nodes, moving, speeds, ("t",))
         self.moving, self.fast, timed = found
         self.timed = timed - self.moving
@@ -723,6 +748,10 @@ class _Finder:
         row = OPERATIONS.get(op)
         if op == SMOOTH:
             return args[1:]
+        if n in self.cuts and n in self.moving:
+            self.decided[n] = discrete = g.call("sign", args[0])
+            self.state.setdefault(discrete, switch_text(g, n))
+            return args
         rooted = op == "cbrt" and args[0] in self.fast
         if row is None or not (row.switch or row.condition or rooted):
             return args
@@ -742,12 +771,17 @@ class _Finder:
         return args
 
 
-def model_switches(equations: Equations, *, located: bool = True) -> Switches:
+def model_switches(
+    equations: Equations, *, located: bool = True, cuts: bool = False
+) -> Switches:
     """Find the switches of the equations of motion.
 
     State switches that are only in outputs, or in the energy but not in its
     derivatives, have no influence on the motion. If not `located`, state switches have
     no sides, and only time switches are frozen.
+
+    cuts : whether to locate the jumps of `atan2` in forces. A step that its error
+        controls collapses there instead, which costs no surface y = 0 where x > 0.
     """
     e = equations
     beside = [row.transport for row in e.every_row]
@@ -761,13 +795,14 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     shown = tuple(_conditions_and_output(e.model)) if located else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
     held = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
+    jumping = _cuts(e) if located and cuts else frozenset()
     if not e.model.tables and not e.graph.of(WHOLE):
-        return _found(e.graph, *known, sizes, shown=shown, held=held)
+        return _found(e.graph, *known, sizes, shown=shown, held=held, cuts=jumping)
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
         rates = of_rows
     accelerations = (*e.of_accelerations, *beside)
-    return _found(e.graph, *known, sizes, accelerations, rates, shown, held)
+    return _found(e.graph, *known, sizes, accelerations, rates, shown, held, jumping)
 
 
 def _conditions_and_output(model: Model) -> Iterator[int]:
@@ -776,6 +811,16 @@ def _conditions_and_output(model: Model) -> Iterator[int]:
     columns = {*model.output.columns}
     yield from (x.node for x in model.definitions if x.name in columns)
     yield from (x.at for x in model.output.sections if x.at is not None)
+
+
+def _cuts(e: Equations) -> frozenset[int]:
+    """Return the nodes `atan2` of forces that are not in relations of rows."""
+    g = e.graph
+    if not (found := g.of(("atan2",))):
+        return frozenset()
+    rows = [x for row in e.every_row for x in (row.residual, row.rate, row.transport)]
+    of_rows = frozenset(g.cone(rows))
+    return frozenset(found) & frozenset(g.cone(e.of_accelerations)) - of_rows
 
 
 _found = memoized(find_switches)

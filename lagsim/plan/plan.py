@@ -530,13 +530,16 @@ def _with_switches(
     settings : names the method; unless it locates events, only switches of the time
         have sides.
     """
-    switches = model_switches(equations, located=locates(settings.method))
+    located = locates(settings.method)
+    known = settings.method != "auto"
+    cuts = known and not method(settings.method).ADAPTIVE
+    switches = model_switches(equations, located=located, cuts=cuts)
     bent = corners(equations, switches)
     if not bent:
         return equations, switches
     pushed = with_pushes(equations, switches, bent)
-    located = locates(settings.method)
-    return pushed, replace(model_switches(pushed, located=located), corners=bent)
+    found = model_switches(pushed, located=located, cuts=cuts)
+    return pushed, replace(found, corners=bent)
 
 
 def by_loops(plan: Plan) -> Plan:
