@@ -298,7 +298,7 @@ def continue_past(s: Crossings, p: Parameters, t: float) -> None:
 
     t : the time at the end of the step.
     """
-    s.passed[:] = -1.0
+    s.passed_at[:] = -1.0
     while s.event > 0.0:
         k = int(s.event) - 1
         side, leeway = s.orientation[k], s.leeway[k]
@@ -306,7 +306,7 @@ def continue_past(s: Crossings, p: Parameters, t: float) -> None:
             break
         before = max(s.cut - NEXT, 0.0)
         low = min(s.cut + NEXT, 1.0)  # beyond the rounding at a jump
-        s.passed[k] = s.cut
+        s.passed_at[k] = s.cut
         s.passed_side[k] = side
         s.passed_leeway[k] = leeway
         s.event = 0.0
@@ -318,7 +318,7 @@ def continue_past(s: Crossings, p: Parameters, t: float) -> None:
         else:
             search(EVENT, s, p, low, 1.0)
     for k in range(s.conditions if s.cut > 0.0 else 0):
-        if s.passed[k] >= max(s.cut - NEXT, 0.0):
+        if s.passed_at[k] >= max(s.cut - NEXT, 0.0):
             s.orientation[k] = s.passed_side[k]
             s.leeway[k] = s.passed_leeway[k]
 

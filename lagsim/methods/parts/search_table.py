@@ -172,7 +172,7 @@ class SearchTable(Rank):
     former: Floats = array("conditions")
     # Within a step: the fraction at which the search has continued past a change of the
     # condition, or -1; its orientation and its leeway before.
-    passed: Floats = array("conditions")
+    passed_at: Floats = array("conditions")
     passed_side: Floats = array("conditions")
     passed_leeway: Floats = array("conditions")
 
