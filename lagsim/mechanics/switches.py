@@ -334,7 +334,8 @@ class Switches:
         """
         g, op = self.graph, self.graph.ops[n]
         if op == "atan2":
-            return _continued(g, *args, stepped(g, "sign", variable, sign))
+            y, x = args
+            return _continued(g, y, x, stepped(g, "sign", variable, sign))
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
             return g.call("mul", value, args[0])

@@ -347,7 +347,7 @@ class Gauss4(Gauss):
     stages: int = 2
     nodes: Floats = array("stages", C)
     weights: Floats = array("stages", B)
-    coefficients: Floats = array(lambda s: s.stages**2, (*A[0], *A[1]))
+    coefficients: Floats = array(lambda s: s.stages**2, (*A[0], *A[1]), replaces=True)
 
 
 STATE = Gauss4

@@ -50,7 +50,7 @@ class Midpoint(Gauss):
     stages: int = 1
     nodes: Floats = array("stages", C)
     weights: Floats = array("stages", B)
-    coefficients: Floats = array(lambda s: s.stages**2, A[0])
+    coefficients: Floats = array(lambda s: s.stages**2, A[0], replaces=True)
 
 
 STATE = Midpoint

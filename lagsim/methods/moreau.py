@@ -73,9 +73,9 @@ class Moreau(Fixed):
     """Memory of Moreau's method: place of the multipliers, working memory of a step."""
 
     # Rows need no slopes.
-    before: Floats = array(lambda _: 0)
-    k: Floats = array(lambda _: 0)
-    slope: Floats = array(lambda _: 0)
+    before: Floats = array(lambda _: 0, replaces=True)
+    k: Floats = array(lambda _: 0, replaces=True)
+    slope: Floats = array(lambda _: 0, replaces=True)
     unsettled: float  # number of steps whose impulses did not converge
     multipliers: float  # index of the multipliers in y
     # 1 if a contact closed in the last step faster than forces could close it

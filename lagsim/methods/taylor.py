@@ -280,7 +280,7 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
     if CONSTRAINED and s.alone > 0.0:
         near = 1.0 - x if late else x
         if near > s.alone and continues(s) > 0:
-            more = s.beyond[int((1 + MOST_BEYOND) * s.n) if late else 0 :]
+            more = s.beyond_order[int((1 + MOST_BEYOND) * s.n) if late else 0 :]
             lengthen(near, -h if late else h, more, out, out[s.velocities])
 
 
@@ -297,7 +297,7 @@ def continues(s: Taylor) -> int:
         after = s.series[buffer(s.size, s.which) :]
         order = before[0]
         count = min(MOST_BEYOND, int(order) - 1)
-        early, late = s.beyond, s.beyond[(1 + MOST_BEYOND) * n :]
+        early, late = s.beyond_order, s.beyond_order[(1 + MOST_BEYOND) * n :]
         extend(s.step_h, before[n:], after[n:], early)
         extend(-s.step_h, after[n:], before[n:], late)
         first = 0.0
@@ -382,7 +382,7 @@ class Taylor(State):
     # continued terms.
     alone: float
     longer: float
-    beyond: Floats = array(lambda s: 2 * (1 + MOST_BEYOND) * s.n)
+    beyond_order: Floats = array(lambda s: 2 * (1 + MOST_BEYOND) * s.n)
 
 
 STATE = Taylor

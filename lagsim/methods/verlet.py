@@ -69,7 +69,7 @@ class Symplectic(Fixed):
 
     stages: int = 1
     weights: Floats = array("stages", 1.0)
-    ends: Floats = array("stages")  # ends of the stages, in parts of the step
+    stage_ends: Floats = array("stages")  # ends of the stages, in parts of the step
     # Weights of the kicks: half of a Verlet step's kick comes before it and half after
     # it; adjacent halves are combined.
     kicks: Floats = array(lambda s: s.stages + 1)
@@ -154,9 +154,9 @@ def start(s: Symplectic, p: Parameters) -> None:
         s.kicks[stage] = 0.5 * (before + s.weights[stage])
         before = s.weights[stage]
         end += before
-        s.ends[stage] = end
+        s.stage_ends[stage] = end
     s.kicks[s.stages] = 0.5 * before
-    s.ends[s.stages - 1] = 1.0
+    s.stage_ends[s.stages - 1] = 1.0
     begin(s, p)
 
 
@@ -169,7 +169,7 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
     s.slope[:] = s.k
     kick(s, p, s.t, s.kicks[0] * h)
     for stage in range(s.stages):
-        t = s.t + s.ends[stage] * h
+        t = s.t + s.stage_ends[stage] * h
         drift(s, p, t, s.weights[stage] * h)
         kick(s, p, t, s.kicks[stage + 1] * h)
     if not is_finite(s.size, s.new):

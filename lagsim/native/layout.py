@@ -66,6 +66,8 @@ class Field:
         Length of an array, or end of a block.
     within : function or None
         Computes the first index of a block, or of an array within another one.
+    replaces : bool
+        Whether the array replaces that of a base class, whose length is another one.
     """
 
     def __init__(
@@ -74,6 +76,8 @@ class Field:
         value: float | Sequence[float] = 0.0,
         length: Length = "",
         within: Callable[[Memory], int] | None = None,
+        *,
+        replaces: bool = False,
     ) -> None:
         self.kind = kind
         self.name = ""
@@ -81,6 +85,7 @@ class Field:
         self.value = value
         self.length = length
         self.within = within  # its first index: in the flat array, or of a block
+        self.replaces = replaces
 
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
@@ -125,12 +130,15 @@ def address(flat: Floats) -> int:
     return addressof(c_char.from_buffer(flat.data))
 
 
-def array(length: Length, value: float | Sequence[float] = 0.0) -> Any:
+def array(
+    length: Length, value: float | Sequence[float] = 0.0, *, replaces: bool = False
+) -> Any:
     """Declare an array by its length and its initial value.
 
     length : the name of a size, or a function of the memory that returns the length.
+    replaces : see `Field`.
     """
-    return Field(ARRAY, value, length)
+    return Field(ARRAY, value, length, replaces=replaces)
 
 
 def part(whole: str, length: Length, first: Length = "") -> Any:
@@ -234,6 +242,8 @@ class Memory:
             if field.kind not in (NUMBER, SIZE) and field is not given:
                 raise TypeError(f"{name}: float, int, or an array with its length")
             before = cls.fields.get(name)
+            if before and not field.replaces and before.length != field.length:
+                raise TypeError(f"{name}: a base class has another array of this name")
             field.word = before.word if before else cls.words
             if before is None:
                 cls.words += 2 if field.kind in (ARRAY, BLOCK) else 1

@@ -85,3 +85,16 @@ def test_another_declaration_is_another_fingerprint(
     before = fingerprint([counts])
     monkeypatch.setattr(Longer.fields["count"], "word", 20)
     assert fingerprint([counts]) != before
+
+
+def test_an_array_of_a_base_class_is_not_replaced_unawares() -> None:
+    """Kernels of the base class would write past its end."""
+    with pytest.raises(TypeError, match="y: a base class has another array"):
+
+        class _Other(Walk):
+            y: Floats = array(lambda _: 0)
+
+    class Replaced(Walk):
+        y: Floats = array(lambda _: 0, replaces=True)
+
+    assert len(Replaced.made().y) == 0

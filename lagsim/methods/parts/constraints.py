@@ -49,7 +49,7 @@ class Rank(Control):
     fixed_rows: float  # 1 if all constraints are holonomic and independent of time
     missed: float  # the largest relative residual before a projection
     satisfied: float  # rows up to this part of the last step are not projected
-    ahead: Floats = array(lambda s: s.n + 3)  # the result of `velocity_step` there
+    step_ahead: Floats = array(lambda s: s.n + 3)  # the result of `velocity_step` there
 
 
 def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
@@ -310,7 +310,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
 
     ahead : the estimate from the recent slope of sigma.
     """
-    n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
+    n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.step_ahead
     v, a = y[s.velocities], rates[s.velocities]
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
