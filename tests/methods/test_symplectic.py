@@ -216,9 +216,9 @@ def test_rattle_follows_rods_that_turn_far_in_a_step():
     assert max(np.max(np.abs(found[name])) for name in residuals) < 1e-14
 
 
-# --- forces of time beside events and sections -----------------------------------------
-# The search for events once had an array with the name of the times of the stages, which
-# it overwrote: errors fell like h in place of h^2 to h^8.
+# --- forces of time beside events and sections ----------------------------------------
+# The search for events once had an array with the name of the times of the stages, and
+# overwrote these: errors fell like h in place of h^2 to h^8.
 
 DRIVEN = """\
 coordinates: {x: {}}
