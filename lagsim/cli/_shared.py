@@ -362,7 +362,7 @@ class Measured(NamedTuple):
     draw : callable or None
         Returns the content of the chart; None without a chart.
     summary : callable
-        Returns the closing lines, for a text on the files.
+        Returns the lines printed at the end, from a text that lists the files.
     remarks : sequence of str
         Lines for stderr.
     code : int

@@ -163,7 +163,7 @@ class Elements:
 
     @cached_property
     def cone(self) -> list[int]:
-        """Nodes of the term, in order of evaluation."""
+        """Nodes of the outputs and their arguments, each after its arguments."""
         nodes = [o.node for o in self.outputs]
         nodes += [o.error for o in self.outputs if o.error is not None]
         return self.graph.cone(nodes)

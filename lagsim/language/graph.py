@@ -354,7 +354,11 @@ class Graph:
     def dependents(
         self, nodes: Iterable[int], *several: Collection[str]
     ) -> list[set[int]]:
-        """Return, for each set of names, the nodes that depend on at least one name."""
+        """Return one set of nodes for each set of names in `several`.
+
+        It has the nodes that depend on at least one of the names, of `nodes` and all
+        nodes below these.
+        """
         args, leaves = self.args, [self._leaves(names) for names in several]
         first = min(some.first for some in leaves)
         # Older nodes depend on none of the names.

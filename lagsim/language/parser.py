@@ -69,7 +69,10 @@ class ExpressionError(Exception):
 
 
 def silent() -> ExpressionError:
-    """Return the error for a fault that is reported elsewhere, without a message."""
+    """Return an error without a message, for a text whose fault is reported elsewhere.
+
+    Raising it ends the evaluation of the text without a second report.
+    """
     return ExpressionError(0, 1, "", code=SILENT)
 
 

@@ -187,14 +187,10 @@ class Linearisation:
     Parameters
     ----------
     equations : Equations
-    frozen : function, optional
-        Function from nodes to nodes without switches; by default switches are in their
-        branches at each state.
-
-    Parameters
-    ----------
-    equations : Equations
         The equations of motion, with values of the parameters.
+    frozen : function, optional
+        Returns a list of nodes without switches for a list of nodes. By default nodes
+        are unchanged: each switch has the branch that the state selects.
 
     Attributes
     ----------

@@ -339,9 +339,10 @@ class Partition(Elimination):
     def _solve_block(
         self, block: Block, M: list[Vector], right: Sequence[int]
     ) -> _Solved:
-        """Solve a block, and put its accelerations into the rows of M, in place.
+        """Solve the rows of a block for its accelerations, and eliminate these from M.
 
-        right : b (m,) of the rows with differences.
+        M : the rows of the mass matrix, coordinate -> node; changed in place.
+        right : right-hand sides (m,), see `_in_differences`.
         """
         g, A, (rows, columns) = self.g, self._A, block
         others = sorted({c for k in rows for c in A[k]}.difference(columns))
@@ -426,7 +427,10 @@ class Partition(Elimination):
         return g.call("div", inside, core)
 
     def _in_differences(self, right: Sequence[int]) -> list[int]:
-        """Return right-hand sides (m,) of the scaled rows with differences of rows."""
+        """Return right-hand sides (m,) of `ShorterRows`, which has differences of rows.
+
+        right : the right-hand sides (m,) of the scaled rows before the replacement.
+        """
         found = list(right)
         for d in self._differences:
             found[d.row] = _less(self.collected, found[d.row], d.sign, found[d.other])
@@ -496,9 +500,11 @@ class Partition(Elimination):
         return self._whole.correction(residuals)
 
     def smallest_singular_value(self) -> int:
-        """Return the node of the smallest volume of all blocks, see `volume`.
+        """Return the node of a number in [0, 1] that is 0 where a block is singular.
 
-        The length of a row counts as at least the variable `length.<name>`.
+        It is the least of the volumes of all blocks, see `volume`, with coordinates
+        scaled by the roots of their inertias. The length of a row is at least its
+        weight times the variable `length.<name>`.
         """
         g, worst, inertias = self.g, self.g.one, self.equations.inertias
 

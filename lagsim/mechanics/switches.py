@@ -528,9 +528,9 @@ def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
 
 
 def _continued(g: Graph, y: int, x: int, side: int) -> int:
-    """Return atan2(y, x), continued across its cut y = 0, x < 0 from one side.
+    """Return the node of atan2(y, x), continued across its cut at y = 0, x < 0.
 
-    side : the node of the sign of y on that side.
+    side : the node of the sign of y on the side from which the function is continued.
     """
     beyond = g.call("atan", g.call("div", y, x))
     half_turn = g.call("mul", g.constant(math.pi), side)
@@ -568,14 +568,16 @@ def find_switches(
         Switches (nodes) that have no sides, as they step only where a mode ends.
     accelerations, rates
         The expressions on which y' depends, except quadratures; and the residuals and
-        rates of rows (None if velocities may jump by forces too). Levels at which these
-        do not jump are passed, see `_smooth` and `_passed`.
-    shown, held
-        Expressions of conditions and output, and the names of variables that laws may
-        hold. Surfaces may hold theirs. The steps of these expressions, in such
-        variables alone, have sides too, see `Side.shown`.
+        rates of rows (None if velocities may jump by forces too). Kernels pass levels
+        at which no jump occurs, see `_smooth` and `_passed`.
+    shown
+        The expressions of conditions and output. A step function in these expressions
+        has a side, see `Side.shown`, if laws or surfaces may hold all variables of the
+        motion on which it depends.
+    held
+        The names of variables that laws may hold; variables of surfaces are added.
     cuts
-        The nodes atan2(y, x) that are switches: they jump by 2 pi where y = 0, x < 0.
+        The nodes atan2(y, x) that are switches: they jump by 2 pi at y = 0, x < 0.
     """
     finder = _Finder(g, list(nodes), moving, speeds, cuts)
     orders = highest_orders(g, accelerations) if accelerations else {}
@@ -610,10 +612,14 @@ def _held_steps(
     speeds: Collection[str],
     held: Collection[str],
 ) -> dict[int, str]:
-    """Return the steps in the expressions `shown` that laws may hold at their levels.
+    """Return step functions in `shown` that depend on no moving variable but `held`.
 
-    The result maps discrete functions (nodes) to their texts; parameters: see
-    `find_switches`.
+    While a law or a surface holds the argument of such a function at its level, the
+    function has the value at the level. The result maps discrete functions (nodes) to
+    their texts.
+
+    held : the names of all variables that laws or surfaces may hold.
+    shown, moving, speeds : see `find_switches`.
     """
     finder = _Finder(g, [*shown], held, speeds, frozenset())
     others = {*moving} - {*held}
@@ -707,7 +713,7 @@ def switch_text(g: Graph, n: int) -> str:
 
 
 class _Finder:
-    """Search for switches below nodes, not below the conditions of time switches.
+    """Search for switches in expressions; conditions of time switches are not searched.
 
     Parameters
     ----------
@@ -781,8 +787,9 @@ def model_switches(
     derivatives, have no influence on the motion. If not `located`, state switches have
     no sides, and only time switches are frozen.
 
-    cuts : whether to locate the jumps of `atan2` in forces. A step that its error
-        controls collapses there instead, which costs no surface y = 0 where x > 0.
+    cuts : whether to locate the jumps of `atan2` in forces, for fixed steps. A method
+        with step control shortens its steps at such a jump instead, and is not stopped
+        where y = 0 and x > 0, without a jump.
     """
     e = equations
     beside = [row.transport for row in e.every_row]
@@ -815,7 +822,7 @@ def _conditions_and_output(model: Model) -> Iterator[int]:
 
 
 def _cuts(e: Equations) -> frozenset[int]:
-    """Return the nodes `atan2` of forces that are not in relations of rows."""
+    """Return the nodes `atan2` in expressions of forces, but not in those of rows."""
     g = e.graph
     if not (found := g.of(("atan2",))):
         return frozenset()

@@ -461,7 +461,7 @@ class ErrorBars(Enum):
 
 
 class Attempt(Evidence):
-    """Run of a session: evidence for its audit, and rows for files beside the table.
+    """One run of a model: evidence for its audit, and rows for pictures and pages.
 
     Attributes
     ----------
@@ -477,7 +477,7 @@ class Attempt(Evidence):
     fault : OSError or None
         The error that prevented rows from being stored; None if there was none.
     appended : Appended or None
-        Columns of sensitivities; None if not requested.
+        Columns of sensitivities, appended to the table; None if not requested.
     """
 
     fault: OSError | None = None

@@ -11,11 +11,11 @@ zero of a row
               does not show it, see `missed`
     RANK      the smallest singular value vanishes: a loss of rank is recorded
 
-Rows are evaluated at several points, and once more between each two: if a row there
-does not follow from values and slopes at both, the points are refined until it does.
-Then zeros between two points are searched: of a row that is negative at one, or may
-have been between them (a touch, a narrow pulse), by its cubic; and the closest approach
-of a signal.
+Rows are evaluated at several points, and once more between each two neighbours. If the
+value of a row in between does not follow from its values and slopes at both neighbours,
+points are added until it does. Then zeros between neighbours are located on the cubic
+of each row that is negative at one of them, or may be negative in between (a touch, a
+narrow pulse). For a signal the closest approach is located.
 """
 
 from __future__ import annotations
@@ -96,15 +96,19 @@ def search(
 ) -> float:
     """Search the last step between two fractions for the first zero of rows of a kind.
 
+    Return the fraction of the zero (of a crossing, a fraction just past it), or 0 if
+    there is none.
+
     EVENT: end the step at the first event, or where the search needs too many points.
     The part before an event is searched again: an earlier event may be too short to be
-    seen beside the motion after it, as where a motion turns back through several levels
-    of one surface. CROSSING: record the crossings. SIGNAL: search features that the
-    dense output misses; a step that needs more than MOST_SIGNALS points counts as one
-    with a feature. RANK: search a loss of rank. Return the fraction of the zero (of a
-    crossing, a fraction just past it), or 0 if there is none. A search for events that
-    needs too many points before FINEST passes its stretch as it is: steps that end
-    there would creep towards a pole, which no number of points makes known.
+    found between points that include the motion after it, as where a motion turns back
+    through several levels of one surface. If the search needs too many points before
+    the fraction FINEST, the stretch is passed although its rows are not known: steps
+    that end there would creep towards a pole, near which no number of points suffices.
+    CROSSING: record the crossing.
+    SIGNAL: search features that the dense output misses; a step that needs more than
+    MOST_SIGNALS points counts as one with a feature.
+    RANK: search a loss of rank.
 
     low, until : the fractions.
     """
@@ -176,8 +180,8 @@ def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
 
     It is known if the values and slopes at its ends determine the rows of the kind in
     between. For events, no signal may approach the activity of its term inside either,
-    since an event function made of the term would be flat at every point; the shorter
-    stretch then ends at the closest approach.
+    since an event function of the term alone would be flat at every sample point; the
+    shorter stretch then ends at the closest approach.
     """
     low, x = float(s.places[0]), float(s.places[2])
     width, near = x - low, x
@@ -291,10 +295,12 @@ def find_end(s: Crossings, p: Parameters) -> None:
 
 
 def continue_past(s: Crossings, p: Parameters, t: float) -> None:
-    """Continue the search past the condition just located, while it ends nothing.
+    """Search on past each located condition that does not end the arc.
 
-    Changes of conditions at the time that is located last are undone: the instant
-    decides these. A slip that stops there has not passed 0.
+    The search ends at the first event that ends the arc, or at the end of the step.
+    Conditions that were passed at the time of this event regain their orientation and
+    leeway, since their truth is decided when the instant is settled: the velocity of a
+    slip that stops there, for example, has not passed 0.
 
     t : the time at the end of the step.
     """
@@ -341,8 +347,9 @@ def store_values(s: SearchTable, p: Parameters, x: float) -> None:
 def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
     """Whether the step continues past a point at which condition k has been located.
 
-    It continues at the end of a condition that was true, which is armed there, and at a
-    jump of the function of an equation, which does not count as a zero.
+    It continues where a condition that was true becomes false, and where the function
+    of an equation jumps past 0, which does not count as a zero. The orientation of the
+    condition is then updated, and its leeway is 0.
     """
     row, rounding = s.surfaces + k, MANY * float(s.zero[k])
     if follows(s, k):
@@ -638,9 +645,9 @@ def lost_within(s: SearchTable, p: Parameters) -> float:
 
     Sigma has a kink there, and small jumps where rows change their order, which may
     hide the sign of its slope: a stretch is searched where values or slopes fall and
-    rise again, or where sigma could vanish in between at the steepest slope so far. On
-    a set of states that all lose rank, where sigma vanishes at an end, the latter does
-    not count.
+    rise again, or where sigma could vanish in between at the steepest slope so far. The
+    second criterion is not applied where sigma vanishes at an end of the stretch, as on
+    a set of states that all lose rank.
     """
     k, low, x = rows(s) - 1, s.places[0], s.places[2]
     slopes = rows(s) + k

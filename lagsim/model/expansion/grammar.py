@@ -47,8 +47,8 @@ class Inner(NamedTuple):
     """Payload of a postfix step that contains other steps.
 
     `takes` is the number of operands that the step removes from the stack. `word` is
-    the name of a component, of the index of a range, or of a family; `steps` are those
-    of a term over the range, or of the name of a frame in a function of frames.
+    the name of a component, of the index of a range, or of a family; `steps` are the
+    steps of a term over the range, or of the name of a frame in a function of frames.
     """
 
     takes: int
@@ -71,9 +71,10 @@ class _Over(Pending):
 
 @dataclass(slots=True)
 class _OfFrame(Pending):
-    """Function of a frame, while its text is parsed.
+    """Call of a function whose first argument is a frame, while its text is parsed.
 
-    `frame` has the steps that name the frame, `begin` their position in the output.
+    `frame` has the postfix steps of the first argument, `begin` is the index of the
+    first of these steps in the parser's output.
     """
 
     begin: int = 0

@@ -276,7 +276,7 @@ class Fields:
         return self.found[key][0].place if key in self.found else self.place
 
     def at(self, key: str) -> Place:
-        """Return the place of the value of `key`, or that of the mapping."""
+        """Return the place of the value of `key`; if absent, that of the mapping."""
         return self.found[key][1].place if key in self.found else self.place
 
     def needs(self, key: str, hint: str = "") -> None:

@@ -1,14 +1,14 @@
 """Accumulations of events: infinitely many in a finite time, and their limits.
 
-Switches of surfaces, impacts and ends of modes of laws, and acts of events of the file
-are each stored in an `Accumulation`, with a history of its own for every row (surface,
-law, event). Intervals that shrink at a ratio r have the sum of a geometric series left
-(`series_left`), which gives the limit in time. An accumulation is ended where what is
-left is below the resolution of the motion:
+There is one `Accumulation` for switches of surfaces, one for impacts and ends of modes
+of laws, and one for acts of events of the file. Each has a history for every row
+(surface, law, event). If intervals shrink at a ratio r, the time to the limit is the
+sum of a geometric series (`series_left`). The motion is replaced by its limit where the
+remaining paths are below the resolution of the motion:
 
-- of switches, the paths left in the directions of their surfaces. Surfaces may switch
-  in turn, so that intervals of all of them count, in windows of several;
-- of impacts, the paths left, of each contact by its own flights.
+- for switches, the paths across their surfaces. Surfaces may switch in turn, so that
+  the intervals between events of all surfaces are compared, in windows of several;
+- for impacts, the paths of each contact, by its own flights.
 
 Without a limit the run ends where events leave no time for a motion (`is_stuck`).
 """
@@ -20,24 +20,24 @@ import math
 from collections import deque
 
 WINDOW = 4
-# Halves of a window shrink like the windows if the square of their ratio is at most
-# EVEN times that of the windows.
+# Halves of a window shrink like the windows if the square of the ratio of the halves is
+# at most EVEN times the ratio of the windows.
 EVEN = 2.0
 # Largest increase of the speed of a flight, relative to that predicted by the ratio.
 REGULAR = 16.0
-# The motion cannot continue past STUCK events within NO_TIME, a few units in the last
-# place relative to the time.
+# The run ends at STUCK events within the part NO_TIME of the duration or of the time, a
+# few tens of units in the last place.
 STUCK = 40
 NO_TIME = 2.0**-47
-# Nor past STUCK events of one row at an average interval of at most this part of the
-# duration.
+# It also ends at STUCK events of one row at an average interval of at most this part of
+# the duration.
 HURRIES = 1e-12
 # Number of events that are stored.
 MOST = 4000
 # Number of the last flights of a contact from which its limit is extrapolated.
 FLIGHTS = 4
-# Largest ratio that counts as a decrease. A contact without a strike for LATE times its
-# last flight no longer bounces.
+# Largest ratio that counts as a decrease. A contact without a strike for LATE times the
+# duration of its last flight no longer bounces.
 STEADY = 0.999
 LATE = 10.0
 # A contact that comes to rest RESTS times within this part of the duration, and leaves
@@ -102,7 +102,8 @@ class History:
             return None
         ratio = max(took[-1] / took[-2], took[-2] / took[-3])
         # A contact that strikes in turn with a neighbour, at decreasing intervals and
-        # nearly constant speeds, has no flights: that is one impact, of open order.
+        # nearly constant speeds, does not fly: the strikes are one impact, whose order
+        # is not unique.
         slower = speeds[-1] <= REGULAR * ratio * speeds[-2]
         shrinks = ratio < STEADY and slower
         ways = [d * v for d, v in zip(took, speeds[1:], strict=True)]
@@ -180,16 +181,19 @@ class Accumulation:
     def limit(self) -> float | None:
         """Return the time at which events accumulate, or None.
 
-        None where the intervals of the last window do not shrink, or shrink less than
-        those of the last two windows: a window of long intervals before a short one,
-        as of a motion that meets several surfaces close to each other, is none of an
-        accumulation.
+        None where the intervals within the last window do not shrink, or shrink less
+        than the last two windows: a long window before a short one, as of a motion that
+        meets several surfaces close to each other, is not an accumulation.
         """
         end = self.end()
         return end if end is not None and self._shrinks() else None
 
     def _shrinks(self) -> bool:
-        """Whether the halves of the last window shrink, about as the windows do."""
+        """Whether the second half of the last window is shorter than its first half.
+
+        The square of the ratio of the halves must not exceed EVEN times the ratio of
+        the windows.
+        """
         first, half, last = (
             self.recent[-1 - k][0] for k in (self.window, self.window // 2, 0)
         )
@@ -210,8 +214,8 @@ class Accumulation:
     def is_stuck(self) -> bool:
         """Whether the last events leave no time for the motion.
 
-        True where the last `STUCK` events took at most `NO_TIME` of the duration, or
-        where the row of the last event hurries.
+        True where the last `STUCK` events took at most `NO_TIME` of the duration or of
+        the time, or where the row of the last event hurries.
         """
         if len(self.recent) < STUCK:
             return False
@@ -221,9 +225,10 @@ class Accumulation:
         return took <= NO_TIME * max(self.span, abs(self.last))
 
     def hurries(self, row: int) -> bool:
-        """Whether the last `STUCK` events of a row are on average almost simultaneous.
+        """Whether the last `STUCK` events of a row are almost simultaneous.
 
-        Their average interval is at most `HURRIES` of the duration of the run.
+        Their average interval is then at most `HURRIES` of the duration of the run, or
+        all of them lie within `NO_TIME` of the time.
         """
         own = self.of(row).times
         least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))

@@ -136,7 +136,9 @@ class StateAfter:
     state: LawState | None = None
 
     def decision(self, arc: Arc) -> Decision:
-        """Return the decision of the run that follows from this record.
+        """Return the events, state, rows, impulses and ending as a `Decision`.
+
+        The decision has a state only if the state may have moved.
 
         Raises
         ------

@@ -88,11 +88,13 @@ def come_to_rest(
 def _is_still(
     modes: SurfaceModes, levels: Mapping[int, float], laws: LawsAt | None
 ) -> bool:
-    """Whether the motion is at rest at levels that no force leaves, or that laws hold.
+    """Whether the motion rests at the levels of all surfaces in `levels`.
 
-    If so, the motion is not at the end of a curve, and `Crossing` selects its rest.
+    It rests if the rates of these surfaces are 0, and forces do not move it off the
+    levels or laws may act on the surfaces. `Crossing` then selects the rest, and the
+    motion is not at the end of a switching curve.
 
-    modes : the modes of all surfaces, which are changed.
+    modes : the modes of all surfaces; those of `levels` are changed to LEVEL.
     levels, laws : see `come_to_rest`.
     """
     for k, level in levels.items():

@@ -210,7 +210,10 @@ class Switching(Source):
     # The modes at an instant
 
     def release(self, arc: Arc) -> None:
-        """Set all surfaces that the motion follows to their lower sides, on trial."""
+        """Set each surface that the motion follows to its lower side.
+
+        To be called within `TrialModes`, which restores the modes at its end.
+        """
         self.modes.begin(arc)
         self.modes.forget()
         self.modes.write()
@@ -579,7 +582,7 @@ class Switching(Source):
     def _near(self, within: float) -> list[int]:
         """Return the surfaces whose levels the motion can reach in the time `within`.
 
-        They are the surfaces at which switches accumulate.
+        Only these surfaces can take part in an accumulation that ends within this time.
         """
         modes = self.modes
         most = REGULAR * modes.changes(within)

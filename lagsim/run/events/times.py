@@ -208,7 +208,10 @@ class KnotTimes(_Ahead):
 
 
 class TimeBreaks(_Ahead):
-    """The breaks of a run: times at which switches of t change, except `KnotTimes`."""
+    """The breaks of a run: times at which time switches change their branches.
+
+    Times at which y' does not jump, the knots, are excluded, see `KnotTimes`.
+    """
 
     DERIVED = ("_coming", "_discrete")
 

@@ -232,10 +232,10 @@ class Subject:
         )
 
     def run(self, name: str, step: float | None, steps: int = 0) -> MapCell:
-        """Run the model by the method `name` for a number of steps, and judge the run.
+        """Run the model by the method `name`; return its verdict, growth and costs.
 
-        With `step` None the method chooses its steps, and the run has the duration of
-        the model.
+        step : the fixed step, of which the run has `steps`; None: the method controls
+            its step, and the run has the duration of the model.
 
         Raises
         ------

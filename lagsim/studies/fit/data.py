@@ -276,9 +276,11 @@ def _parsed(column: str, text: str, faults: Problems) -> tuple[str, float]:
 
 
 def _check_cells(column: str, records: Iterable[Record], faults: Problems) -> None:
-    """Add a fault for each text in a column of the records, or if it has no numbers.
+    """Report cells of a column that are no finite numbers; or that it has no numbers.
 
-    faults : to which the faults are added.
+    At most `MOST_FAULTS` cells of each record are reported.
+
+    faults : the list to which the faults are added.
     """
     for record in records:
         if column not in record.columns:
