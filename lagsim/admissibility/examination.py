@@ -248,7 +248,11 @@ def examine(
 
 
 def start_at(equations: Equations, state: Instant) -> Start:
-    """Return a start with the ranks at a state that satisfies the constraints."""
+    """Return the `Start` of a run at a state that satisfies the constraints.
+
+    It has the time, q, v and the states of `state`, and the ranks of the constraint
+    Jacobian there.
+    """
     point = Point(equations, state)
     point = point.at(errors=point.solved_errors())
     at = state.t, state.q, state.v, state.s

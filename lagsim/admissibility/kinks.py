@@ -333,10 +333,11 @@ class Kinks:
         pins: Mapping[int, Pin],
         held: Sequence[Row],
     ) -> dict[int, Step]:
-        """Return where the forces of both sides of each pinned surface drive a state.
+        """Return, for each pinned surface, the direction of the forces on both sides.
 
-        If an equality jumps at a surface, there is no rest on the surface, and the
-        result for it is AWAY.
+        The direction is TOWARDS the surface, AWAY from it, or NONE if the forces on
+        both sides are equal. It is AWAY as well if an equality jumps at the surface,
+        since no rest is then possible on it.
 
         Parameters
         ----------

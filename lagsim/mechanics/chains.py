@@ -544,7 +544,9 @@ def _parts(
     uses: Counter[int],
     ends: Collection[int],
 ) -> dict[int, list[tuple[int, int]]]:
-    """Return the terms of each affine node in use: node -> its pairs from `_slopes`.
+    """Return the linear terms of each affine node in use.
+
+    The result maps the node to its pairs (node, coefficient), see `_slopes`.
 
     cone : the nodes below L, in order of evaluation.
     degrees : node -> its degree in the velocities.

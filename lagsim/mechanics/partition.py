@@ -403,7 +403,11 @@ class Partition(Elimination):
             M[a][b] = M[b][a] = x.sum([*known, *products])
 
     def _plus(self, across: Vector, own: Vector, J: Matrix) -> Vector:
-        """Return the row `across` + own J, a momentum by the other coordinates."""
+        """Return the row `across` + `own` J as nodes by coordinate.
+
+        It has the coefficients of a momentum by the other coordinates after the block's
+        coordinates are eliminated, see `momenta` of `_Solved`.
+        """
         x, g = self.collected, self.g
         every = sorted({*across, *(o for d in own for o in J[d])})
         return {

@@ -507,7 +507,9 @@ def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int,
 def _solution(
     g: Graph, held: NewtonsLaws, met: Joints, moving: frozenset[str]
 ) -> Vector:
-    """Return the accelerations of masses and d/dt of massless velocities, by unknown.
+    """Return the accelerations of masses and the rates of massless velocities.
+
+    The result maps each unknown (node) to the node of its value.
 
     Internal units are the commonest mass and length. Products of sines and cosines are
     combined to sines and cosines of differences of angles in the drifts and in the

@@ -585,7 +585,11 @@ class Branches:
                 self._cross(curve, interrupt)
 
     def _cross(self, curve: RestCurve, interrupt: Interrupt | None) -> None:
-        """Follow the curves that begin where contacts open or close along a curve."""
+        """Follow the curves that begin where contacts open or close along `curve`.
+
+        New curves are added to `branches`; points without a regular rest beyond are
+        counted in `skipped`.
+        """
         edges, curve.edges = curve.edges, []
         for edge in edges:
             if not self._is_new_contact(curve, edge):

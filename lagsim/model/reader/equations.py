@@ -173,13 +173,12 @@ def _along(
 
 
 def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | None:
-    """Return the node of the expression along which a force acts, and its level.
+    """Return the node of the coordinate or definition on which a force acts.
 
-    See `model.model.Force`.
+    The second result is its level of differentiation, see `model.model.Force`. The
+    result is None if the name cannot be used; the fault is then added to `x.faults`.
 
-    None after a fault.
-
-    key : the name of a coordinate or a definition, along which the force acts.
+    key : the name of the coordinate or the definition, with its place.
     noun : `force` or `impulse`, for messages.
     """
     name, place, faults = key.text, key.place, x.faults

@@ -208,10 +208,13 @@ class SurfaceModes:
         self.value[:], self.kind[:] = value, kind
 
     def _parts(self, value: Floats) -> tuple[Floats, Floats]:
-        """Return shares (K,) of the upper sides, and mode variables (K,) below.
+        """Return shares (K,) of the upper sides, and mode variables (K,), of surfaces.
 
-        Both are those of redundant surfaces in `value`. At a corner of an equality the
-        mode variable stays between its values on both sides, and so does the slope.
+        A share is the fraction of `value` between the mode variables of the lower and
+        the upper side. The mode variable is that of the lower side for redundant
+        surfaces, except at a corner of an equality, where it is `value`.
+
+        value : mode variables (K,), for redundant surfaces between both sides.
         """
         low = np.where(self.whole, np.floor(value), -1.0)
         size = np.where(self.whole, 1.0, 2.0)

@@ -681,7 +681,11 @@ class Switching(Source):
         return k, float(ahead[k])
 
     def _is_on(self, arc: Arc, k: int) -> bool:
-        """Whether the state is, within rounding, at an end of a side of surface k."""
+        """Whether the argument of surface k is at an end of its present interval.
+
+        The ends are the least and the largest value on the side of the surface; the
+        argument is compared with each within rounding.
+        """
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
