@@ -103,7 +103,7 @@ class Kinks:
         self.sides = {
             k: side
             for k, side in enumerate(switches.sides)
-            if self._is_of_positions(side.node) and not side.shown
+            if self._is_of_positions(side.node)
         }
         self._switches = switches.among(self.sides)
         nodes = self._switches.freeze([x.node for x in self.sides.values()])

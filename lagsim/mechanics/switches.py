@@ -640,7 +640,7 @@ def _sides(
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
-    for discrete, text in ({**switches, **shown}).items():  # `switches` first
+    for discrete, text in {**switches, **shown, **switches}.items():
         (surface,) = surfaces(g, discrete)
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
@@ -779,7 +779,11 @@ class _Finder:
 
 
 def model_switches(
-    equations: Equations, *, located: bool = True, cuts: bool = False
+    equations: Equations,
+    *,
+    located: bool = True,
+    cuts: bool = False,
+    shown: bool = False,
 ) -> Switches:
     """Find the switches of the equations of motion.
 
@@ -790,6 +794,8 @@ def model_switches(
     cuts : whether to locate the jumps of `atan2` in forces, for fixed steps. A method
         with step control shortens its steps at such a jump instead, and is not stopped
         where y = 0 and x > 0, without a jump.
+    shown : whether steps of conditions and output that may be held at their levels have
+        sides too, see `Side.shown`.
     """
     e = equations
     beside = [row.transport for row in e.every_row]
@@ -800,17 +806,17 @@ def model_switches(
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
-    shown = tuple(_conditions_and_output(e.model)) if located else ()
+    output = tuple(_conditions_and_output(e.model)) if located and shown else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
     held = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
     jumping = _cuts(e) if located and cuts else frozenset()
     if not e.model.tables and not e.graph.of(WHOLE):
-        return _found(e.graph, *known, sizes, shown=shown, held=held, cuts=jumping)
+        return _found(e.graph, *known, sizes, shown=output, held=held, cuts=jumping)
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
         rates = of_rows
     accelerations = (*e.of_accelerations, *beside)
-    return _found(e.graph, *known, sizes, accelerations, rates, shown, held, jumping)
+    return _found(e.graph, *known, sizes, accelerations, rates, output, held, jumping)
 
 
 def _conditions_and_output(model: Model) -> Iterator[int]:

@@ -533,13 +533,13 @@ def _with_switches(
     located = locates(settings.method)
     known = settings.method != "auto"
     cuts = known and not method(settings.method).ADAPTIVE
-    switches = model_switches(equations, located=located, cuts=cuts)
+    find = partial(model_switches, located=located, cuts=cuts, shown=True)
+    switches = find(equations)
     bent = corners(equations, switches)
     if not bent:
         return equations, switches
     pushed = with_pushes(equations, switches, bent)
-    found = model_switches(pushed, located=located, cuts=cuts)
-    return pushed, replace(found, corners=bent)
+    return pushed, replace(find(pushed), corners=bent)
 
 
 def by_loops(plan: Plan) -> Plan:

@@ -43,7 +43,7 @@ def test_another_process_draws_the_same(ordered, monkeypatch):
 @pytest.mark.slow
 def test_what_another_does_not_bring_is_drawn_here(ordered, monkeypatch):
     order, own = ordered
-    monkeypatch.setattr(ahead.Helper, "give", lambda *_: iter(()))
+    monkeypatch.setattr(ahead.Helper, "send", lambda *_: iter(()))
     with artist(order[1]) as draw:
         assert dict(draw(*order)) == own
 

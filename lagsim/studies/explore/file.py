@@ -212,7 +212,8 @@ def _features(session: Session) -> Iterator[str]:
     if any(op == DATA for op in graph.ops):
         yield from (f"the table `{table.name}`" for table in model.tables)
     for side in session.plan.switches.sides:
-        yield f"the switch `{side.text}`"
+        if not side.shown:
+            yield f"the switch `{side.text}`"
     if settings.rest:
         yield "`begin: rest`"
     for mode in system.switches.modes:

@@ -216,7 +216,7 @@ def test_errors_past_the_horizon_are_none():
         (1e-12, math.log(200), 1e-10, "up to t ="),
         (1e-11, math.log(20), 1e-10, "up to t ="),
         (1e-9, math.log(20), 1e-8, "up to t ="),
-        (0.02, None, 0.01 * math.exp(20), "the two disagree"),
+        (0.02, None, 0.01 * math.exp(20), "the two solutions disagree"),
     ],
 )
 def test_how_much_is_known_is_what_solutions_agree_on(size, horizon, floor, told):
