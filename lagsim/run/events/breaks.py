@@ -18,11 +18,18 @@ The conventions:
   evaluation may not switch at all. The function values on both sides of the doubtful
   interval decide: if they differ, there is one break, where the computed value
   changes.
+- A surface that is zero but for rounding on a long interval (sin(t)^2 + cos(t)^2 - 1)
+  is recognized by samples: its value and slope vanish, within rounding, at four points
+  of a cell in which it varies by less than about 1e-4 of its terms (1e-6 where its
+  slope may jump). Only a pulse smaller than this, between two samples, is missed.
 - Where the value is undecidable down to neighbouring doubles (a square wave of `floor`
   whose period is shorter than their spacing, atan2(0, 0)), the undecided interval may
   grow, by cells of up to 1/64 of its length, up to the next decidable cell. It has one
-  break if the values on both sides differ. Breaks that accumulate (sin(1/t) toward 0)
-  are returned one by one, as far as rounding can separate them.
+  break if the values on both sides differ.
+- Both ends of a long doubtful or undecided interval (from 1/1024 of t) are breaks if
+  the prevailing value changes there: the values in it say nothing of its neighbours.
+- Breaks that accumulate (sin(1/t) toward 0) are returned one by one, as far as
+  rounding can separate them.
 - After 200,000 cells without a break the time reached is reported as a break, so that
   each request returns within seconds. The only cost is a restart of the method.
 
@@ -111,12 +118,16 @@ PARTS = 8  # parts into which a cell is divided
 BATCH = 1024  # largest number of cells evaluated together
 FAINT = 4.0  # multiple of its rounding error within which a surface counts as zero
 GROWTH = 64  # length of an undecidable interval over that of a cell added to it
+# Variation of a surface in a cell over its rounding error up to which samples decide
+# that it is zero: of a smooth surface, and of one whose slope may jump (abs, max).
+SMOOTH, KINKED = 2.0**36, 2.0**30
+LONG = 2.0**-10  # length over t from which both ends of a doubtful interval count
 PATIENCE = 200_000  # cells evaluated without a crossing before a pause is reported
 
 # State of a surface in a cell: its discrete value is constant; it crosses once,
-# monotone, with known values at both ends; it stays within rounding of a step; or
-# undecided.
-KEPT, CROSSED, HIDDEN, OPEN = range(4)
+# monotone, with known values at both ends; it stays within rounding of a step, provably
+# or at all samples; or undecided.
+KEPT, CROSSED, HIDDEN, FLAT, OPEN = range(5)
 # Task of a cell: evaluate, discard, divide, or return.
 _NEW, _CLEAR, _SPLIT, _READY = range(4)
 
@@ -129,8 +140,8 @@ class Cell(NamedTuple):
     lo, hi : float
         The ends of the interval.
     states : sequence of int
-        For each surface its side, or HIDDEN, OPEN or CROSSED; empty for a pause of the
-        search at `lo`.
+        For each surface its side, or HIDDEN, FLAT, OPEN or CROSSED; empty for a
+        pause of the search at `lo`.
     """
 
     lo: float
@@ -340,13 +351,13 @@ def _enclosed(
         Enclosures of the values of the function.
     states : ndarray, shape (n,)
         The side of the surface throughout each cell, if it is known; else one of
-        HIDDEN, OPEN and CROSSED.
+        HIDDEN, FLAT, OPEN and CROSSED.
     """
     n = len(lo)
     cell, at_lo, at_hi, at_middle, beside = (
         s.part(slice(k * n, (k + 1) * n)) for k in range(5)
     )
-    slope = slope.part(slice(n))
+    slopes, slope = slope, slope.part(slice(n))
     tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
     steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
     reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + TERM_ROUNDOFF)
@@ -360,6 +371,7 @@ def _enclosed(
     )
     undefined = cell.undefined
     refined.lo[undefined] = refined.hi[undefined] = math.nan
+    samples = [at_lo, at_hi, at_middle, beside]
     verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
     # Monotone, with known values at both ends: constant if these are equal.
     steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
@@ -374,11 +386,42 @@ def _enclosed(
     # Further division is of no use: rounding errors hide the step.
     error = np.minimum(at_middle.width, beside.width)
     about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
-    hidden = tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
+    hidden = tame & ~_steps(op, about).single
     # Errors grow with t (a phase): they are compared only within a factor of 2 in t.
     hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
-    state = np.select([known.single, crossed, hidden], [KEPT, CROSSED, HIDDEN], OPEN)
+    most = np.where(slope.jumps, KINKED, SMOOTH)
+    flat = hidden & (refined.width <= most * error)
+    if flat.any():
+        flat &= _vanishing(op, samples, slopes)
+    hidden &= refined.width <= 2.0 * FAINT * error
+    state = np.select(
+        [known.single, crossed, hidden, flat], [KEPT, CROSSED, HIDDEN, FLAT], OPEN
+    )
     return known, state
+
+
+def _vanishing(op: str, samples: Sequence[Interval], slopes: Interval) -> Flags:
+    """Return whether a surface and its slope are within rounding of zero at samples.
+
+    Parameters
+    ----------
+    op : str
+        The discrete function. The surface may be near any of its steps.
+    samples : sequence of Interval, shape (n,)
+        Values of the surface at four points of each cell.
+    slopes : Interval, shape (5n,)
+        Slopes over the cells, then at these points.
+    """
+    n = len(samples[0].lo)
+    rates = [slopes.part(slice(k * n, (k + 1) * n)) for k in range(1, 5)]
+    found: Flags = np.ones(n, bool)
+    # At one point alone a sum may be exact: the largest of the errors holds for all.
+    error = FAINT * np.maximum.reduce([x.width for x in samples])
+    noise = FAINT * np.maximum.reduce([x.width for x in rates])
+    for x, rate in zip(samples, rates, strict=True):
+        found &= ~_steps(op, interval(x.lo - error, x.hi + error)).single
+        found &= (rate.lo - noise <= 0.0) & (rate.hi + noise >= 0.0)
+    return found
 
 
 def _steps(op: str, s: Interval) -> Interval:
@@ -552,6 +595,7 @@ class _Locator:
         self.discrete = discrete
         # The doubtful interval (lo, hi) that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
+        self.entered = False  # whether `lo` of the doubtful interval has been returned
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
         """Return the times of the steps that are certain once `cell` has been examined.
@@ -559,30 +603,38 @@ class _Locator:
         The list may be empty.
 
         cell : the next interval of time.
-        state : the side of the surface in the cell, or one of HIDDEN, OPEN and CROSSED
-            where a step is possible; None for a pause.
+        state : the side of the surface in the cell, or one of HIDDEN, FLAT, OPEN,
+            CROSSED where a step is possible; None for a pause.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:
             return []
         found = []
-        if not self.doubtful or self.doubtful[1:] != (lo, state):
+        faint, before = (HIDDEN, FLAT), self.doubtful
+        if before and before[1] == lo and state in faint and before[2] in faint:
+            state = FLAT if FLAT in (state, before[2]) else HIDDEN
+        elif not before or before[1:] != (lo, state):
             found = self.flush()
-        if state in (HIDDEN, OPEN):
+        if state in (HIDDEN, FLAT, OPEN):
             lo = self.doubtful[0] if self.doubtful else lo
             self.doubtful = (lo, hi, state)
+        long = hi - lo > LONG * max(-lo, hi)
+        if state in (FLAT, OPEN) and long and not self.entered:
+            self.entered = True
+            return [*found, lo]
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Return the time of the step in the doubtful interval as a list, or [].
+        """Return the times at which the value may change in the doubtful interval.
 
-        The interval is deleted; [] if there is none, or if it contains no step.
+        The time of the step in it, if it contains one; the end of a long interval whose
+        start has been returned by `times`. The interval is deleted.
         """
         if self.doubtful is None:
             return []
-        lo, hi, _ = self.doubtful
-        self.doubtful = None
-        return self._change(lo, hi)
+        (lo, hi, _), entered = self.doubtful, self.entered
+        self.doubtful, self.entered = None, False
+        return [hi] if entered else self._change(lo, hi)
 
     def _change(self, lo: float, hi: float) -> list[float]:
         if repr(self.discrete(hi)) == repr(self.discrete(lo)):

@@ -17,7 +17,7 @@ from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
 from lagsim.run.events import times
-from lagsim.run.events.breaks import break_times
+from lagsim.run.events.breaks import _NEW, Division, break_times
 from lagsim.run.trajectory import Outcome
 from tests.patience import PATIENCE
 from tests.support import simulate
@@ -165,6 +165,57 @@ def test_a_part_lost_in_rounding_leaves_the_other_parts_alone():
     found = breaks(text, 0.0, 2.0)
     expected = [math.pi * x / 30 for x in (1, 5, 13, 17)]
     assert found == pytest.approx(expected, rel=1e-15)
+
+
+NOISE = "(sin(t)^2 + cos(t)^2 - 1)"
+WHOLE = "(0.3*sin(t) - mod(0.3*sin(t), 1))"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        *((f"{outer}({WHOLE})", [PI]) for outer in ("abs", "floor")),
+        (f"max({WHOLE}, -{WHOLE})", [PI]),
+        (f"abs({NOISE})", []),
+        (f"sign(max({NOISE}, -{NOISE}))", []),
+        (f"if({NOISE} > 0, 1, 0)", []),
+        (f"floor({NOISE})", []),
+        ("max(sin(2*t), 2*sin(t)*cos(t))", []),
+        ("if(exp(t)*exp(-t) > 1, 1, 0)", []),
+        ("sign((t + 0.1) - t - 0.1)", []),
+        # Real changes beside the zero, and pulses within it.
+        (f"sign(max(0, 3 - t) + {NOISE})", [3]),
+        (f"sign(max(0, t - 3) + {NOISE})", [3]),
+        (f"sign(max(0, abs(t - 2) - 1.5) + {NOISE})", [0.5, 3.5]),
+        (f"sign(max(0, 1e-4 - abs(t - 3)) + {NOISE})", [3 - 1e-4, 3 + 1e-4]),
+        (f"sign(if(t < 3, {NOISE}, sin(2*t)))", [3, PI, 1.5 * PI]),
+        (f"if({NOISE} > 1e-6 or sin(2*t) > 0, 1, 0)", [PI / 2, PI, 1.5 * PI]),
+    ],
+)
+def test_a_surface_that_is_zero_but_for_rounding_costs_few_cells(
+    monkeypatch, text, expected
+):
+    """Decisions within the zero are either side: a few further breaks may be there."""
+    cells, enclose = [], Division._enclose
+    monkeypatch.setattr(
+        Division,
+        "_enclose",
+        lambda self, new: (
+            cells.append(np.count_nonzero(new["task"] == _NEW)) or enclose(self, new)
+        ),
+    )
+    found = breaks(text, 0.0, 5.0)
+    assert sum(cells) < 20_000
+    assert len(found) <= len(expected) + 2
+    for known in expected:  # steps are lost within a few units of rounding, 2e-16
+        assert min(abs(known - t) for t in found) < 1e-13
+
+
+@pytest.mark.slow
+def test_an_undecided_interval_leaves_the_decided_ones_beside_it_alone():
+    inner = f"sign(max(0, 0.1 - t) + {NOISE})"  # undecided from 0.1 on
+    found = breaks(f"if({inner} > 0.5 or sin(2*t) > 0.99, 1, 0)", 0.0, 5.0)
+    assert min(found) == pytest.approx(0.1, abs=1e-13)
 
 
 def test_breaks_that_accumulate():
