@@ -35,6 +35,7 @@ def test_a_notebook_shows_a_page_that_computes_the_motion():
     assert "swing" in repr(page)
 
 
+@pytest.mark.slow
 def test_the_page_is_written_to_a_file(tmp_path):
     page = lagsim.load(SWING).explore(["l"])
     page.write(tmp_path / "swing.html")

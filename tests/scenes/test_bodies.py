@@ -138,6 +138,7 @@ ZXZ = by_angles("zxz", "a: 0, b: -pi/4, c: 0", [1, 0, 0], "pi/2")
 ZYX = by_angles("zyx", "a: pi/2, b: -pi/4, c: 0", [0, 0, 1], "-pi/2")
 
 
+@pytest.mark.slow
 def test_a_top_by_a_quaternion_and_by_angles():
     runs = [simulate(lagsim.load(text)) for text in (QUATERNION, ZXZ, ZYX)]
     p = np.array([runs[0][f"p{k}"] for k in range(4)])

@@ -108,7 +108,9 @@ class Server(ThreadingHTTPServer):
 
     def serve(self) -> None:
         """Answer requests until `end`, or a minute after the last page was closed."""
-        answering = threading.Thread(target=self.serve_forever, daemon=True)
+        answering = threading.Thread(
+            target=self.serve_forever, args=(LOOK,), daemon=True
+        )
         answering.start()
         try:
             while not self.over.wait(LOOK):

@@ -209,6 +209,7 @@ def test_what_is_better_and_what_it_was_measured_on_is_said():
     assert "busy (load 3.0)" in stamp(loaded)
 
 
+@pytest.mark.slow
 def test_what_auto_takes_has_rings(crowded):
     for panel in crowded.panels:
         [rings] = [line for line in panel.of_colour("#000000") if line.marker == "o"]
