@@ -640,7 +640,8 @@ def _sides(
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
-    for discrete, text in {**switches, **shown, **switches}.items():
+    # First the surfaces of the motion: a step that is shown may be on one of these.
+    for discrete, text in (*switches.items(), *shown.items()):
         (surface,) = surfaces(g, discrete)
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
