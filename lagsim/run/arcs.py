@@ -343,9 +343,9 @@ class Run:
         left = most_steps - arc.steps - int(self.arcs * arc_steps)
         if left <= 0:
             return Ending(Outcome.TOO_MANY_STEPS)
-        asked = min(source.pause_at(arc) for source in self.pausing)
-        asked = min(asked, self._horizon.pause_at) - arc.steps
-        budget = min(self.pace.steps, left, asked)
+        until_check = min(source.pause_at(arc) for source in self.pausing)
+        until_check = min(until_check, self._horizon.pause_at) - arc.steps
+        budget = min(self.pace.steps, left, until_check)
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
         self.pace.lasted(time.perf_counter() - began)

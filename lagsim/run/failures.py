@@ -229,8 +229,8 @@ class Unmet(Source):
 
         code : the kernel's return code; a check takes place at PAUSED.
         """
-        held = arc.system.m and arc.plan.projected
-        if code != at.PAUSED or arc.steps % APART or not held:
+        projects = arc.system.m and arc.plan.projected
+        if code != at.PAUSED or arc.steps % APART or not projects:
             return None
         shown = arc.observed().tolist()
         columns = dict(zip(arc.system.columns.names, shown, strict=True))
@@ -345,11 +345,11 @@ class Stiffness(Source):
 
         The decision is a change of the method, a caution, or `GO_ON`.
         """
-        asked = {"at_bound": 0.0, "pause_at": CHECK_GROWTH * arc.state.pause_at}
+        numbers = {"at_bound": 0.0, "pause_at": CHECK_GROWTH * arc.state.pause_at}
         # Forces of elements have no Jacobian.
         gathers = bool(arc.system.equations.graph.of((ELEMENTS,)))
         considered = self._of_elements if gathers else self._considered_once
-        return considered(arc)._replace(numbers=asked)
+        return considered(arc)._replace(numbers=numbers)
 
     def _of_elements(self, arc: Arc) -> Decision:
         """Return a caution that a stiff method may be faster; GO_ON if no work is done.
@@ -377,10 +377,10 @@ class Stiffness(Source):
         limit = arc.runner.method.IMAGINARY_LIMIT
         if fast.rate * arc.state.step_h < CLOSE * limit:
             return GO_ON  # limited by another cause, such as a loss of rank
-        asked = arc.settings.method != "auto"
-        if arc.plan.method == SERIES and (asked or fast.excited):
+        is_requested = arc.settings.method != "auto"
+        if arc.plan.method == SERIES and (is_requested or fast.excited):
             return GO_ON
-        if asked:
+        if is_requested:
             return self._warning(arc, fast.where, DIED_OUT)
         if fast.excited:
             # Without the fast motion the next slower one would bound the steps.

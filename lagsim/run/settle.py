@@ -162,7 +162,7 @@ def surfaces_met(surfaces: SurfacesAt, located: Located) -> SurfacesAt:
     """Return the surfaces at an instant, with the surface just located."""
     if located.surface < 0:
         return surfaces
-    return surfaces._replace(met=located.surface, off=located.off)
+    return surfaces._replace(located=located.surface, off=located.off)
 
 
 def new_record(arc: Arc, **known: Any) -> InstantRecord:
@@ -319,9 +319,9 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     now : the record before.
     by : the parts of the run that decide.
     """
-    met = now.located.law
-    if met >= 0:
-        return laws_struck(now.but(located=NOWHERE), by, met=met, decided=False)
+    law = now.located.law
+    if law >= 0:
+        return laws_struck(now.but(located=NOWHERE), by, law=law, decided=False)
     if now.before is None or not may_strike(now.arc, by):
         return now
     return laws_struck(now, by, decided=False)
@@ -380,7 +380,7 @@ def corners_at(now: InstantRecord, by: Deciders) -> CornerSides | None:
 
 
 def laws_struck(
-    now: InstantRecord, by: Deciders, projected: Decision = GO_ON, *, met: int = -1,
+    now: InstantRecord, by: Deciders, projected: Decision = GO_ON, *, law: int = -1,
     decided: bool = True,
 ) -> InstantRecord:  # fmt: skip
     """Return the record after the impacts of laws at an instant.
@@ -388,7 +388,7 @@ def laws_struck(
     now : the record before.
     by : the parts of the run that decide.
     projected : the jump of velocities by equalities, which is part of the jump by laws.
-    met : the law whose mode has ended, or -1.
+    law : the law whose mode has ended, or -1.
     decided : whether the sides of surfaces are decided.
     """
     assert by.contacts is not None
@@ -396,15 +396,15 @@ def laws_struck(
     arc = now.arc
     decided |= not (arc.system.surfaces or arc.t >= arc.end)
     with TrialModes(arc) as trial:
-        laws = now.laws if met < 0 else by.contacts.located(arc, now.laws, met)
+        laws = now.laws if law < 0 else by.contacts.located(arc, now.laws, law)
         corners = corners_at(now, by)
-        found = by.contacts.velocities(arc, laws, met, corners, decided=decided)
+        found = by.contacts.velocities(arc, laws, law, corners, decided=decided)
         if corners is not None:
             corners.restore()
     if corners is not None and corners.is_decided:
         now = now.but(surfaces=now.surfaces._replace(stopped=corners.stopped))
     decision = found.decision(arc).after(projected)
-    if decision.ending is None and met >= 0:
+    if decision.ending is None and law >= 0:
         decision = decision._replace(ending=by.contacts.accumulate())
     return carried_out(
         now, decision, modes=trial.found, laws=found.laws, admissible=found.state

@@ -75,7 +75,7 @@ class Truth:
     def __init__(self, arc: Arc, *, set_by_modes: bool = True) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
         self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
-        # Orientation and leeway (C,) of the conditions before `met`.
+        # Orientation and leeway (C,) of the conditions before `satisfied`.
         self._before = np.zeros(0), np.zeros(0)
 
     def run(self, kernel: str, *arguments: float) -> float:
@@ -116,17 +116,17 @@ class Truth:
             Values of the conditions before the impacts at the start; None if no impact.
         """
         state, now = self.state, self.state.worth.copy()
-        found = (state.orientation < 0.0) & self._look_ahead()
+        found = (state.orientation < 0.0) & self._store_start_jumps()
         if before is not None:
             inequality = (state.equation == 0.0) & np.isfinite(state.leeway)
-            met = (now >= -state.zero) & (before < -state.zero)
-            found |= inequality & met
+            crossed = (now >= -state.zero) & (before < -state.zero)
+            found |= inequality & crossed
         # Their leeway is that of the values just after the start.
         state.worth[:] += state.ahead
         state.marked[:] = found
         return self._marked(float(found.any()))
 
-    def _look_ahead(self) -> Flags:
+    def _store_start_jumps(self) -> Flags:
         """Store the jumps of conditions just after the start of the run in `ahead`.
 
         Return a mask (C,) of the inequalities that such a jump makes, or keeps, true.
@@ -170,7 +170,7 @@ class Truth:
         """
         self.run("decide_before", found)
 
-    def met(self) -> set[int]:
+    def satisfied(self) -> set[int]:
         """Return indices of the conditions that the motion satisfies at the instant.
 
         A condition that is about to become false at that time counts as false.
@@ -180,7 +180,7 @@ class Truth:
         return self._marked(self.run("mark_satisfied"))
 
     def falsified(self) -> list[int]:
-        """Return indices of the conditions that `met` has found to become false."""
+        """Return indices of the conditions that `satisfied` found to become false."""
         was_true, now = self._before[0] == 0.0, self.state.orientation
         found: list[int] = np.flatnonzero(was_true & (now != 0.0)).tolist()
         return found
@@ -197,7 +197,7 @@ class Truth:
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
 
-        waiting : indices of conditions whose truth `met` has found to change.
+        waiting : indices of conditions whose truth `satisfied` has found to change.
         """
         state, some = self.state, list(waiting)
         state.marked[some] = 0.0
@@ -221,7 +221,7 @@ class Truth:
         """
         if not self.set_by_modes:
             return set()
-        self._look_ahead()
+        self._store_start_jumps()
         return self._marked(self.run("change"))
 
     def settled(self, *, struck: bool) -> set[int]:
@@ -230,7 +230,7 @@ class Truth:
         struck : whether velocities have jumped by an impact.
         """
         jumped = int(struck or self.set_by_modes)
-        self._look_ahead()
+        self._store_start_jumps()
         return self._marked(self.run("settle", jumped))
 
     def _marked(self, count: float) -> set[int]:
@@ -302,6 +302,6 @@ def allow_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     if not len(state.orientation):
         return
     misses = arc.located(arc.t, y) * state.orientation
-    met = arc.located(arc.t, closed) * state.orientation <= 0.0
-    met &= (state.orientation != 0.0) & (state.leeway == 0.0)
-    state.leeway[met] = -np.maximum(misses, LEAST)[met]
+    satisfied = arc.located(arc.t, closed) * state.orientation <= 0.0
+    satisfied &= (state.orientation != 0.0) & (state.leeway == 0.0)
+    state.leeway[satisfied] = -np.maximum(misses, LEAST)[satisfied]

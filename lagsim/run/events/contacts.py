@@ -35,11 +35,11 @@ from lagsim.run.events.law_modes import (
     Chosen,
     changes,
     chosen_modes,
-    kept_on_by,
     set_floors,
     set_slack,
     steady_laws,
     that_could_act,
+    unchanged_laws,
     write_modes,
 )
 from lagsim.run.events.records import LawsAt, LawState
@@ -242,7 +242,7 @@ class Contacts(Source):
         return quoted(self.laws[k].name for k in some)
 
     def velocities(
-        self, arc: Arc, laws: LawsAt, met: int, corners: CornerSides | None,
+        self, arc: Arc, laws: LawsAt, law: int, corners: CornerSides | None,
         *, decided: bool,
     ) -> StateAfter:  # fmt: skip
         """Compute the impacts of all laws that approach at the state reached.
@@ -255,7 +255,7 @@ class Contacts(Source):
             The arc that has ended, at the state reached.
         laws : LawsAt
             The laws at the instant.
-        met : int
+        law : int
             Index of the law whose mode has ended, or -1.
         corners : CornerSides or None
             The corners of equalities that the state may be on; their sides are changed.
@@ -264,7 +264,7 @@ class Contacts(Source):
             decided.
         """
         here, found = Kinematics(arc, arc.y), StateAfter(arc.y.copy(), laws)
-        corrected = corrected_state(here, met)
+        corrected = corrected_state(here, law)
         if corrected is not None:
             found.y, here = corrected, Kinematics(arc, corrected.copy())
         arrived = here
@@ -297,7 +297,7 @@ class Contacts(Source):
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
             found.laws = found.laws._replace(shared=None)
-        steady = None if met < 0 else steady_laws(arrived, here)
+        steady = None if law < 0 else steady_laws(arrived, here)
         found.state = LawState(here, some, steady)
         return found
 
@@ -318,7 +318,7 @@ class Contacts(Source):
         p, slid = arc.system.p, laws.slid
         if laws.shared is None or here.grazing:
             could = that_could_act(here, laws.closed)
-            stay = kept_on_by(here, could, steady, laws.closed)
+            stay = unchanged_laws(here, could, steady, laws.closed)
             decided = sorted({*could}.difference(stay)) if stay else could
             chosen = chosen_modes(here, decided, laws.left, stay)
         else:
@@ -359,8 +359,8 @@ class Contacts(Source):
         y, velocities = here.arc.y.copy(), here.arc.velocities
         stopped = [k in slid and self.laws[k].pair >= 0 for k in held]
         if any(stopped):  # the remaining speed of a slip that stops is removed
-            asked = np.where(stopped, here.rates[held], 0.0)
-            y[velocities] -= here.shape.lift(held, asked)
+            rates = np.where(stopped, here.rates[held], 0.0)
+            y[velocities] -= here.shape.lift(held, rates)
         stop(here, y, [k for k in held if k in slid])
         return y
 
@@ -481,10 +481,10 @@ class Contacts(Source):
         e = np.array([0.0 if k in ends else here.restitutions[k] for k in some])
         # A contact whose series ends is held as an equality; a slip has the friction of
         # the impulses that remain in its series.
-        held = [i for i, k in enumerate(some) if k in ends] if stopped else []
-        blow = _blow(here, some, e, held)
+        equalities = [i for i, k in enumerate(some) if k in ends] if stopped else []
+        blow = _blow(here, some, e, equalities)
         if corners is not None and corners.corners:
-            blow = _blow_beside(corners, here, some, e, held)
+            blow = _blow_beside(corners, here, some, e, equalities)
         here, problem, rates, result, y = blow
         # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
@@ -502,9 +502,11 @@ class Contacts(Source):
         given = np.zeros(len(self.laws))
         given[some] = result.impulses
         found.impulses = transmit(arc, before, y, given)
-        met = [k for k in struck if k in self.contacts]
+        contacts = [k for k in struck if k in self.contacts]
         closed = y.copy()
-        closed[arc.state.positions] -= lift(met, here.gaps[met] + here.slack[met])
+        closed[arc.state.positions] -= lift(
+            contacts, here.gaps[contacts] + here.slack[contacts]
+        )
         allow_closed(arc, y, closed)
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
@@ -581,7 +583,7 @@ class Blow(NamedTuple):
 
 
 def _blow(
-    here: Kinematics, some: list[int], e: Floats, held: list[int],
+    here: Kinematics, some: list[int], e: Floats, equalities: list[int],
     stopped: Collection[int] = (),
 ) -> Blow:  # fmt: skip
     """Compute the impulses of r laws at a state, and the state after.
@@ -594,7 +596,7 @@ def _blow(
         The numbers of the r laws.
     e : ndarray, shape (r,)
         Their coefficients of restitution.
-    held : list of int
+    equalities : list of int
         The indices in `some` of laws that are held as equalities.
     stopped : collection of int
         The corners of equalities at which the velocity across the surface is stopped,
@@ -602,8 +604,8 @@ def _blow(
     """
     matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
     problem, response = here.problem(some, e, matrix)
-    if held:
-        problem = replace(problem, table=problem.table.held(held))
+    if equalities:
+        problem = replace(problem, table=problem.table.held(equalities))
     rates, y = here.rates[some], here.y.copy()
     result = impact(problem, rates, here.still[some])
     y[here.arc.velocities] += response @ result.impulses
@@ -611,7 +613,11 @@ def _blow(
 
 
 def _blow_beside(
-    corners: CornerSides, here: Kinematics, some: list[int], e: Floats, held: list[int]
+    corners: CornerSides,
+    here: Kinematics,
+    some: list[int],
+    e: Floats,
+    equalities: list[int],
 ) -> Blow:
     """Return the impulses of laws, on the sides of corners onto which they lead.
 
@@ -622,7 +628,7 @@ def _blow_beside(
     def jump(stopped: frozenset[int]) -> Floats:
         y = here.y.copy()
         corners.project(y, stopped)
-        found.append(_blow(here.at(y), some, e, held, stopped))
+        found.append(_blow(here.at(y), some, e, equalities, stopped))
         return found[-1].y
 
     corners.after(jump)

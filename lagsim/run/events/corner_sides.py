@@ -94,8 +94,8 @@ class CornerSides:
         self._near = near + 2.0 * max(off, default=0.0) * lengths
         self._speeds: dict[Sides, Floats] = {}
         self._former = modes.value.copy(), modes.kind.copy()
-        kept_on = (modes.kind == kept.CARRIED).tolist()
-        self._carried = {k: each for k, each in modes.carried.items() if kept_on[k]}
+        is_carried = (modes.kind == kept.CARRIED).tolist()
+        self._carried = {k: each for k, each in modes.carried.items() if is_carried[k]}
 
     def restore(self) -> None:
         """Restore the modes that the surfaces had before the trial.

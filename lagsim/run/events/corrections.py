@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from lagsim.run.events.kinematics import Kinematics
 
 
-def corrected_state(here: Kinematics, met: int) -> Floats | None:
+def corrected_state(here: Kinematics, law: int) -> Floats | None:
     """Return the state (size,) corrected for errors of the step just ended, or None.
 
     None where there is nothing to correct.
 
-    met : the index of the law whose mode has ended, or -1.
+    law : the index of the law whose mode has ended, or -1.
     here : all laws at the end of the step.
     """
     if here.arc.system.p.law_opens.any():
         return _raised_state(here)
-    if met >= 0 and _is_stopping(here, met):
-        return _straightened_state(here, met)
+    if law >= 0 and _is_stopping(here, law):
+        return _straightened_state(here, law)
     return None
 
 
@@ -48,8 +48,8 @@ def _raised_state(here: Kinematics) -> Floats:
     for level, values in levels:
         low = np.flatnonzero((p.law_opens > 0.0) & (values < 0.0))
         if len(low):
-            asked = np.append(values[low], np.zeros(len(held)))
-            y[level] -= here.shape.lift([*low, *held], asked)
+            residuals = np.append(values[low], np.zeros(len(held)))
+            y[level] -= here.shape.lift([*low, *held], residuals)
     return y
 
 

@@ -229,14 +229,16 @@ class FilippovCone:
         slides = [k for k, mode in enumerate(trial.mode) if mode == SLIDING]
         if not slides:
             return None
-        held = tuple(LEVEL if k in slides else side for k, side in enumerate(sides))
+        level_sides = tuple(
+            LEVEL if k in slides else side for k, side in enumerate(sides)
+        )
         # A force within rounding would leave the level later.
-        if np.any(self.rates(held)[slides]):
+        if np.any(self.rates(level_sides)[slides]):
             return None
-        other = self._solved_beside(held, slides)
+        other = self._solved_beside(level_sides, slides)
         if other is None or np.any(other.leads < 0.0):
             return None
-        response = self.laws(held)[1]
+        response = self.laws(level_sides)[1]
         pushed = response @ other.modes.multipliers[: response.shape[1]]
         if np.any(pushed[slides]):
             return None
@@ -291,12 +293,12 @@ class FilippovCone:
                 level.append(k)
             elif abs(trial.w[k] - 0.5) <= SOLUTION_ROUNDOFF:
                 trial.mode[k] = LEVEL
-        held = tuple(LEVEL if k in level else x for k, x in enumerate(sides))
-        other = self._solved_beside(held, level) if level else None
+        level_sides = tuple(LEVEL if k in level else x for k, x in enumerate(sides))
+        other = self._solved_beside(level_sides, level) if level else None
         if other is None or other.leads[level].any():
             return trial
         other.leads[level] = math.inf
-        return other if self._is_inside(held, other) else trial
+        return other if self._is_inside(level_sides, other) else trial
 
     def _is_mean(self, k: int, w: Floats) -> bool:
         """Whether rates at the level of surface k are the means of both sides' rates.

@@ -224,13 +224,13 @@ class Kinematics:
         v = y[speeds]
         # A coordinate that has not moved yet has the size that it will have soon.
         soon = seen[:n] + arc.settings.output_step * np.abs(v)
-        held = np.maximum(gap_scales, slopes @ soon)
+        position_scales = np.maximum(gap_scales, slopes @ soon)
         # Within the rounding of the time a gap changes by its rate and by terms of t.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
-        self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
+        self.slack = SUM_ROUNDOFF * position_scales + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {} if near is None else near.grazing
         self.closed = self._closed()
-        self.scales = held, sizes
+        self.scales = position_scales, sizes
         self._compute_free()
         # Rounding errors of balanced forces have changed rates during the last step;
         # within the rounding of the time forces change rates.
@@ -305,7 +305,7 @@ class Kinematics:
         evaluate = self.arc.runner.function("restitutions", self.count)
         return np.where(varies, evaluate(self.t, self.y), known)
 
-    def out_of_range(self, closed: Collection[int], met: Collection[int]) -> str:
+    def out_of_range(self, closed: Collection[int], located: Collection[int]) -> str:
         """Return a message about a coefficient out of its range, or an empty string.
 
         Bounds must not be negative, static bounds not less than dynamic ones, and
@@ -315,7 +315,7 @@ class Kinematics:
         ----------
         closed
             The numbers of the closed laws.
-        met
+        located
             The indices of the laws whose event functions were located at this time.
         """
         table, e, mu = self.table, self.restitutions, self.bounds
@@ -325,10 +325,10 @@ class Kinematics:
         doubtful = (negative | weaker | beyond).tolist()
         for k in (k for k in closed if doubtful[k]):
             what = "friction" if table.slips[k] else "limit"
-            if negative[k] and self._goes_below(k, met):
+            if negative[k] and self._goes_below(k, located):
                 text = f"is {mu[k]:.6g}, which is negative,"
                 return f"the {what} of `{self.laws[k].name}` {text}"
-            if weaker[k] and self._is_weaker_at_rest(k, met):
+            if weaker[k] and self._is_weaker_at_rest(k, located):
                 least = f"{self.statics[k]:.6g}, not more than the dynamic one,"
                 return f"the static {what} of `{self.laws[k].name}` falls to {least}"
             if beyond[k]:
@@ -336,21 +336,21 @@ class Kinematics:
                 return f"the restitution of `{self.laws[k].name}` {text}"
         return ""
 
-    def _is_weaker_at_rest(self, k: int, met: Collection[int]) -> bool:
+    def _is_weaker_at_rest(self, k: int, located: Collection[int]) -> bool:
         """Whether the static bound of law k is less than the dynamic bound, at slip 0.
 
         Only for laws whose static bound is another expression than the dynamic one. The
         two bounds of such a law may be equal to rounding; then the result is whether
         its static bound falls below the dynamic one.
 
-        met : laws whose event functions were located at this time.
+        located : laws whose event functions were located at this time.
         """
         pair = self.laws[k].pair
         own = [k] if pair < 0 else [k, pair]
         if (np.abs(self.rates[own]) > self.still[own]).any():
             return False
         left, least = self.statics[k] - self.bounds[k], COMPUTED_ZERO * self.bounds[k]
-        falls = k in met and self.arc.system.p.law_weakens[k] > 0.0
+        falls = k in located and self.arc.system.p.law_weakens[k] > 0.0
         if left < -least or left > least or not falls:
             return bool(left < -least)
         before = self._free_before()
@@ -366,14 +366,14 @@ class Kinematics:
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
 
-    def _goes_below(self, k: int, met: Collection[int]) -> bool:
+    def _goes_below(self, k: int, located: Collection[int]) -> bool:
         """Whether the bound of law k is clearly negative, or falls below 0.
 
-        The bound of a law that was located (`met`) is 0 within rounding: a bound falls
+        The bound of a located law is 0 within rounding: a bound falls
         if it is negative shortly after, on the sides that are selected now.
         """
         least, arc = self._bound_roundoff[k], self.arc
-        if self.bounds[k] < -least or k not in met or not self.t < arc.settings.end:
+        if self.bounds[k] < -least or k not in located or not self.t < arc.settings.end:
             return bool(self.bounds[k] < -least)
         soon = arc.later(self.y, self.free, arc.short_time)
         return bool(self._free(self.t + arc.short_time, soon)[2][k] < -least)
@@ -405,9 +405,11 @@ class Kinematics:
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
-        held, moving = self.scales
-        held = np.where(self.arc.system.holonomic_laws, held, 0.0)
-        for level, scales in zip(self.levels, (held, moving), strict=True):
+        position_scales, rate_scales = self.scales
+        position_scales = np.where(self.arc.system.holonomic_laws, position_scales, 0.0)
+        for level, scales in zip(
+            self.levels, (position_scales, rate_scales), strict=True
+        ):
             part = sizes[level]
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
@@ -470,8 +472,8 @@ class Kinematics:
             of equalities.
         """
         shape, (_, J) = self.shape, self.arc.surface_rows(self.t, self.y)
-        held = J[sorted(along), : self.arc.system.n]
-        return delassus(shape.M, np.vstack([shape.equalities, held]), shape.rows)
+        surfaces = J[sorted(along), : self.arc.system.n]
+        return delassus(shape.M, np.vstack([shape.equalities, surfaces]), shape.rows)
 
     def _closed(self) -> list[bool]:
         """Return for each of L laws whether it is closed.

@@ -62,7 +62,7 @@ def _state_after(
 def ahead_of(
     here: Kinematics, some: list[int],
     others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
-    kept_on: Sequence[int] = (),
+    unchanged: Sequence[int] = (),
 ) -> Ahead:  # fmt: skip
     """Return a function that maps multipliers (r,) to d/dt of accelerations.
 
@@ -78,13 +78,13 @@ def ahead_of(
     others : callable
         Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
         which returns the rates (k,) of other rows. These come first in the result.
-    kept_on : sequence of int
+    unchanged : sequence of int
         Laws that stay in their modes, and are not coupled with the laws `some`.
     """
     moment = here.arc.short_time
 
     def change(p: Floats) -> tuple[Floats, Floats]:
-        free = here.moved_by(kept_on) if len(kept_on) else here.free
+        free = here.moved_by(unchanged) if len(unchanged) else here.free
         y = _state_after(here, free, some, p, moment)
         later = here.at(y, here.t + moment)
         w = []
@@ -148,19 +148,19 @@ class Chosen(NamedTuple):
         here: Kinematics,
         some: list[int],
         found: RowModes,
-        kept_on: Sequence[int] = (),
+        unchanged: Sequence[int] = (),
     ) -> Chosen:
         """Return the modes of all laws from those of the laws `some`.
 
         found : the modes of rows, of which the first belong to the laws `some`.
-        kept_on : laws that stay in their modes; all others are off.
+        unchanged : laws that stay in their modes; all others are off.
         here : all laws at the state reached.
         """
         mode, direction = np.zeros((2, here.count))
-        if len(kept_on):
+        if len(unchanged):
             p = here.arc.system.p
-            mode[kept_on] = p.law_mode[kept_on]
-            direction[kept_on] = p.law_direction[kept_on]
+            mode[unchanged] = p.law_mode[unchanged]
+            direction[unchanged] = p.law_direction[unchanged]
         r = len(some)
         mode[some] = [float(x) for x in found.mode[:r]]
         direction[some] = found.direction[:r]
@@ -174,12 +174,12 @@ def chosen_modes(
     here: Kinematics,
     some: list[int],
     left: Mapping[int, int],
-    kept_on: Sequence[int] = (),
+    unchanged: Sequence[int] = (),
 ) -> Chosen:
     """Select the modes by the accelerations of the laws `some`, which could act.
 
     left : how often each law has reached the limit of its multiplier at this time.
-    kept_on : laws that stay in their modes, and are not coupled with the laws `some`.
+    unchanged : laws that stay in their modes, and are not coupled with the laws `some`.
     here : all laws at the state reached.
     """
     from lagsim.mechanics import row_modes
@@ -187,14 +187,14 @@ def chosen_modes(
     if not some:
         none = np.empty(0)
         nothing = row_modes.RowModes((), none, none, paradox=False)
-        return Chosen.of(here, some, nothing, kept_on)
-    laws, asked = here.acting(some, left), here.accelerations[some]
-    asked = np.where(np.abs(asked) <= laws.roundoff, 0.0, asked)
+        return Chosen.of(here, some, nothing, unchanged)
+    laws, accelerations = here.acting(some, left), here.accelerations[some]
+    accelerations = np.where(np.abs(accelerations) <= laws.roundoff, 0.0, accelerations)
     found = row_modes.modes(
-        laws.closed, asked, laws.rates, laws.roundoff, laws.slow,
-        ahead_of(here, some, kept_on=kept_on), laws.left,
+        laws.closed, accelerations, laws.rates, laws.roundoff, laws.slow,
+        ahead_of(here, some, unchanged=unchanged), laws.left,
     )  # fmt: skip
-    return Chosen.of(here, some, found, kept_on)
+    return Chosen.of(here, some, found, unchanged)
 
 
 def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
@@ -217,7 +217,7 @@ def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
     return same
 
 
-def kept_on_by(
+def unchanged_laws(
     here: Kinematics, some: list[int], steady: Flags | None, ended: Collection[int]
 ) -> list[int]:
     """Return the laws of `some` that keep the modes of the arc that has ended.

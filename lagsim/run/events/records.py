@@ -102,11 +102,11 @@ class SurfacesAt(NamedTuple):
     ----------
     levels : mapping of int to float
         The level of each surface that the state is on, by the last phase `sides`.
-    met : int
+    located : int
         The surface that was located last, or -1.
     off : float
-        The largest distance of the expression of surface `met` from its level; negative
-        where the expression has jumped past its level.
+        The largest distance of the expression of surface `located` from its level;
+        negative where the expression has jumped past its level.
     stopped : frozenset of int
         Corners of equalities at which velocities have been stopped.
     selected : Selected or None
@@ -115,7 +115,7 @@ class SurfacesAt(NamedTuple):
     """
 
     levels: Mapping[int, float] = {}
-    met: int = -1
+    located: int = -1
     off: float = 0.0
     stopped: frozenset[int] = frozenset()
     selected: Selected | None = None

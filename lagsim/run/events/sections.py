@@ -38,10 +38,10 @@ class Sections:
     """
 
     def __init__(self, model: Model, columns: int) -> None:
-        asked = sorted(model.output.sections, key=lambda x: x.at is None)
-        self.names = [x.name for x in asked]
+        sections = sorted(model.output.sections, key=lambda x: x.at is None)
+        self.names = [x.name for x in sections]
         self._columns = columns
-        self._blocks: list[list[Floats]] = [[] for _ in asked]
+        self._blocks: list[list[Floats]] = [[] for _ in sections]
         # By number: the row of a crossing that waits, in the modes of its own time.
         self._waiting: dict[int, Floats] = {}
 
@@ -49,9 +49,9 @@ class Sections:
         """Start the search for sections in the kernels of the first arc."""
         self._waiting.clear()
         state, model = arc.state, arc.equations.model
-        asked = model.output.sections
+        sections = model.output.sections
         state.sought = 1.0
-        state.ways[:] = [DIRECTIONS[x.direction] for x in asked if x.at is not None]
+        state.ways[:] = [DIRECTIONS[x.direction] for x in sections if x.at is not None]
         state.periods[:] = periods(model)
 
     def take(self, arc: Arc, until: float = np.inf) -> None:

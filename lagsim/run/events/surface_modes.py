@@ -177,7 +177,7 @@ class SurfaceModes:
         """Mask (K,) of the surfaces whose modes keep the motion on them.
 
         They are followed or redundant. Surfaces at whose level constraints keep the
-        motion: see `held`.
+        motion: see `constrained`.
         """
         return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
 
@@ -369,7 +369,7 @@ class SurfaceModes:
             found[list(self.depends[k])] = 1.0
         return found
 
-    def held(self) -> dict[int, float]:
+    def constrained(self) -> dict[int, float]:
         """Return, by index, the surfaces at whose level constraints keep the motion.
 
         The value of each is a bound: the largest distance from its level that rounding

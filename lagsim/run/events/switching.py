@@ -104,7 +104,7 @@ class Switching(Source):
         The last switches, by which accumulations are found.
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
-        `surface_modes.SurfaceModes.held`.
+        `surface_modes.SurfaceModes.constrained`.
     approaches : int
         Number of attempts, since the last surface was reached, to step close to a
         surface beyond which y' may not be finite.
@@ -188,8 +188,8 @@ class Switching(Source):
             return False
         modes.begin(arc)
         near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
-        if surfaces.met >= 0:
-            near[surfaces.met] = max(near[surfaces.met], surfaces.off)
+        if surfaces.located >= 0:
+            near[surfaces.located] = max(near[surfaces.located], surfaces.off)
         return bool(np.any(modes.on_rates & (modes.off_levels() <= near)))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -202,8 +202,8 @@ class Switching(Source):
             hit = int(arc.state.switched) - 1
             return self._reached(arc, hit) if hit < self.modes.count else None
         if code == at.PAUSED:
-            asked = arc.checks_approach and arc.t != self.passed_at
-            return self._stuck(arc) if asked else None
+            checks = arc.checks_approach and arc.t != self.passed_at
+            return self._stuck(arc) if checks else None
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 
@@ -248,7 +248,7 @@ class Switching(Source):
         time = arc.t if time is None else time
         if surfaces.stopped:
             at_rest = {*at_rest, *surfaces.stopped}
-        before, held = self.slides, modes.holds
+        before, holds_before = self.slides, modes.holds
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
         known = self._known(surfaces) | dict.fromkeys(at_rest, math.inf)
@@ -256,7 +256,7 @@ class Switching(Source):
         cautions: tuple[Caution, ...] = ()
         left = max(0.0, time - arc.t) if at_rest else 0.0
         crossing = Crossing(
-            modes, known, at_rest, left, surfaces.met, self.resting, laws
+            modes, known, at_rest, left, surfaces.located, self.resting, laws
         )
         crossing.find()
         levels = crossing.levels
@@ -277,7 +277,7 @@ class Switching(Source):
         y = self._projected(resting=rests or bool(at_rest))
         found = Decision(
             y=y,
-            events=tuple(self._changes(held, hit, time, rests=rests)),
+            events=tuple(self._changes(holds_before, hit, time, rests=rests)),
             cautions=cautions,
             ending=None if y is not None else Ending(Outcome.STATE_JUMPS),
         )
@@ -402,16 +402,18 @@ class Switching(Source):
         constraints. A surface whose expression has jumped since is farther off and not
         included.
         """
-        modes, held = self.modes, dict[int, float]()
+        modes, distances = self.modes, dict[int, float]()
         if self.resting:
             off = modes.off_levels()
-            held = {k: most for k, most in self.resting.items() if off[k] <= most}
-        self.resting = modes.held()
-        held |= self.resting
-        if (k := surfaces.met) >= 0:
+            distances = {k: most for k, most in self.resting.items() if off[k] <= most}
+        self.resting = modes.constrained()
+        distances |= self.resting
+        if (k := surfaces.located) >= 0:
             jumps = surfaces.off < 0.0
-            held[k] = surfaces.off if jumps else max(surfaces.off, held.get(k, 0.0))
-        return held
+            distances[k] = (
+                surfaces.off if jumps else max(surfaces.off, distances.get(k, 0.0))
+            )
+        return distances
 
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Return a caution, given once, that the motion past surfaces is not unique.

@@ -138,13 +138,13 @@ class Transitions(Source):
             return Due(periodic)
         truth = self._truth(arc)
         truth.decide_before(int(arc.state.event) - 1)
-        met = frozenset(truth.met())
+        satisfied = frozenset(truth.satisfied())
         # A rate that ends at 0 may be past 0 by rounding.
-        waiting = truth.jumped([*met, *truth.falsified()])
+        waiting = truth.jumped([*satisfied, *truth.falsified()])
         if not waiting or not comes_to_rest(arc):
-            return Due(periodic, met)
+            return Due(periodic, satisfied)
         truth.wait(waiting)
-        return Due(periodic, met - waiting, True)
+        return Due(periodic, satisfied - waiting, True)
 
     def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
         """Return the events that are due by the state after all acts.

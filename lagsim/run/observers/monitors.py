@@ -324,7 +324,7 @@ class EnergyMonitor:
             return np.asarray(self._extremes.high - self._extremes.low)
 
     @property
-    def held(self) -> Floats:
+    def constraint_forces(self) -> Floats:
         """Largest |constraint force| on each coordinate (n,); 0 without constraints."""
         if not self._held:
             return np.zeros(self.count)

@@ -269,12 +269,14 @@ class Thinning:
         if len(corners):
             self._corners = corners[corners[:, -1, 0] <= self._last[0]]
 
-    def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
+    def _with_corners(
+        self, t: Array, values: Array, at_events: Array
+    ) -> tuple[Array, Array]:
         """Return a curve with values at events inserted, in order of time.
 
         t, values : the curve.
-        met : (2 k, variants), values before and after each of the k events, of which
-            the variant closest to the curve is used.
+        at_events : (2 k, variants), values before and after each of the k events. The
+            variant closest to the curve is used.
         """
         times = self._corners[:, -1, 0]
         at = np.searchsorted(t, times, side="right")
@@ -282,12 +284,12 @@ class Thinning:
         # begins the curve after it.
         beside = at + np.tile((-1, 0), len(at) // 2)
         near = values[np.clip(beside, 0, len(values) - 1)]
-        off = np.abs(met - near[:, np.newaxis])
+        off = np.abs(at_events - near[:, np.newaxis])
         way = off.argmin(axis=1)
         # The variant without offset (the last) is used where offsets have no effect.
-        way[off[:, -1] <= 2.0 * off.min(axis=1)] = met.shape[1] - 1
-        met = met[np.arange(len(met)), way]
-        return np.insert(t, at, times), np.insert(values, at, met)
+        way[off[:, -1] <= 2.0 * off.min(axis=1)] = at_events.shape[1] - 1
+        at_events = at_events[np.arange(len(at_events)), way]
+        return np.insert(t, at, times), np.insert(values, at, at_events)
 
     def _series_of(self, rows: Array) -> Array:
         columns = rows[:, self._series_from]
@@ -318,8 +320,8 @@ class Thinning:
         t, values = self._envelope.points(column)
         if len(self._corners):
             k, ways, c = self._corners.shape
-            met = self._series_of(self._corners.reshape(-1, c))[:, column]
-            t, values = self._with_corners(t, values, met.reshape(k, ways))
+            at_events = self._series_of(self._corners.reshape(-1, c))[:, column]
+            t, values = self._with_corners(t, values, at_events.reshape(k, ways))
         if self._envelope.size > 1:
             first, last = np.split(np.stack((self._first, self._last)), 2)
             t = np.concatenate((first[:, 0], t, last[:, 0]))
@@ -340,8 +342,8 @@ class Thinning:
         kept = self._sample.column(self._paths_at[name])
         if len(self._corners):
             t = self._sample.column(self._paths_at[self.columns[0]])
-            met = self._corners[:, :, self._place[name]]
-            _, kept = self._with_corners(t, kept, met)
+            at_events = self._corners[:, :, self._place[name]]
+            _, kept = self._with_corners(t, kept, at_events)
         if self.stride > 1:
             kept = np.append(kept, self.last(name))
         return _drawable(kept)

@@ -265,7 +265,9 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     n, monitor = len(run.equations.q), run.monitor
     rows, span = monitor.passed, float(monitor.ranges[0])
     ranges = monitor.ranges[1 : 1 + n]
-    found = could_push(run.equations, rows, which, span, monitor.held, ranges)
+    found = could_push(
+        run.equations, rows, which, span, monitor.constraint_forces, ranges
+    )
     rests = ranges <= HIGHER * found.moved
     moved = np.where(rests, found.moved, 0.0)
     return moved, float(moved @ found.forces)
@@ -283,7 +285,7 @@ def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> floa
         return 0.0
     state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + len(run.equations.state)])
     own = energy_error(run.equations, balance.energy, row, state)
-    own += UNIT_ROUNDOFF * float(monitor.held[j] @ monitor.ranges[1:][j])
+    own += UNIT_ROUNDOFF * float(monitor.constraint_forces[j] @ monitor.ranges[1:][j])
     own += _energy_of_residuals(run, balance, state)
     return max(times * own, motion_of_rest(run, balance.coordinates)[1])
 
@@ -314,5 +316,5 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
         (_, error), *slopes = evaluate_with_error(e.graph, nodes, values)
         sizes = np.abs([slope for slope, _ in slopes])
         if whole := float(sizes @ sizes):
-            found += error * float(run.monitor.held[own] @ sizes) / whole
+            found += error * float(run.monitor.constraint_forces[own] @ sizes) / whole
     return found
