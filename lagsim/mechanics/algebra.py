@@ -95,8 +95,8 @@ def completed(M: Floats, A: Floats) -> Floats:
     if is_positive(M):
         return M
     inertias = np.abs(np.diag(M))
-    held = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
-    sizes = np.where(held > 0.0, held, np.max(inertias, initial=0.0) or 1.0)
+    coupled = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
+    sizes = np.where(coupled > 0.0, coupled, np.max(inertias, initial=0.0) or 1.0)
     squares = np.sum(A * A, axis=1)
     weights = sizes / np.where(squares > 0.0, squares, 1.0)
     return np.asarray(M + (A.T * weights) @ A)

@@ -403,14 +403,14 @@ class Chains(NamedTuple):
         reach = [{j} for j in range(self.size)]
         for form in self.sums:
             reach.append(set().union(*(reach[i] for i in form)))
-        met = [set[int]() for _ in reach]
+        neighbours = [set[int]() for _ in reach]
         for i, j in self.squares:
-            met[i] |= reach[j]
-            met[j] |= reach[i]
+            neighbours[i] |= reach[j]
+            neighbours[j] |= reach[i]
         for k, form in reversed(self.named.items()):
             for i in form:
-                met[i] |= met[k]
-        return met[: self.size]
+                neighbours[i] |= neighbours[k]
+        return neighbours[: self.size]
 
 
 class _NotFoundError(Exception):

@@ -50,18 +50,20 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         Index of the side -> its corner. Surfaces that depend on velocities, or at which
         no row of an equality jumps, have none.
     """
-    held = [
+    equalities = [
         (r, x.row) for r, x in enumerate(e.relations) if x.equal and x.row.holonomic
     ]
-    if not held or not switches.sides:
+    if not equalities or not switches.sides:
         return {}
     g, fast = e.graph, frozenset(e.velocities)
-    slopes = {r: switches.freeze(list(row.A)) for r, row in held}
+    slopes = {r: switches.freeze(list(row.A)) for r, row in equalities}
     followers = _followers(g, switches)
     found = {}
     for k, side in enumerate(switches.sides):
         own = {g.variable(x) for x in followers[k]}
-        bent = [(r, row) for r, row in held if not own.isdisjoint(g.cone(slopes[r]))]
+        bent = [
+            (r, row) for r, row in equalities if not own.isdisjoint(g.cone(slopes[r]))
+        ]
         (u,) = switches.freeze([side.node])
         if not bent or fast & g.depends([u]):
             continue

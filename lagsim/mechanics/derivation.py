@@ -330,15 +330,15 @@ def reactions(e: Equations) -> dict[str, int]:
         ]
         for name in expressions
     }
-    held: dict[str, int] = {}
+    reaction_of: dict[str, int] = {}
     for name in TopologicalSorter(users).static_order():
         x = g.variable(name)
         rest = (
-            (held[other], gradient(g, expressions[other], [x])[0])
+            (reaction_of[other], gradient(g, expressions[other], [x])[0])
             for other in users[name]
         )
-        held[name] = g.call("add", own[name], g.product_sum(rest))
-    nodes = g.substitute((held[name] for name in expressions), _motion(e))
+        reaction_of[name] = g.call("add", own[name], g.product_sum(rest))
+    nodes = g.substitute((reaction_of[name] for name in expressions), _motion(e))
     return dict(zip(expressions, nodes, strict=True))
 
 

@@ -401,10 +401,10 @@ class Equations:
         accelerations = [g.variable(name) for name in self.accelerations]
         residuals = []
         inertias = self.mass_times(accelerations)
-        for inertia, f, held in zip(
+        for inertia, f, force in zip(
             inertias, self.f, self.constraint_forces(), strict=True
         ):
-            residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+            residuals.append(g.call("sub", inertia, g.call("add", f, force)))
         for row in self.rows:
             moved = g.product_sum(zip(row.A, accelerations, strict=True))
             residuals.append(g.call("sub", moved, row.b))

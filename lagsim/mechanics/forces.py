@@ -46,8 +46,10 @@ def without_momentum(e: Equations) -> list[int]:
 
     These coordinates have no momentum, and no equality determines their velocities.
     """
-    held = {j for x in e.relations if x.equal for j in x.row.A.entries}
-    return [j for j, p in enumerate(e.momenta) if p == e.graph.zero and j not in held]
+    constrained = {j for x in e.relations if x.equal for j in x.row.A.entries}
+    return [
+        j for j, p in enumerate(e.momenta) if p == e.graph.zero and j not in constrained
+    ]
 
 
 def lost_impulses(e: Equations) -> list[Problem]:
@@ -76,7 +78,7 @@ def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:
     Q = [g.zero] * len(flow.rates)
     for force in forces:
         by_rates = force.level is not Level.POSITION
-        levers = flow.gradient(g, force.direction, by_rates=by_rates)
-        for j, lever in levers.entries.items():
-            Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
+        gradient = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, slope in gradient.entries.items():
+            Q[j] = g.call("add", Q[j], g.call("mul", force.node, slope))
     return Q

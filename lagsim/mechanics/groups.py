@@ -46,11 +46,11 @@ def groups(e: Equations) -> list[list[int]]:
         for row in e.rows
     ]
     for law in e.laws:
-        row, held = law.row, [*law.row.A.entries]
+        row, columns = law.row, [*law.row.A.entries]
         if law.normal >= 0:  # friction has the contact's multiplier
-            held += e.laws[law.normal].row.A.entries
+            columns += e.laws[law.normal].row.A.entries
         nodes = [row.residual, row.rate, row.b, *law.given]
-        together.append(([*nodes, *row.A.entries.values()], held))
+        together.append(([*nodes, *row.A.entries.values()], columns))
     names = coordinates_of(e)
     found = DisjointSets(len(e.q))
     # Node -> one of the coordinates that it depends on; the others are in its set.
@@ -223,8 +223,8 @@ def _of_groups(
             gradient(g, part, [g.variable("t")])[0] for part in (*parts, rest)
         )
     # Impacts may do work on the coordinates of these rows.
-    met = [law.row for law in e.laws] + [x for x in e.rows if may_strike(e, x)]
-    struck = {j for row in met for j in row.A.entries}
+    rows = [law.row for law in e.laws] + [x for x in e.rows if may_strike(e, x)]
+    struck = {j for row in rows for j in row.A.entries}
     if e.model.kicks:
         kicks = generalized_impulses(e)
         struck |= {j for kick in kicks for j, x in enumerate(kick) if x != g.zero}

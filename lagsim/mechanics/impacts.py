@@ -111,9 +111,9 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
     target = -e * before if bounces else 0.0
     p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
     after = before + own * p
-    asked, missed = abs(before - target), max(target - after, 0.0)
+    jump, missed = abs(before - target), max(target - after, 0.0)
     energy = p * (before + after) / 2.0
-    found = asked == 0.0 or missed < SOLVED_LAWS * asked
+    found = jump == 0.0 or missed < SOLVED_LAWS * jump
     return Impact(np.array([p]), np.array([after]), False, energy, found)
 
 
@@ -153,7 +153,7 @@ def _impulses(
     sizes = np.where(rests, closed.statics, closed.bounds)
     sizes = np.where(table.slips, sizes, 0.0)
     sliding: list[list[int]] = []
-    held = list[int]()
+    equalities = list[int]()
     for k in np.flatnonzero(table.slips & table.equal[table.normals]).tolist():
         pair = table.pairs.item(k)
         if pair > k:
@@ -164,9 +164,13 @@ def _impulses(
             goes_on[rows], directions[rows] = True, -c[rows] / speed
             sliding.append(rows)
         else:
-            held += rows
+            equalities += rows
     while True:
-        some = replace(closed, table=table.held(held)) if held else closed
+        some = (
+            replace(closed, table=table.with_equalities(equalities))
+            if equalities
+            else closed
+        )
         problem = some.problem(c, sizes, directions, given=goes_on)
         if given is not None:
             known = np.where(problem.normals >= 0, given[problem.normals], 0.0)
@@ -179,7 +183,7 @@ def _impulses(
         for rows in turned:
             sliding.remove(rows)
             goes_on[rows] = False
-            held += rows
+            equalities += rows
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:

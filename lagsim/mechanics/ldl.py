@@ -233,10 +233,12 @@ class Elimination:
 
         It is the commonest pivot in Z, or 1 if a pivot varies along the motion.
         """
-        met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
-        if not met or any(map(self.collected.moves, met)):
+        pivots = [
+            self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})
+        ]
+        if not pivots or any(map(self.collected.moves, pivots)):
             return self.g.one
-        return Counter(met).most_common(1)[0][0]
+        return Counter(pivots).most_common(1)[0][0]
 
     def _inverse(self, k: int) -> int:
         """Return the node of unit / D_k, where `unit` is the unit of mass."""
@@ -350,15 +352,15 @@ class Elimination:
             for k, entry in self.Z[i].items():
                 self.budget.add(1)
                 terms.setdefault(k, []).append((entry, multiplier))
-        held = {k: x.sum(found) for k, found in terms.items()}
+        reactions = {k: x.sum(found) for k, found in terms.items()}
         scaled: Vector = {}
-        for k in sorted(f.keys() | held.keys()):
-            push, pull = f.get(k, g.zero), held.get(k, g.zero)
+        for k in sorted(f.keys() | reactions.keys()):
+            push, pull = f.get(k, g.zero), reactions.get(k, g.zero)
             inverse = mass.inverse[k]
             if self.unit != g.one:
                 free = x.scaled(push, inverse)
                 scaled[k] = x.sum([(free,), (pull, self._inverse(k))])
-            elif mass.columns[k] or k in held:  # other rows have `push` as well
+            elif mass.columns[k] or k in reactions:  # other rows have `push` as well
                 scaled[k] = g.call("mul", g.call("add", push, pull), inverse)
             else:
                 scaled[k] = x.scaled(push, inverse)

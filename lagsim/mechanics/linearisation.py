@@ -152,7 +152,7 @@ class Slopes(NamedTuple):
         The values of all variables: parameters, t, state, q'' and lambda.
     M, A : ndarray, shape (n, n) and (m, n)
         The mass matrix, and the constraint rows.
-    metric, held : Metric
+    metric, position_metric : Metric
         Projections by all rows, and by the holonomic rows alone.
     slopes : ndarray, shape (n + m + l, 2 n + l)
         Derivatives of M q'' - f - A^T lambda, of A q'' - b and of s' with respect to
@@ -169,7 +169,7 @@ class Slopes(NamedTuple):
     M: Floats
     A: Floats
     metric: Metric
-    held: Metric
+    position_metric: Metric
     slopes: Floats
     B: Floats
     C: Floats
@@ -273,7 +273,7 @@ class Linearisation:
         noise : ndarray, shape (n + m + l, 2 n + l), optional
             Bounds of the errors of `x.slopes`: entries of R below these are set to 0.
         """
-        n, m, Z, Zh = self.n, self.m, x.metric.free, x.held.free
+        n, m, Z, Zh = self.n, self.m, x.metric.free, x.position_metric.free
         K, dv, change = self.changes(x)
         turned = -x.metric.inverse @ (x.turning @ Z)
         G = x.metric.G
@@ -293,7 +293,7 @@ class Linearisation:
         both of shape (n, k + d + l), and the change of (q, q', s), of shape
         (2 n + l, k + d + l).
         """
-        Z, Zh, first = x.metric.free, x.held.free, self.first
+        Z, Zh, first = x.metric.free, x.position_metric.free, self.first
         still = np.zeros((self.m, Z.shape[1]))
         K = -x.metric.inverse @ np.hstack([x.B @ Zh, still, x.C])
         dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
@@ -401,11 +401,11 @@ class Linearisation:
         cuts = np.cumsum([(n + m + first) * size, m * (n + first)])
         by_state, moved, turning = np.split(slopes, cuts)
         B, C = np.split(moved.reshape(m, n + first), [n], axis=1)
-        held = metric
+        position_metric = metric
         if not self.holonomic.all():
-            held = Metric(M, A * self.holonomic[:, None])
+            position_metric = Metric(M, A * self.holonomic[:, None])
         return Slopes(
-            values, M, A, metric, held, by_state.reshape(-1, size), B, C,
+            values, M, A, metric, position_metric, by_state.reshape(-1, size), B, C,
             turning.reshape(m, n), acceleration, rates,
         )  # fmt: skip
 

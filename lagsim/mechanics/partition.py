@@ -333,8 +333,8 @@ class Partition(Elimination):
     @property
     def independent(self) -> list[int]:
         """Indices of the coordinates that are in no block."""
-        held = {c for block in self.blocks for c in block.columns}
-        return [c for c in range(self.n) if c not in held]
+        in_blocks = {c for block in self.blocks for c in block.columns}
+        return [c for c in range(self.n) if c not in in_blocks]
 
     def _solve_block(
         self, block: Block, M: list[Vector], right: Sequence[int]

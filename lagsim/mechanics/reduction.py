@@ -185,7 +185,7 @@ def eliminable(
         Coordinate -> square root of its diagonal entry of M, or a substitute for it.
     """
     g, moving, modes = e.graph, frozenset(e.moving), e.model.modes
-    held = Counter(c for row in e.rows for c in row.A.entries)
+    row_counts = Counter(c for row in e.rows for c in row.A.entries)
     mass = Counter(j for row in e.M for j in row.entries)
     keys = []
     for k, row in enumerate(e.rows):
@@ -196,7 +196,13 @@ def eliminable(
         most = max(steep.values(), default=0.0)
         # Coordinates of one relation only come first: other relations stay unchanged.
         keys += [
-            (held[c], (len(A) - 1) * (held[c] + mass[c] - 2), -x / most, k, c)
+            (
+                row_counts[c],
+                (len(A) - 1) * (row_counts[c] + mass[c] - 2),
+                -x / most,
+                k,
+                c,
+            )
             for c, x in steep.items()
             if x * STEEPEST > most
             and math.isfinite(most)
@@ -347,13 +353,13 @@ def conserved(equations: Equations) -> list[int]:
         return []  # momenta jump where events set an inertia, or give an impulse
     seen = g.depends([*e.of_motion, e.energy, *e.momenta]) if e.unforced else ()
     inertias = e.inertias
-    held = {c for A in e.slopes for c in A.entries}
+    constrained = {c for A in e.slopes for c in A.entries}
     return [
         c
         for c, name in enumerate(e.q)
         if name in e.unforced
         and name not in seen
-        and c not in held
+        and c not in constrained
         and inertias[c] != g.zero
     ]
 
@@ -509,8 +515,8 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
     """
     g, f = e.graph, list(e.f)
     found: dict[int, tuple[int, int]] = {}
-    held = {j for row in e.rows for j in row.A.entries}
-    left = {j for j, row in enumerate(e.M) if not row.entries} - held
+    constrained = {j for row in e.rows for j in row.A.entries}
+    left = {j for j, row in enumerate(e.M) if not row.entries} - constrained
     open_laws = dict(enumerate(e.laws))
     going = True
     while going:

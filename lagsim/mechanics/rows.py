@@ -144,7 +144,7 @@ class RowTable:
             )  # fmt: skip
         return found
 
-    def held(self, rows: Sequence[int]) -> RowTable:
+    def with_equalities(self, rows: Sequence[int]) -> RowTable:
         """Return the table with the rows `rows` as equalities, without bounds."""
         if not len(rows):
             return self

@@ -224,9 +224,9 @@ def solved_rows(rows: ContactRows) -> Solution:
         rests = np.zeros(len(free), dtype=bool)
         rests[group] = free[group].all() and on_discs[group].any()
         rests &= rows.closed.columns.any(axis=0)
-        held = _spread(rows, found, rests, balanced=False) if rests.any() else None
-        left += [] if held else group
-        found = held or found
+        spread = _spread(rows, found, rests, balanced=False) if rests.any() else None
+        left += [] if spread else group
+        found = spread or found
     if left:
         left.sort()
         found.p[left], found.w[left], solved = solve(problem.part(left))

@@ -139,10 +139,10 @@ def state_space(
                 own = k if L.holonomic[i] else k - 1
                 if own <= order:
                     right[k, i, first + own] = levels[i]
-    Zh, Z, inverse = x.held.free, x.metric.free, x.metric.inverse
+    Zh, Z, inverse = x.position_metric.free, x.metric.free, x.metric.inverse
     chosen, rates = _chosen(Zh, x.M), _chosen(Z, x.M)
     k, d, size = len(chosen), len(rates), L.first
-    lift = x.held.inverse @ right[0]
+    lift = x.position_metric.inverse @ right[0]
     T = np.linalg.inv(Zh[chosen]) if k else np.zeros((0, 0))
     dq = Zh @ T @ np.hstack([np.eye(k, k + d + size), -lift[chosen]])
     dq[:, k + d + size :] += lift
@@ -155,9 +155,9 @@ def state_space(
     every = np.vstack([dq, dv, ds])
     residuals = x.slopes @ every
     residuals[:, k + d + size :] += change
-    asked = -residuals[n : n + m]
-    asked[:, k + d + size :] += right[2]
-    da, dlam = x.metric.motion(-residuals[:n], asked)
+    given = -residuals[n : n + m]
+    given[:, k + d + size :] += right[2]
+    da, dlam = x.metric.motion(-residuals[:n], given)
     whole = np.vstack([dv[chosen], da[rates], residuals[n + m :]])
     shown = _outputs(L, x.values, outputs, inputs, np.vstack([every, da, dlam]), at)
     cut = k + d + size
@@ -175,8 +175,8 @@ def _order(L: Linearisation, levels: Floats) -> int:
     levels : (m,), the change of each row's right-hand side per unit of the input.
     L : the equations, linearised at any state.
     """
-    held = np.flatnonzero(levels)
-    return max((2 if L.holonomic[i] else 1 for i in held), default=0)
+    rows = np.flatnonzero(levels)
+    return max((2 if L.holonomic[i] else 1 for i in rows), default=0)
 
 
 def _pushed(

@@ -89,9 +89,9 @@ class Side(NamedTuple):
         Text of one of the switches, approximately as in the model file.
     floor
         The name of the smallest argument of roots of `node`, or empty.
-    smooth, met
+    smooth, continuous
         Open intervals of levels which the motion crosses without a jump of y'
-        (`smooth`) or of velocities (`met`: the rate of `node` determines the side).
+        (`smooth`) or of velocities (`continuous`: the rate of `node` determines the side).
     shown
         Whether the surface is only in conditions and output: it has no influence on the
         motion and is not located. It is on its level while laws hold it there.
@@ -104,7 +104,7 @@ class Side(NamedTuple):
     text: str
     floor: str = ""
     smooth: tuple[float, float] = (0.0, 0.0)
-    met: tuple[float, float] = (0.0, 0.0)
+    continuous: tuple[float, float] = (0.0, 0.0)
     shown: bool = False
 
 

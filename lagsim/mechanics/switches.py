@@ -444,13 +444,13 @@ class Switches:
             follows = g.call("gt", mode, carried)
             level = g.call("add", variable, half) if side.whole else g.zero
             at = g.call("if", follows, level, variable)
-            held = g.call("or", follows, g.call("lt", mode, g.constant(-0.5)))
+            on_level = g.call("or", follows, g.call("lt", mode, g.constant(-0.5)))
             value = stepped(g, op, at, sign)
             if op in STEPS:
-                done[n] = g.call("if", held, value, done[n])
+                done[n] = g.call("if", on_level, value, done[n])
             else:
-                free = g.call("and", g.call("not", held), done[n])
-                done[n] = g.call("or", g.call("and", held, value), free)
+                free = g.call("and", g.call("not", on_level), done[n])
+                done[n] = g.call("or", g.call("and", on_level, value), free)
         return [done[n] for n in nodes]
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
@@ -677,7 +677,7 @@ def _passed(
 ) -> Switches:
     """Return the switches with the levels that kernels pass without an event.
 
-    These levels are the intervals `smooth` and `met` of each side. A level of a
+    These levels are the intervals `smooth` and `continuous` of each side. A level of a
     function of positions is met at a rate that forces do not change instantaneously:
     where the rate is not 0 the motion crosses the level, even if y' jumps, unless a
     velocity jumps because the rate of a row, or the expression of another side, does.
@@ -693,13 +693,15 @@ def _passed(
     sides = []
     for side in found.sides:
         cell = g.call("floor", side.node)
-        smooth = met = _smooth(g, cell, orders)
+        smooth = continuous = _smooth(g, cell, orders)
         if rates is not None and side.node not in fast:
-            met = _smooth(g, cell, jumps)
+            continuous = _smooth(g, cell, jumps)
             steps = {cell, g.call("ceil", side.node)}
             if cell_of(g, cell) is None and decisive.isdisjoint(steps):
-                met = (-math.inf, math.inf)
-        sides.append(side._replace(smooth=smooth, met=met) if side.whole else side)
+                continuous = (-math.inf, math.inf)
+        sides.append(
+            side._replace(smooth=smooth, continuous=continuous) if side.whole else side
+        )
     return replace(found, sides=tuple(sides))
 
 

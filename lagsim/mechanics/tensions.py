@@ -105,7 +105,7 @@ def newtons_laws(e: Equations) -> NewtonsLaws | None:
         works.append((g.constant(-1.0), Level.VELOCITY, model.dissipation))
     written = g.substitute([model.lagrangian, *(x for _, _, x in works)], new)
     variables = frozenset((*rates.values(), *places.values(), g.variable("t")))
-    slope, *levers = (slopes(g, x, variables) for x in written)
+    slope, *directions = (slopes(g, x, variables) for x in written)
     momenta = {u: slope[v] for u, v in rates.items() if v in slope}
     inertias = {u: slopes(g, x, variables) for u, x in momenta.items()}
     masses = {u: x.get(rates[u], g.zero) for u, x in inertias.items()}
@@ -114,10 +114,10 @@ def newtons_laws(e: Equations) -> NewtonsLaws | None:
     if not alone or varying or not masses.keys() <= places.keys():
         return None
     forces = {u: slope[v] for u, v in places.items() if v in slope}
-    for (force, level, _), lever in zip(works, levers, strict=True):
+    for (force, level, _), direction in zip(works, directions, strict=True):
         for u, v in (places if level is Level.POSITION else rates).items():
-            if v in lever:
-                add_to(g, forces, u, g.call("mul", force, lever[v]))
+            if v in direction:
+                add_to(g, forces, u, g.call("mul", force, direction[v]))
     pushes = g.substitute(forces.values(), back)
     forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
     return NewtonsLaws(found.named, masses, forces, _drifts(g, flow, found))
@@ -199,23 +199,23 @@ class Joints(NamedTuple):
 
 
 def joints(
-    g: Graph, held: NewtonsLaws, free: Iterable[int], moving: frozenset[str]
+    g: Graph, laws: NewtonsLaws, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
     """Return the joints of massless links; None where a joint is not supported.
 
-    held : Newton's laws.
+    laws : Newton's laws.
     free : the massless velocities.
     moving : the names of variables that change along a motion.
     """
-    moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
+    moved = g.dependent((c for x in laws.sums.values() for c in x.values()), moving)
     found = Joints([], [], {})
     sums_of: dict[int, list[int]] = {u: [] for u in free}
     sets = DisjointSets(1 + max(sums_of, default=-1))
-    for k, form in held.sums.items():
-        massless = [i for i in form if i not in held.masses]
-        if k not in held.masses or any(i not in sums_of for i in massless):
+    for k, form in laws.sums.items():
+        massless = [i for i in form if i not in laws.masses]
+        if k not in laws.masses or any(i not in sums_of for i in massless):
             return None
-        if any(form[i] in moved for i in form if i in held.masses):
+        if any(form[i] in moved for i in form if i in laws.masses):
             return None  # digits would cancel for a small inertia
         for i in massless:
             sums_of[i].append(k)
@@ -225,7 +225,7 @@ def joints(
     for velocities in sets.sets():
         if velocities[0] in sums_of:
             sums = sorted({k for u in velocities for k in sums_of[u]})
-            if not _join(g, found, held, velocities, sums, moving):
+            if not _join(g, found, laws, velocities, sums, moving):
                 return None
     return found
 
@@ -233,7 +233,7 @@ def joints(
 def _join(
     g: Graph,
     found: Joints,
-    held: NewtonsLaws,
+    laws: NewtonsLaws,
     velocities: Sequence[int],
     sums: Sequence[int],
     moving: frozenset[str],
@@ -244,13 +244,13 @@ def _join(
     or one more; else return False. On lines and in planes, fixed unit directions
     replace the missing velocities of space.
 
-    held : Newton's laws.
+    laws : Newton's laws.
     moving : names of variables that change along a motion.
     """
     flat = 3 - len(sums)
     if flat < 0 or flat + len(velocities) not in (2, 3):
         return False
-    factors = [[held.sums[k].get(u, g.zero) for k in sums] for u in velocities]
+    factors = [[laws.sums[k].get(u, g.zero) for k in sums] for u in velocities]
     lengths, rests = zip(*(common_factor(g, row) for row in factors), strict=True)
     rows = [[g.zero] * 3 for _ in range(flat)]
     for k, row in enumerate(rows):
@@ -389,8 +389,10 @@ class Squares(Factorisation):
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Return the sort key of unknown k: first by neighbours, then by depth."""
-        met = {k, *self.rows[k]}.union(*(self.groups[x].members for x in self.those[k]))
-        return 0, len(met), self.after[k], k
+        neighbours = {k, *self.rows[k]}.union(
+            *(self.groups[x].members for x in self.those[k])
+        )
+        return 0, len(neighbours), self.after[k], k
 
     def _eliminate(self, k: int) -> Iterable[int]:
         g, left = self.g, self._alone(k)
@@ -466,12 +468,14 @@ def accelerations(e: Equations) -> list[int] | None:
     if laws is None or not has_masses(e):
         return None
     moving = frozenset(e.moving)
-    held, leaders = _led(g, laws, n)
-    free = {*range(n), *laws.sums} - held.sums.keys()
-    met = joints(g, held, sorted(free - held.masses.keys() - leaders.keys()), moving)
-    if met is None:
+    reduced, leaders = _led(g, laws, n)
+    free = {*range(n), *laws.sums} - reduced.sums.keys()
+    links = joints(
+        g, reduced, sorted(free - reduced.masses.keys() - leaders.keys()), moving
+    )
+    if links is None:
         return None
-    found = _solution(g, held, met, moving)
+    found = _solution(g, reduced, links, moving)
     for velocity, k in leaders.items():
         others = ((c, found[i]) for i, c in laws.sums[k].items() if i != velocity)
         rest = g.call("add", g.product_sum(others), laws.drifts[k])
@@ -505,7 +509,7 @@ def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int,
 
 
 def _solution(
-    g: Graph, held: NewtonsLaws, met: Joints, moving: frozenset[str]
+    g: Graph, laws: NewtonsLaws, joints: Joints, moving: frozenset[str]
 ) -> Vector:
     """Return the accelerations of masses and the rates of massless velocities.
 
@@ -515,48 +519,50 @@ def _solution(
     combined to sines and cosines of differences of angles in the drifts and in the
     inner products of links and joints; forces are not rewritten.
 
-    held : Newton's laws.
-    met : the joints of massless links.
+    laws : Newton's laws.
+    joints : the joints of massless links.
     moving : names of variables that change along a motion.
     """
-    mass, length = (_commonest(g, x.values()) for x in (held.masses, met.lengths))
-    weights = _quotients(g, dict.fromkeys(held.masses, mass), held.masses)
-    drifts, fall = _drifts_over(g, held, met, length), _fall(g, held, length, moving)
+    mass, length = (_commonest(g, x.values()) for x in (laws.masses, joints.lengths))
+    weights = _quotients(g, dict.fromkeys(laws.masses, mass), laws.masses)
+    drifts, fall = _drifts_over(g, laws, joints, length), _fall(g, laws, length, moving)
     lost = {}
-    for k, form in held.sums.items():
+    for k, form in laws.sums.items():
         parts = ((c, fall[i]) for i, c in form.items() if i in fall)
         lost[k] = g.call("sub", fall[k], g.product_sum(parts))
     # E of each link, N of each joint; and the forces on the masses by these.
-    forces = dict(enumerate((*met.along, *(x.across for x in met.turns))))
-    turns = dict(enumerate(met.turns, len(met.along)))
-    pulls = {t: _back(g, held, x) for t, x in forces.items()}
+    forces = dict(enumerate((*joints.along, *(x.across for x in joints.turns))))
+    turns = dict(enumerate(joints.turns, len(joints.along)))
+    pulls = {t: _back(g, laws, x) for t, x in forces.items()}
     links = {t: pulls[t] for t in pulls.keys() - turns.keys()}
-    torques = {t: x for t, x in turns.items() if x.velocity in held.forces}
+    torques = {t: x for t, x in turns.items() if x.velocity in laws.forces}
 
     changes = {t: _dot(g, x, drifts) for t, x in forces.items()}
-    levers = _products(g, {t: pulls[t] for t in turns}, links, weights)
-    twists = _products(g, pulls, {t: pulls[t] for t in torques}, weights)
-    met_in = square_groups(g, links, weights)
-    nodes = [*changes.values(), *(x.square for x in met.turns)]
-    nodes += [n for x in (levers, twists) for row in x.values() for n in row.values()]
-    nodes += [n for group in met_in for n in group.nodes]
+    gram = _products(g, {t: pulls[t] for t in turns}, links, weights)
+    torque_gram = _products(g, pulls, {t: pulls[t] for t in torques}, weights)
+    groups = square_groups(g, links, weights)
+    nodes = [*changes.values(), *(x.square for x in joints.turns)]
+    nodes += [
+        n for x in (gram, torque_gram) for row in x.values() for n in row.values()
+    ]
+    nodes += [n for group in groups for n in group.nodes]
     new = dict(zip(nodes, fewer_terms(g, nodes, moving), strict=True))
 
     known: Vector = {}
     for t, turn in torques.items():
         unit = g.call("mul", g.call("mul", mass, length), turn.length)
-        torque = g.call("div", held.forces[turn.velocity], unit)
+        torque = g.call("div", laws.forces[turn.velocity], unit)
         known[t] = g.call("div", torque, new[turn.square])
     missing: Vector = {}
     for t, x in forces.items():
         change = g.call("sub", new[changes[t]], _dot(g, x, lost))
-        turned = g.product_sum((new[n], known[j]) for j, n in twists[t].items())
+        turned = g.product_sum((new[n], known[j]) for j, n in torque_gram[t].items())
         missing[t] = g.call("sub", change, turned)
-    known |= Squares(g, met_in, new).solve({t: missing[t] for t in links})
+    known |= Squares(g, groups, new).solve({t: missing[t] for t in links})
     found: Vector = {}
     scales = dict.fromkeys(turns, length), {t: x.length for t, x in turns.items()}
     for t, scale in _quotients(g, *scales).items():
-        pulled = ((new[n], known[i]) for i, n in levers[t].items() if i in known)
+        pulled = ((new[n], known[i]) for i, n in gram[t].items() if i in known)
         moved = g.call("sub", g.product_sum(pulled), missing[t])
         factor = g.call("div", scale, new[turns[t].square])
         found[turns[t].velocity] = g.call("mul", factor, moved)
@@ -578,55 +584,55 @@ def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
     return dict(zip(tops, found, strict=True))
 
 
-def _fall(g: Graph, held: NewtonsLaws, length: int, moving: frozenset[str]) -> Vector:
+def _fall(g: Graph, laws: NewtonsLaws, length: int, moving: frozenset[str]) -> Vector:
     """Return force / (mass `length`) of each mass: its acceleration without tensions.
 
     Accelerations are in units of `length`; torques on massless links are left out.
 
-    held : Newton's laws.
+    laws : Newton's laws.
     length : node of the unit.
     moving : names of variables that change along a motion.
     """
-    pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
+    pushed = {u: laws.forces.get(u, g.zero) for u in laws.masses}
     moved = g.dependent(pushed.values(), moving)
     # Divide by mass first: weights yield one common quotient. Most are -m g, where m
     # may be a number.
     still = {u: g.call("neg", x) for u, x in pushed.items() if x not in moved}
-    still = _quotients(g, still, held.masses)
+    still = _quotients(g, still, laws.masses)
     still = _quotients(g, still, dict.fromkeys(still, length))
     return {
         u: g.call("neg", still[u])
         if u in still
-        else g.call("div", x, g.call("mul", held.masses[u], length))
+        else g.call("div", x, g.call("mul", laws.masses[u], length))
         for u, x in pushed.items()
     }
 
 
-def _drifts_over(g: Graph, held: NewtonsLaws, met: Joints, length: int) -> Vector:
+def _drifts_over(g: Graph, laws: NewtonsLaws, joints: Joints, length: int) -> Vector:
     """Return the drifts of sums divided by `length`, the internal unit of length.
 
     A drift is first divided by the constant length of its sum, if there is one, so that
     common factors cancel.
 
-    held : Newton's laws.
-    met : the joints.
+    laws : Newton's laws.
+    joints : the joints.
     """
-    own = dict.fromkeys(held.sums, length) | met.lengths
-    drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)
+    own = dict.fromkeys(laws.sums, length) | joints.lengths
+    drifts = _quotients(g, {k: laws.drifts[k] for k in own}, own)
     scales = _quotients(g, own, dict.fromkeys(own, length))
-    return {k: g.call("mul", scales[k], drifts[k]) for k in held.sums}
+    return {k: g.call("mul", scales[k], drifts[k]) for k in laws.sums}
 
 
-def _back(g: Graph, held: NewtonsLaws, parts: Vector) -> Vector:
+def _back(g: Graph, laws: NewtonsLaws, parts: Vector) -> Vector:
     """Return the forces C^T F on the masses due to forces F on sums: mass -> node.
 
     parts : sum -> node of F.
-    held : Newton's laws.
+    laws : Newton's laws.
     """
     total = dict(parts)
     for k, part in parts.items():
-        for i, c in held.sums[k].items():
-            if i in held.masses:
+        for i, c in laws.sums[k].items():
+            if i in laws.masses:
                 add_to(g, total, i, g.call("neg", g.call("mul", c, part)))
     return total
 

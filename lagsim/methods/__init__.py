@@ -169,9 +169,9 @@ _ELSEWHERE = {
 
 
 def method_problems(
-    asked: str, place: Place | None = None, *, auto: bool = True
+    name: str, place: Place | None = None, *, auto: bool = True
 ) -> list[Problem]:
-    """Return a list with one fault if there is no method `asked`, else [].
+    """Return a list with one fault if there is no method `name`, else [].
 
     place : the place of the name in the file, or None.
     auto : whether "auto" counts as a method.
@@ -184,18 +184,18 @@ def method_problems(
     'did you mean `dopri5`? `lagsim methods` lists all'
     """
     known = [*(["auto"] if auto else []), *names()]
-    if asked in known:
+    if name in known:
         return []
-    if asked in RETIRED:
-        text = f"the method `{asked}` is retired"
+    if name in RETIRED:
+        text = f"the method `{name}` is retired"
         return [Problem(UNKNOWN_METHOD, text, place, "`auto` chooses another one")]
     import re
     from difflib import get_close_matches
 
-    plain = re.sub(r"[\W_]", "", asked.casefold())
+    plain = re.sub(r"[\W_]", "", name.casefold())
     alike = next((own for own, x in _ELSEWHERE.items() if plain in x.split()), plain)
     near = get_close_matches(alike, known, 1) if auto else []
     hint = f"one of {', '.join(known)}; `lagsim methods` describes each"
     if near:
         hint = f"did you mean `{near[0]}`? `lagsim methods` lists all"
-    return [Problem(UNKNOWN_METHOD, f"there is no method `{asked}`", place, hint)]
+    return [Problem(UNKNOWN_METHOD, f"there is no method `{name}`", place, hint)]

@@ -149,7 +149,7 @@ DENSE = (
 # stability from 300 to 1e5.
 PAIR = EmbeddedPair(
     A, C, (ERROR5, ERROR3), DENSE, ORDER,
-    exponent=0.125 - 0.2 * BETA, held=0.5 * IMAGINARY_LIMIT, early=0.184,
+    exponent=0.125 - 0.2 * BETA, stability_bound=0.5 * IMAGINARY_LIMIT, early=0.184,
     most_last=300.0,
 )  # fmt: skip
 TABLEAU = PAIR.tableau

@@ -68,7 +68,14 @@ DENSE = (
 # A step with h w = 0.9 of an oscillation has an estimate of 5e-4 of its amplitude:
 # accuracy seldom allows it.
 PAIR = EmbeddedPair(
-    A, C, (ERROR,), (DENSE,), ORDER, exponent=0.2 - 0.75 * BETA, held=0.9, early=0.1
+    A,
+    C,
+    (ERROR,),
+    (DENSE,),
+    ORDER,
+    exponent=0.2 - 0.75 * BETA,
+    stability_bound=0.9,
+    early=0.1,
 )
 TABLEAU = PAIR.tableau
 amplification = TABLEAU.amplification

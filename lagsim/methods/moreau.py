@@ -625,11 +625,11 @@ def satisfy_disc(
     return float(own * changed / size) if size > 0.0 else 0.0
 
 
-def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
+def limit(p: Impulses, k: int, h: float, v: Floats, impulse: float) -> float:
     """Return the largest |impulse| of row k, a slip or a limited row, in a step h.
 
     The limit follows from the static bound if the row was at rest before the step
-    (velocities v (n,)) and the impulse `asked` is within that bound; else from the
+    (velocities v (n,)) and the impulse `impulse` is within that bound; else from the
     dynamic bound.
     """
     normal = int(p.row_normal[k])
@@ -640,6 +640,6 @@ def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
     if p.row_statics[k] == p.row_bounds[k]:
         return float(static)
     i = int(p.among[k]) - 1
-    if asked <= static and abs(rate(p, k, v)) <= SLIP_AT_REST * p.reaches[i]:
+    if impulse <= static and abs(rate(p, k, v)) <= SLIP_AT_REST * p.reaches[i]:
         return float(static)
     return float(p.row_bounds[k] * factor_of)

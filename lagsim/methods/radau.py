@@ -520,7 +520,7 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
     """
     limit = max(LEFT, ROUNDING / (LOCAL * s.rtol))
     guess(s, p, h)
-    left_over = max(s.left_over, 2.0**-52) ** 0.8
+    error_factor = max(s.left_over, 2.0**-52) ** 0.8
     previous = 0.0
     rate = 0.0
     for iteration in range(MOST):
@@ -530,10 +530,10 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
         if iteration > 0:
             latest = size / previous
             rate = latest if iteration == 1 else sqrt(rate * latest)
-            left_over = rate / (1.0 - rate) if rate < 0.99 else OVERFLOW
+            error_factor = rate / (1.0 - rate) if rate < 0.99 else OVERFLOW
             ahead = MOST - 2 - iteration
-            coming = left_over * size * rate**ahead / limit
-            hopeless = coming >= 1.0 and left_over * size > limit
+            coming = error_factor * size * rate**ahead / limit
+            hopeless = coming >= 1.0 and error_factor * size > limit
             # Quotients alternate if the errors of J do: a single quotient is no rate.
             if hopeless and (iteration > 1 or rate >= 0.99):
                 if is_rounding(s, p, h):
@@ -546,9 +546,9 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
                 return 0
         previous = max(size, TINY)
         apply_step(s)
-        if left_over * size <= limit:
+        if error_factor * size <= limit:
             s.rate = rate
-            s.left_over = left_over
+            s.left_over = error_factor
             s.iterations = iteration + 1
             return 1
     s.iterations = MOST

@@ -219,12 +219,12 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     return constraints.passable(s, error) if CONSTRAINED else error
 
 
-def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
+def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
     """Accept the new state after a step h, and its series.
 
     The old series becomes the dense output.
 
-    held : whether the step may be held by stability.
+    stability_limited : whether the step may be held by stability.
     """
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
@@ -259,7 +259,7 @@ def accept(s: Taylor, p: Parameters, h: float, held: bool) -> None:
         control.set_tolerances(s, p, s.t, y, rates, h)
         set_fineness(s)
         s.h = chosen_step(s, following, s.t)
-    s.at_bound = max(s.at_bound + (1.0 if held else -1.0), 0.0)
+    s.at_bound = max(s.at_bound + (1.0 if stability_limited else -1.0), 0.0)
 
 
 def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001

@@ -107,13 +107,13 @@ def formulate(
     InputError
         If the formulation named by the settings is impossible for these equations.
     """
-    asked, place = settings.formulation, settings.formulation_place
-    if asked == "auto":
+    name, place = settings.formulation, settings.formulation_place
+    if name == "auto":
         return _chosen(equations, start, suits)
     try:
-        return _requested(asked, equations, start, settings.decay)
+        return _requested(name, equations, start, settings.decay)
     except _CannotError as error:
-        text = f"formulation `{asked}` cannot be used: {error}"
+        text = f"formulation `{name}` cannot be used: {error}"
         raise unusable(FORMULATION_REFUSED, text, place) from None
 
 
@@ -131,8 +131,8 @@ def formulations() -> list[str]:
     ]  # fmt: skip
 
 
-def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
-    """Return a list with one fault if there is no formulation `asked`, else [].
+def formulation_problems(name: str, place: Place | None = None) -> list[Problem]:
+    """Return a list with one fault if there is no formulation `name`, else [].
 
     place : the place of the name in the file, or None.
 
@@ -145,16 +145,16 @@ def formulation_problems(asked: str, place: Place | None = None) -> list[Problem
     'there is no formulation `projektion`'
     """
     known = formulations()
-    if asked in known:
+    if name in known:
         return []
-    if asked in RETIRED_FORMULATIONS:
+    if name in RETIRED_FORMULATIONS:
         text, hint = (
-            f"the formulation `{asked}` is retired",
+            f"the formulation `{name}` is retired",
             "`auto` chooses another one",
         )
         return [Problem(UNKNOWN_FORMULATION, text, place, hint)]
     hint = f"one of {', '.join(known)}; docs/model-file.md describes each"
-    text = f"there is no formulation `{asked}`"
+    text = f"there is no formulation `{name}`"
     return [Problem(UNKNOWN_FORMULATION, text, place, hint)]
 
 
@@ -184,14 +184,14 @@ def _whole(
 def _full(equations: Equations, start: Start) -> Formulation:
     """Return the formulation of the full equations that fits their constraints."""
     rows, laws = equations.rows, {law.name for law in equations.laws}
-    name, held = _projection(rows), sum(row.holonomic for row in rows)
+    name, holonomic = _projection(rows), sum(row.holonomic for row in rows)
     if laws:
         name = "projection"
         one = len(laws) == 1
         noun = "constraint that holds" if one else "constraints that hold"
         reason = f"{len(laws)} {noun} at times"
-    elif held:
-        reason = f"{held} of {len(rows)} constraints are on positions"
+    elif holonomic:
+        reason = f"{holonomic} of {len(rows)} constraints are on positions"
     else:
         reason = "the constraints are of velocities" if rows else "no constraints"
     return _whole(equations, start, name, reason, projected=bool(rows or laws))
@@ -201,8 +201,8 @@ def _projection(rows: Sequence[Row]) -> str:
     """Return the name of the formulation that projects onto `rows`."""
     if not rows:
         return "none"
-    held = any(row.holonomic for row in rows)
-    return "projection" if held else "velocity projection"
+    holonomic = any(row.holonomic for row in rows)
+    return "projection" if holonomic else "velocity projection"
 
 
 def _requested(
@@ -272,12 +272,12 @@ def _with_quaternions(found: Formulation) -> Formulation:
     impact.
     """
     e = found.reduction.equations
-    held = e.model.quaternions
-    if not held or any(may_strike(e, row) for row in e.rows):
+    quaternions = e.model.quaternions
+    if not quaternions or any(may_strike(e, row) for row in e.rows):
         return found
     zero = e.graph.zero
     rows = tuple(
-        row if row.name in held else row._replace(residual=zero, rate=zero)
+        row if row.name in quaternions else row._replace(residual=zero, rate=zero)
         for row in e.rows
     )
     reduction = Reduction(replace(e, rows=rows))

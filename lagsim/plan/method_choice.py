@@ -216,14 +216,14 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
 def _requested(
     equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
 ) -> str:
-    asked = settings.method
-    refuse(asked, method_refusal(asked, equations, scene), settings)
-    choices.append(Choice(f"method: {asked}", "requested"))
+    name = settings.method
+    refuse(name, method_refusal(name, equations, scene), settings)
+    choices.append(Choice(f"method: {name}", "requested"))
     given = dict(settings.options)
-    for key, option in options_of(asked).items():
+    for key, option in options_of(name).items():
         value = f"{key.replace('_', ' ')}: {given.get(key, option.default):g}"
         choices.append(Choice(value, "requested" if key in given else "as usual"))
-    return asked
+    return name
 
 
 def refuse(name: str, why: str, settings: Settings, hint: str = "") -> None:
@@ -282,11 +282,11 @@ def locates(name: str) -> bool:
     return name == "auto" or bool(getattr(method(name), "EVENTS", True))
 
 
-def suits(asked: str, equations: Equations) -> bool:
-    """Whether the method `asked` can integrate `equations`; true for `auto`."""
-    if asked == "auto":
+def suits(method: str, equations: Equations) -> bool:
+    """Whether the method `method` can integrate `equations`; true for `auto`."""
+    if method == "auto":
         return True
-    return not method_refusal(asked, equations, structure(equations))
+    return not method_refusal(method, equations, structure(equations))
 
 
 def refuse_elements(model: Model, settings: Settings) -> None:

@@ -424,7 +424,7 @@ def gather(p: Parameters, out: Floats) -> None:
         row = p.A[k * n :]
         place = own_place(p, k) if LAWS else -1
         square = 0.0
-        asked = abs(p.b[k])
+        imposed = abs(p.b[k])
         if place >= 0:
             out[int(label[place])] += followed(p, k, place)
             continue
@@ -433,10 +433,10 @@ def gather(p: Parameters, out: Floats) -> None:
             for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
                 if row[j] != 0.0 and M[j * n + j] > 0.0:
                     square += row[j] * row[j] / M[j * n + j]
-                    asked += abs(row[j]) * p.v[j] / M[j * n + j]
+                    imposed += abs(row[j]) * p.v[j] / M[j * n + j]
                     first = j
         if square > 0.0:
-            force = max(lam[k] * lam[k] * square, asked * asked / square)
+            force = max(lam[k] * lam[k] * square, imposed * imposed / square)
             out[int(label[first])] += force
     for back in range(n):
         i = n - 1 - back
@@ -471,13 +471,13 @@ def followed(p: Parameters, k: int, place: int) -> float:
     """
     n = p.n
     row = p.A[k * n :]
-    asked = abs(p.b[k])
+    imposed = abs(p.b[k])
     for j in range(n):
-        asked += abs(row[j] * p.motion[j]) if j != place else 0.0
+        imposed += abs(row[j] * p.motion[j]) if j != place else 0.0
     if row[place] == 0.0:
         return 0.0
-    asked /= row[place]
-    return float(asked * asked * p.M[place * n + place])
+    imposed /= row[place]
+    return float(imposed * imposed * p.M[place * n + place])
 
 
 def join(p: Parameters, label: Floats) -> None:

@@ -429,10 +429,12 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     elimination : the symbolic solution.
     """
     g, rows = e.graph, e.rows
-    held = _held(g, rows)
-    off = [_against(g, x, r.residual_scale) for x, r in zip(held, rows, strict=True)]
+    residuals = _held(g, rows)
+    off = [
+        _against(g, x, r.residual_scale) for x, r in zip(residuals, rows, strict=True)
+    ]
     off_rates = [_against(g, r.rate, r.rate_scale) for r in rows]
-    step = elimination.correction(held)
+    step = elimination.correction(residuals)
     left = _largest(g, _second_orders(e, rows))
     velocities = map(g.variable, e.velocities)
     left_by_step = g.substitute([left], dict(zip(velocities, step, strict=True)))

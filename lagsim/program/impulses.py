@@ -118,11 +118,11 @@ def _groups(e: Equations) -> list[tuple[Ints, Ints]]:
     sets = DisjointSets(len(e.q))
     for i, j in e.mass_entries:
         sets.unite([i, j])
-    held = {k: x.row.A.entries for k, x in enumerate(e.relations) if x.equal}
-    for A in held.values():
+    equalities = {k: x.row.A.entries for k, x in enumerate(e.relations) if x.equal}
+    for A in equalities.values():
         sets.unite([*A])
     found = []
     for group in sets.sets():
-        rows = [k for k, A in held.items() if not A.keys().isdisjoint(group)]
+        rows = [k for k, A in equalities.items() if not A.keys().isdisjoint(group)]
         found.append((np.array(group, dtype=int), np.array(rows, dtype=int)))
     return found

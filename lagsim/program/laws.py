@@ -881,13 +881,13 @@ def grip(p: Parameters, k: int) -> float:
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])
-    held = p.law_statics[k]
+    bound = p.law_statics[k]
     if p.law_normal[k] >= 0.0:
-        held *= lam[first + int(p.law_normal[k])]
+        bound *= lam[first + int(p.law_normal[k])]
     if other < 0:
-        return float(held - abs(lam[first + k]))
+        return float(bound - abs(lam[first + k]))
     if other < k and p.law_mode[other] == HELD:
         return ENDLESS
     x = lam[first + k]
     z = lam[first + other]
-    return float(held - sqrt(x * x + z * z))
+    return float(bound - sqrt(x * x + z * z))

@@ -241,8 +241,8 @@ def _optional(equations: Equations) -> Iterator[Column]:
             yield Column(FREE.of(q), a, units.get(FREE.of(q), ""))
         # G = (q'' - a)^T M (q'' - a)/2, whose minimum is the constrained q'', with M
         # (q'' - a) = Qc: no cancellation, and no forces that contain switches.
-        held = e.constraint_forces()
-        square = g.product_sum(zip(held, alone.response(held), strict=True))
+        forces = e.constraint_forces()
+        square = g.product_sum(zip(forces, alone.response(forces), strict=True))
         yield Column(GAUSS.of(), g.call("mul", g.constant(0.5), square))
     if e.model.output.action:
         yield Column(ACTION.of(), g.variable(ACTION.of()))

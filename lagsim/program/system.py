@@ -430,7 +430,7 @@ class System:
         p.sigma = p.least_sigma = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
-        levels = np.array([(*x.smooth, *x.met) for x in self.switches.sides])
+        levels = np.array([(*x.smooth, *x.continuous) for x in self.switches.sides])
         p.first_smooth[:], p.last_smooth[:], p.first_met[:], p.last_met[:] = (
             levels.reshape(-1, 4).T
         )

@@ -175,8 +175,8 @@ class _Surfaces:
         self.slopes = {k: gradient(g, node, state) for k, node in moving.items()}
         shown = _values(self.steady.linearisation, self.steady)
         self.change = self.frozen.changes(shown)[2]
-        self.held = [k for k in moving if self._is_held(k)]
-        self.chosen = [k for k in moving if k not in self.held]
+        self.constrained = [k for k in moving if self._is_constrained(k)]
+        self.chosen = [k for k in moving if k not in self.constrained]
         try:
             return [*self._compared()]
         except (ValueError, np.linalg.LinAlgError):  # no slopes on one side
@@ -199,7 +199,7 @@ class _Surfaces:
         small = COMPUTED_ZERO * (np.abs(whole) @ np.abs(self.change))
         return whole, np.where(np.abs(free) > small, free, 0.0)
 
-    def _is_held(self, k: int) -> bool:
+    def _is_constrained(self, k: int) -> bool:
         """Whether rows hold the state on surface k."""
         whole, free = self._gradient(k, {})
         return bool(np.any(whole) and not np.any(free))
@@ -315,7 +315,7 @@ class _Surfaces:
         change = _beyond(y.slopes - x.slopes, noise)
         same = x._replace(slopes=change, turning=np.zeros_like(x.turning))
         R = self.steady.linearisation.linear(same, noise).R
-        return bool(np.any(R[x.held.free.shape[1] :]))
+        return bool(np.any(R[x.position_metric.free.shape[1] :]))
 
     def _caution(self, k: int, *, above: bool | None) -> Caution:
         """Return the warning on surface k.

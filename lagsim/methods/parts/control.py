@@ -266,7 +266,7 @@ def compute_tolerances(
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
     s.balanced = 0.0
-    held = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
+    amplification = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -286,7 +286,7 @@ def compute_tolerances(
         s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
         s.wide = min(s.wide, 1.0 if sized >= WIDE * least else 0.0)
         rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
-        counts = held if sized < least else 1.0 - s.balanced_alone
+        counts = amplification if sized < least else 1.0 - s.balanced_alone
         rough = max(rough, counts * roundoff[i] * h)
         s.tolerances[i] = max(rtol * max(sized, least), rough)
     if p.m > 0:

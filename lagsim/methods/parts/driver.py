@@ -644,13 +644,19 @@ def usable_step(s: State, p: Parameters) -> float:
 
 
 def record_speed(
-    s: State, h: float, held: float, y: Floats, k: Floats, z: Floats, slope: Floats
+    s: State,
+    h: float,
+    stability_bound: float,
+    y: Floats,
+    k: Floats,
+    z: Floats,
+    slope: Floats,
 ) -> None:
     """Store the estimated rate of the fastest motion.
 
     The estimate is computed from states y and z (size,) at one time. The step h counts
-    as limited by stability if h times the rate exceeds `held`; successive steps of this
-    kind are counted.
+    as limited by stability if h times the rate exceeds `stability_bound`; successive
+    steps of this kind are counted.
 
     k, slope : (size,), y' at y and at z.
     """
@@ -672,7 +678,7 @@ def record_speed(
     moved = velocities + sqrt(accelerations) * sqrt(positions)
     if moved > 0.0:
         s.speed = max(float(s.speed), sqrt(accelerations / moved))
-    if h * s.speed > held:
+    if h * s.speed > stability_bound:
         s.at_bound += 1.0
         s.off_bound = 0.0
     else:

@@ -67,7 +67,7 @@ class EmbeddedPair(NamedTuple):
         Order of the step.
     exponent, beta : float
         Powers of the error and of the error before in step control (II.4, (2.43c)).
-    held : float
+    stability_bound : float
         Step times the rate of the fastest motion from which on the step counts as
         limited by stability, not by accuracy.
     early : float
@@ -84,7 +84,7 @@ class EmbeddedPair(NamedTuple):
     dense: tuple[Row, ...]
     order: int
     exponent: float
-    held: float
+    stability_bound: float
     early: float
     most_last: float = inf
     beta: float = BETA
@@ -334,7 +334,9 @@ def accept(s: Embedded, p: Parameters, h: float) -> None:
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
-    record_speed(s, h, PAIR.held, new, after, s.z, k[(PAIR.last - 1) * size :])
+    record_speed(
+        s, h, PAIR.stability_bound, new, after, s.z, k[(PAIR.last - 1) * size :]
+    )
     row = s.row_start + s.row * s.row_step
     watched = CONSTRAINED and s.watched > 0.0
     watched = watched or (LOCALIZED and s.feature_possible > 0.0)

@@ -210,10 +210,10 @@ def mark(s: SearchTable) -> int:
     for k in range(s.conditions):
         side = s.orientation[k]
         miss = s.worth[k] * side
-        met = miss + s.leeway[k] <= 0.0
-        met = met or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
+        satisfied = miss + s.leeway[k] <= 0.0
+        satisfied = satisfied or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
         s.marked[k] = 0.0
-        if (met and side != 0.0) or k == int(s.met_first):
+        if (satisfied and side != 0.0) or k == int(s.met_first):
             s.marked[k] = 1.0
             count += 1
     return count

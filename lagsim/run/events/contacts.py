@@ -605,7 +605,7 @@ def _blow(
     matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
     problem, response = here.problem(some, e, matrix)
     if equalities:
-        problem = replace(problem, table=problem.table.held(equalities))
+        problem = replace(problem, table=problem.table.with_equalities(equalities))
     rates, y = here.rates[some], here.y.copy()
     result = impact(problem, rates, here.still[some])
     y[here.arc.velocities] += response @ result.impulses
