@@ -90,8 +90,9 @@ class Side(NamedTuple):
     floor
         The name of the smallest argument of roots of `node`, or empty.
     smooth, continuous
-        Open intervals of levels which the motion crosses without a jump of y'
-        (`smooth`) or of velocities (`continuous`: the rate of `node` determines the side).
+        Open intervals of levels. The motion crosses levels in `smooth` without a jump
+        of y', and levels in `continuous` without a jump of velocities: there the rate
+        of `node` determines the side.
     shown
         Whether the surface is only in conditions and output: it has no influence on the
         motion and is not located. It is on its level while laws hold it there.
