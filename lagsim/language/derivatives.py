@@ -250,7 +250,7 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
     The nodes are the arguments of `n`. For a power (exponent 2 or more) of a root, they
     are the arguments of the root: r^c has a slope at r = 0, where r has none. For a
     quotient whose divisor grows as exp does, the nodes of the divisor's exponent are
-    used: x/y has a slope where y overflows.
+    used: x/y has a slope where y overflows; and so for the logarithm of such a node.
     """
     args = g.args[n]
     if g.ops[n] == "add":  # of long sums there are many
@@ -270,6 +270,10 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
             fall = g.call("neg", n)
             through = [(a, g.call("mul", fall, slope)) for a, slope in below]
             return [(args[0], g.call("div", g.one, args[1])), *through]
+    if g.ops[n] == "log":
+        below = log_slopes(g, args[0])
+        if below is not None:
+            return below
     partials = OPERATIONS[g.ops[n]].partials
     assert partials is not None
     return list(zip(args, partials(g, args, n), strict=True))

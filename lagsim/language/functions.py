@@ -577,7 +577,11 @@ HYPERBOLIC = (
         "cosh", math.cosh, lambda g, x, f: g.call("sinh", x), latex=r"\cosh",
         interval=None,
     ),
-    _smooth("tanh", math.tanh, lambda g, x, f: _one_minus(g, f), latex=r"\tanh"),
+    _smooth(
+        # 1 - tanh(x)^2 would cancel in the tails.
+        "tanh", math.tanh, lambda g, x, f: _over(g, simpler.hyperbolic_square(g, x)),
+        latex=r"\tanh",
+    ),
     _smooth(
         "asinh", math.asinh, lambda g, x, f: _over_root(g, _one_plus(g, x)),
         numpy="arcsinh",

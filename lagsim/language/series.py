@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import local_slopes, log_slopes
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.simpler import UNDONE
+from lagsim.language.simpler import UNDONE, hyperbolic_square
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -216,6 +216,10 @@ class Coefficients:
         if row.branches is not None:
             first, second = (self(a) for a in args[-2:])
             return row.chosen(g, args, first, second)
+        if op == "div":
+            twin = self.twin(n, lambda: _hyperbolic_slope(g, n))
+            if twin is not None:
+                return self(twin)
         # A divisor that may overflow has a logarithm that does not.
         if op not in RECURRENCES or (op == "div" and log_slopes(g, args[1])):
             slopes = local_slopes(g, n)  # f' is the sum of slope times argument'
@@ -249,6 +253,23 @@ def _div(s: Coefficients, n: int) -> int:
     known = g.call("mul", g.call("neg", s.inner(y, n)), part)
     lever = g.call("neg", g.call("mul", n, part))
     return s.newest(known, (part, s(x)), (lever, s(y)))
+
+
+def _hyperbolic_slope(g: Graph, n: int) -> int | None:
+    """Return 1 - tanh(x)^2 where n is 1/cosh(x)^2; None for other quotients.
+
+    It cancels in order 0 only, which is not computed from it.
+    """
+    one, below = g.args[n]
+    cosh = g.args[below][0] if g.ops[below] == "pow" else below
+    if (
+        one != g.one
+        or g.ops[cosh] != "cosh"
+        or hyperbolic_square(g, g.args[cosh][0]) != below
+    ):
+        return None
+    tanh = g.call("tanh", g.args[cosh][0])
+    return g.call("sub", g.one, g.call("mul", tanh, tanh))
 
 
 def _sqrt(s: Coefficients, n: int) -> int:

@@ -345,9 +345,10 @@ def div(g: Builder, x: int, y: int) -> int | None:
         return g.zero
     if x == y and x != g.zero:
         return g.one
-    signed = direction(g, x, y)
-    if signed is not None:
-        return signed
+    for rule in (direction, saturation):
+        found = rule(g, x, y)
+        if found is not None:
+            return found
     if g.ops[x] == "neg":
         return g.call("neg", g.call("div", g.args[x][0], y))
     if g.ops[y] == "neg":
@@ -358,6 +359,31 @@ def div(g: Builder, x: int, y: int) -> int | None:
         if math.isfinite(reciprocal):  # exact for a power of two
             return g.call("mul", g.constant(reciprocal), x)
     return None
+
+
+def saturation(g: Builder, x: int, y: int) -> int | None:
+    """Return x/y simplified where x and y grow alike as exp does; None in other cases.
+
+    sinh(u)/cosh(u) is tanh(u), and exp(u)/(c + exp(u)) is 1/(1 + c exp(-u)) for a
+    number c. In the tails these forms neither overflow nor have slopes that cancel.
+    """
+    op, other = g.ops[x], g.ops[y]
+    if g.args[x] == g.args[y] and (op, other) == ("sinh", "cosh"):
+        return g.call("tanh", g.args[x][0])
+    if g.args[x] == g.args[y] and (op, other) == ("cosh", "sinh"):
+        return g.call("div", g.one, g.call("tanh", g.args[x][0]))
+    if op == "exp" and other == "add" and x in g.args[y]:
+        c = g.args[y][g.args[y][0] == x]
+        if g.value(c) is not None:
+            decay = g.call("exp", g.call("neg", g.args[x][0]))
+            below = g.call("add", g.one, g.call("mul", c, decay))
+            return g.call("div", g.one, below)
+    return None
+
+
+def hyperbolic_square(g: Builder, x: int) -> int:
+    """Return the node of cosh(x)^2."""
+    return g.call("pow", g.call("cosh", x), g.constant(2.0))
 
 
 def neg(g: Builder, x: int) -> int | None:
