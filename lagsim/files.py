@@ -89,7 +89,7 @@ def digest(path: Path | str) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
+def open_regular(path: Path | str, flags: int, rights: int = 0o666) -> int:
     """Open a regular file without following links; return its file descriptor.
 
     Parameters
@@ -120,11 +120,11 @@ def begin(path: Path, rights: int = 0o666) -> int:
     Raises
     ------
     OSError
-        If the file cannot be created (see `held`), or exists.
+        If the file cannot be created (see `open_regular`), or exists.
     """
     passes(path, lambda: path.unlink(missing_ok=True))
     try:
-        return held(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, rights)
+        return open_regular(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, rights)
     except OSError:
         stays(path)  # another process owns the path
         raise
@@ -206,7 +206,7 @@ def pour(path: Path | str, content: bytes) -> None:
 def _regular(path: Path | str, flags: int, rights: int = 0o666) -> int:
     """Open a regular file; return its descriptor, or raise OSError for other kinds.
 
-    flags, rights : see `held`.
+    flags, rights : see `open_regular`.
     """
     handle = os.open(path, flags | _BINARY | _NO_WAITING, rights)
     mode = os.fstat(handle).st_mode

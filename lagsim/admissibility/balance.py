@@ -82,13 +82,13 @@ class Rest(Relations):
         self,
         point: Point,
         stated: Sequence[Condition],
-        held: Sequence[Row],
+        active: Sequence[Row],
         free: tuple[Sequence[int], Sequence[int]],
         pinned: Mapping[str, int] | None = None,
     ) -> None:
         e, g, pinned = point.e, point.g, pinned or {}
         point.multipliers = {**dict.fromkeys(pinned, 0.5), **point.multipliers}
-        self.rows, self.positions, self.states = [*e.rows, *held], *map(list, free)
+        self.rows, self.positions, self.states = [*e.rows, *active], *map(list, free)
         self.shares = [*pinned]
         q = [e.q[j] for j in self.positions]
         lam = [f"lambda/{k}" for k in range(len(self.rows))]

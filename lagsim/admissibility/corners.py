@@ -32,7 +32,7 @@ def raised_by_corners(point: Point) -> int:
     e, g = point.e, point.g
     moving = [*e.q, "t"]
     slopes = list(point.gradients)
-    held = len(slopes)
+    equalities = len(slopes)
     for row in (x for x in e.rows if x.holonomic):
         for kink in kinks(g, row.residual, e.model.parameter_values, moving):
             across = constraint_row(g, row.name, kink.u, e.flow)
@@ -40,10 +40,10 @@ def raised_by_corners(point: Point) -> int:
             near = np.abs(point.array(nodes)) <= CAUTION * point.rounding(nodes)
             if near.all() and _holds(point, row, kink, across):
                 slopes.append(point.jacobian([across])[0])
-    if len(slopes) == held:
+    if len(slopes) == equalities:
         return 0
     rows = np.array(slopes) / point.sizes
-    ranks = [int(np.linalg.matrix_rank(x)) for x in (rows, rows[:held])]
+    ranks = [int(np.linalg.matrix_rank(x)) for x in (rows, rows[:equalities])]
     return ranks[0] - ranks[1]
 
 

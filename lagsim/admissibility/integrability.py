@@ -116,12 +116,12 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
     for _ in range(TRIALS):
         later = point.t + SPREAD * abs(random.standard_normal())
         near = point.at(q + SPREAD * spread * random.standard_normal(len(q)), t=later)
-        held = relations_of(near, rows, velocities=False)
-        if held.wanted:
-            reached = reach(held, near.q, metric)
+        relations = relations_of(near, rows, velocities=False)
+        if relations.wanted:
+            reached = reach(relations, near.q, metric)
             if not reached.converged:
                 continue
-            near = held.at(reached.x)
+            near = relations.at(reached.x)
         found.append(_Distribution(near, rows).reach())
         if found.count(found[-1]) == AGREE:
             return found[-1]

@@ -331,7 +331,7 @@ class Kinks:
         point: Point,
         sides: Mapping[int, float],
         pins: Mapping[int, Pin],
-        held: Sequence[Row],
+        active: Sequence[Row],
     ) -> dict[int, Step]:
         """Return, for each pinned surface, the direction of the forces on both sides.
 
@@ -345,15 +345,15 @@ class Kinks:
             A state at rest, with values of the shares.
         sides, pins : mapping
             See `frozen`.
-        held : sequence of Row
+        active : sequence of Row
             Rows in force beside the equalities.
         """
         found = {}
         for k, pin in pins.items():
             ends, jumps = [], False
             for share in (self.g.zero, self.g.one):
-                there = self.held(
-                    point, held, sides, {**pins, k: Pin(pin.level, share)}
+                there = self.with_rows(
+                    point, active, sides, {**pins, k: Pin(pin.level, share)}
                 )
                 jumps |= not all(x.satisfied for x in verdicts_on(there))
                 ends.append(self._away(there, k, sides))
@@ -364,19 +364,19 @@ class Kinks:
                 found[k] = Step.AWAY
         return found
 
-    def held(
+    def with_rows(
         self,
         point: Point,
-        held: Iterable[Row],
+        active: Iterable[Row],
         sides: Mapping[int, float],
         pins: Mapping[int, Pin],
     ) -> Point:
         """Return `point` with the equations of the given sides, and more rows in force.
 
-        held : the rows that are added to the rows in force.
+        active : the rows that are added to the rows in force.
         sides, pins : see `frozen`.
         """
-        e, more = self.on(sides, pins), self.rows(held, sides, pins)
+        e, more = self.on(sides, pins), self.rows(active, sides, pins)
         return point.of(replace(e, rows=(*e.rows, *more)))
 
     def _away(

@@ -176,11 +176,11 @@ class Point:
         if not rows:
             return errors
         near = self.at(errors=errors)
-        held = [r.residual if r.holonomic else self.g.zero for r in rows]
+        residuals = [r.residual if r.holonomic else self.g.zero for r in rows]
         entries = self.jacobian_entries(rows)
         columns = np.nan_to_num(np.abs(entries.values)) / weights[entries.j]
         squares = np.bincount(entries.i, columns**2, len(rows))
-        for k, nodes in enumerate((held, [r.rate for r in rows])):
+        for k, nodes in enumerate((residuals, [r.rate for r in rows])):
             rounding = np.nan_to_num(near.rounding(nodes))
             step = rounding / np.where(squares > 0.0, squares, np.inf)
             shares = columns * step[entries.i] / weights[entries.j]
@@ -452,30 +452,30 @@ class Lengths:
     ----------
     point : Point
         The state.
-    asked : sequence of Condition
+    conditions : sequence of Condition
         The m conditions.
     """
 
-    def __init__(self, point: Point, asked: Sequence[Condition]) -> None:
-        self.point, self.asked = point, asked
+    def __init__(self, point: Point, conditions: Sequence[Condition]) -> None:
+        self.point, self.conditions = point, conditions
         self.weights = point.sizes
         self.u = self.weights * point.q
         self.forms = self._measured()
 
     def _measured(self) -> list[_ScaledGradient]:
-        if not self.asked:
+        if not self.conditions:
             return []
         wanted: list[int] = []
         along: list[list[int]] = []
         positions = positions_of(self.point.e)
-        for asked in self.asked:
-            gradient = list(asked.A.values())
+        for condition in self.conditions:
+            gradient = list(condition.A.values())
             ways, nodes = shape_of(self.point.g, positions, gradient)
             wanted += nodes
             along.append(ways)
         values, forms = self.point.array(wanted), []
-        for asked, ways in zip(self.asked, along, strict=True):
-            columns, rows = list(asked.A), 2 * len(ways) + 1
+        for condition, ways in zip(self.conditions, along, strict=True):
+            columns, rows = list(condition.A), 2 * len(ways) + 1
             table, values = np.split(values, [rows * len(columns)])
             scale = 1.0 / self.weights[np.repeat(ways, 2).astype(int)]
             scale[1::2] *= scale[1::2]
@@ -541,8 +541,8 @@ class Lengths:
         Unlike the terms of a condition, this size does not grow with the distance from
         the origin.
         """
-        values = self.point.array([x.node for x in self.asked])
-        missed = values - np.array([x.target for x in self.asked])
+        values = self.point.array([x.node for x in self.conditions])
+        missed = values - np.array([x.target for x in self.conditions])
         pairs = zip(self.forms, missed, strict=True)
         return np.array([self._scale(form, x) for form, x in pairs])
 
@@ -591,8 +591,10 @@ class Lengths:
 
 def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
     """Return the lengths of constraint rows, see `Lengths`."""
-    asked = [Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows]
-    return Lengths(point, asked)
+    conditions = [
+        Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows
+    ]
+    return Lengths(point, conditions)
 
 
 def _length(size: float, first: float, second: float) -> float:

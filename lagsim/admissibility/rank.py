@@ -360,7 +360,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
     rows, zero = point.e.rows, point.g.zero
     # Terms that are large only by the distance from the origin do not count.
     lengths = of_rows(point, rows)
-    asked = {
+    equations = {
         "position": ([r.residual if r.holonomic else zero for r in rows],
                      [r.residual_scale for r in rows], lengths.scales),
         "velocity": ([r.rate for r in rows], [r.rate_scale for r in rows],
@@ -369,7 +369,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
     }  # fmt: skip
     found = {}
     for level in levels:
-        nodes, sizes, own = asked[level]
+        nodes, sizes, own = equations[level]
         scales = abs(point.array(sizes))
         scales = np.fmin(scales, own()) if own else scales
         small = SAME_RESULT * scales + CAUTION * point.rounding(nodes)
@@ -646,8 +646,8 @@ def thin_set(
     dependent = {d.name for d in dependences}
     around, rows, real = Neighbourhood(point, moved), point.e.rows, list[str]()
     moving = frozenset(point.e.velocities)
-    held = [row for row in rows if row.holonomic]
-    for k, those in enumerate((held, rows)):
+    holonomic = [row for row in rows if row.holonomic]
+    for k, those in enumerate((holonomic, rows)):
         if k:
             # For positions there are no further rows; for velocities the curved rows.
             curved = {

@@ -91,15 +91,15 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
     if rows:
         laws = [law for law in e.laws if law.constraint not in off]
-        held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
-        named += [(f"constraint {name}", row.residual) for name, row in held.items()]
+        checked = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
+        named += [(f"constraint {name}", row.residual) for name, row in checked.items()]
         # Rates of open gaps are not checked.
         contacts = [x.row for x in point.e.laws if x.gapped]
         gaps = point.array([row.residual for row in contacts])
         for row, gap in zip(contacts, gaps, strict=True):
             if gap > 0.0:
-                held.pop(row.name, None)
-        named += [(f"the rate of {name}", row.rate) for name, row in held.items()]
+                checked.pop(row.name, None)
+        named += [(f"the rate of {name}", row.rate) for name, row in checked.items()]
         named += [(f"the bound of {law.multiplier}", law.bound) for law in laws]
     named += [
         (f"the inertia of {q}", node) for q, node in zip(e.q, e.inertias, strict=True)

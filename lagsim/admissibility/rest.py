@@ -58,7 +58,7 @@ class AtRest(NamedTuple):
         The contacts that are active there.
     undetermined : list of str
         Guesses that keep their values, since no equation determines them.
-    held : list of Row
+    active : list of Row
         The rows of the active laws.
     multipliers : ndarray, shape (m + held,)
         The multipliers of the m rows that always hold, then of the rows `held`.
@@ -73,7 +73,7 @@ class AtRest(NamedTuple):
     point: Point
     touching: set[str]
     undetermined: list[str]
-    held: list[Row]
+    active: list[Row]
     multipliers: Floats
     corner: RestCorner | None = None
     on_ridge: bool = False
@@ -122,31 +122,31 @@ class _Balance(NamedTuple):
 def _balance(
     point: Point,
     stated: Sequence[Condition],
-    held: Sequence[Row],
+    active: Sequence[Row],
     free: tuple[Sequence[int], Sequence[int]],
     way: Way,
 ) -> _Balance | None:
-    """Return a balance of forces with the rows `held` in force; None if none is found.
+    """Return a balance of forces with active rows; None if none is found.
 
-    point, stated, held, free : see `balance.Rest`.
+    point, stated, active, free : see `balance.Rest`.
     way : see `balance.Way`.
     """
     if way is Way.CORNER:
-        return _Walk(point, stated, held, free).found()
-    rest = Rest(point, stated, held, free)
+        return _Walk(point, stated, active, free).found()
+    rest = Rest(point, stated, active, free)
     end = solved(rest, way)
     if not end.converged:
         return None
     there = rest.at(end.x).at(errors=rest.errors(end.x))
     there.multipliers = {}
     found = _Balance(rest, end.x, there)
-    return _beside_kinks(found, stated, held, free, near=way is Way.NEAR)
+    return _beside_kinks(found, stated, active, free, near=way is Way.NEAR)
 
 
 def _beside_kinks(
     found: _Balance,
     stated: Sequence[Condition],
-    held: Sequence[Row],
+    active: Sequence[Row],
     free: tuple[Sequence[int], Sequence[int]],
     *,
     near: bool,
@@ -159,13 +159,13 @@ def _beside_kinks(
     ----------
     found : _Balance
         A balance of the equations as written. It is returned where no corner is found.
-    stated, held, free
+    stated, active, free
         See `balance.Rest`.
     near : bool
         Whether a nearer corner between the guess and the balance is searched for.
     """
     rest, point = found.rest, found.rest.point
-    walk = _Walk(found.there, stated, held, free)
+    walk = _Walk(found.there, stated, active, free)
     if walk.levels:
         own = walk.found()
         if own is not None and own.corner is not None:
@@ -177,7 +177,7 @@ def _beside_kinks(
             found = found._replace(on_ridge=True)
     if not near or not walk.kinks.sides:
         return found
-    before = _Walk(point, stated, held, free)
+    before = _Walk(point, stated, active, free)
     if before.sides == walk.sides:
         return found
     other = before.found()
@@ -195,7 +195,7 @@ class _Walk:
 
     Parameters
     ----------
-    point, stated, held, free
+    point, stated, active, free
         See `balance.Rest`.
 
     Attributes
@@ -216,11 +216,11 @@ class _Walk:
         self,
         point: Point,
         stated: Sequence[Condition],
-        held: Sequence[Row],
+        active: Sequence[Row],
         free: tuple[Sequence[int], Sequence[int]],
     ) -> None:
         self.guess, self.here, self.stated, self.free = point, point, stated, free
-        self.kinks, self.held = Kinks(point.e), held
+        self.kinks, self.active = Kinks(point.e), active
         self.sides, self.levels = self.kinks.at(point)
         self.on_ridge, self.tried = False, set[object]()
 
@@ -278,7 +278,7 @@ class _Walk:
             self.sides |= {k: actual[k] for k in passed}
             self.here = self._at(rest, x)
             return None
-        steps = self.kinks.steps(found.there, self.sides, self._pins(), self.held)
+        steps = self.kinks.steps(found.there, self.sides, self._pins(), self.active)
         gone = [k for k, step in steps.items() if step is not Step.TOWARDS]
         if not gone:
             return found
@@ -313,8 +313,8 @@ class _Walk:
             kinks.share(k): kinks.distance(k, level, self.sides)
             for k, level in self.levels.items()
         }
-        held = kinks.rows(self.held, self.sides, pins)
-        return Rest(self.here.of(e), self.stated, held, self.free, pinned)
+        active = kinks.rows(self.active, self.sides, pins)
+        return Rest(self.here.of(e), self.stated, active, self.free, pinned)
 
     def _at(self, rest: Rest, x: Floats) -> Point:
         """Return the state with the unknowns x (k,), with the equations as written."""
@@ -382,15 +382,15 @@ class _Walk:
         """
         here = self.here
         for there in ways:
-            met = self.kinks.first_crossing(
+            crossing = self.kinks.first_crossing(
                 (here, there), self.sides, self.levels, beyond=beyond
             )
-            if met is None:
+            if crossing is None:
                 continue
-            self.levels[met.side] = met.level
+            self.levels[crossing.side] = crossing.level
             self.here = here.at(
-                here.q + met.part * (there.q - here.q),
-                s=here.state.s + met.part * (there.state.s - here.state.s),
+                here.q + crossing.part * (there.q - here.q),
+                s=here.state.s + crossing.part * (there.state.s - here.state.s),
             )
             return True
         return False
@@ -521,65 +521,65 @@ def find_rest(
     """
     laws = point.e.laws
     apart = [k for k in _by_gap(point) if laws[k].constraint not in off]
-    active = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
+    judged_active = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
     # The force of a slider without mass is known; a row keeps it at its limit.
-    begun = {k for k in active if not laws[k].slider}
+    begun = {k for k in judged_active if not laws[k].slider}
     limits = one_sided(point, {law.constraint for law in laws if law.slider})
     rows = [limits.get(law.constraint, law.row) for law in laws]
     rounds = [(way, False) for way in ways]
     for way, wide in rounds + [(Way.NEAR, True)] * (Way.FAR in ways):
-        held, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
-        while frozenset(held) not in tried and len(tried) <= TRIES * (1 + len(apart)):
-            tried.add(frozenset(held))
-            own = [rows[k] for k in sorted(held)]
+        active, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
+        while frozenset(active) not in tried and len(tried) <= TRIES * (1 + len(apart)):
+            tried.add(frozenset(active))
+            own = [rows[k] for k in sorted(active)]
             end = _balance(point, stated, own, free, way)
             if end is not None:
                 rest, there = end.rest, end.there
-                changes = _changes(rest, end.x, there, held, off)
+                changes = _changes(rest, end.x, there, active, off)
                 if not all(x.satisfied for x in verdicts_on(there)):
                     return None  # a relation with a nonzero rate
                 if not changes:
                     left = judge_rest(there, judge_laws(there, off)) if laws else ()
                     if not all(x.satisfied for x in left):
                         return None  # a wall that appears or disappears
-                    sided = {k for k in held if laws[k].one_sided}
+                    sided = {k for k in active if laws[k].one_sided}
                     touching = {laws[k].constraint for k in sided}
                     own = rest.rows[len(point.e.rows) :]
                     lam = end.x[len(end.x) - len(rest.rows) :]
                     loose = rest.undetermined(end.x)
                     return AtRest(there, touching, loose, own, lam, *end[3:])
             else:
-                more = [laws[k].constraint for k in apart if k not in held]
+                more = [laws[k].constraint for k in apart if k not in active]
                 changes = _of(laws, more[:1])
-                bases.append(held)
-            held = held ^ changes
-            if wide and frozenset(held) in tried:
+                bases.append(active)
+            active = active ^ changes
+            if wide and frozenset(active) in tried:
                 each = [_of(laws, {laws[k].constraint}) for k in apart]
                 beside = (base | x for base in bases for x in each)
-                held = next((x for x in beside if frozenset(x) not in tried), held)
+                active = next((x for x in beside if frozenset(x) not in tried), active)
     return None
 
 
 def _changes(
-    rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
+    rest: Rest, x: Floats, there: Point, active: set[int], off: Collection[str]
 ) -> set[int]:
     """Return the indices of laws whose rows are to be added to the rest, or removed.
 
     rest, x, there : the equations, the solution (k,), and the state at rest.
-    held : indices of the laws in force there.
+    active : indices of the laws in force there.
     off : constraints out of force.
     """
     laws, verdicts = there.e.laws, judge_laws(there, off)
     if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):
-        return passed - held
+        return passed - active
     pulls = dict(
-        zip(sorted(held), rest.pulls(x)[len(rest.rows) - len(held) :], strict=True)
+        zip(sorted(active), rest.pulls(x)[len(rest.rows) - len(active) :], strict=True)
     )
-    pulling = [k for k in held if laws[k].one_sided and pulls[k] > 0.0]
+    pulling = [k for k in active if laws[k].one_sided and pulls[k] > 0.0]
     if pulling:
         most = max(pulling, key=lambda k: pulls[k])
-        return _of(laws, {laws[most].constraint}) & held
-    sliding = held - acting(there, verdicts).holding
+        return _of(laws, {laws[most].constraint}) & active
+    sliding = active - acting(there, verdicts).holding
     return {k for k in sliding if laws[k].bounded}
 
 

@@ -187,19 +187,19 @@ class RelationResiduals(NamedTuple):
 def verdicts_on(point: Point) -> list[RelationResiduals]:
     """Return verdicts on the equality rows."""
     rows = point.e.rows
-    held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
+    positions = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
     moving = _against_terms(point, [(r.rate, r.rate_scale) for r in rows])
     # A residual within rounding is satisfied independent of its scale.
-    pairs = enumerate(zip(held, moving, strict=True))
-    asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
-    near = _neighbours(point, asked)
-    lengths = of_rows(point, [rows[i] for i in (*asked, *near)])
+    pairs = enumerate(zip(positions, moving, strict=True))
+    inexact = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
+    near = _neighbours(point, inexact)
+    lengths = of_rows(point, [rows[i] for i in (*inexact, *near)])
     scales, motions = lengths.scales(), lengths.motions()
-    whole = body_motions(point, [rows[i].A.entries for i in asked])
-    for i, scale, motion, body in zip(asked, scales, motions, whole, strict=False):
+    whole = body_motions(point, [rows[i].A.entries for i in inexact])
+    for i, scale, motion, body in zip(inexact, scales, motions, whole, strict=False):
         moving[i] = _of_rate(moving[i], motion, body)
-        held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
-    return [_of_row(*row) for row in zip(rows, held, moving, strict=True)]
+        positions[i] = _of_size(positions[i], scale) if rows[i].holonomic else moving[i]
+    return [_of_row(*row) for row in zip(rows, positions, moving, strict=True)]
 
 
 def _of_row(row: Row, position: Residual, velocity: Residual) -> RelationResiduals:
@@ -225,20 +225,20 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
     return [Residual(*row) for row in zip(*(x.tolist() for x in found), strict=True)]
 
 
-def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
+def _neighbours(point: Point, rows: Sequence[int]) -> list[int]:
     """Return indices of rows on which the scales of the given rows depend.
 
     The result has the rows that share a coordinate with a given row, directly or
     through a chain of at most LINKS - 1 other rows.
 
-    asked : indices of the given rows, which the result excludes.
+    rows : indices of the given rows, which the result excludes.
     """
-    found = set(asked)
+    found = set(rows)
     columns = [set(row.A.entries) for row in point.e.rows]
     for _ in range(LINKS):
         known = {j for i in found for j in columns[i]}
         found |= {i for i, touched in enumerate(columns) if touched & known}
-    return sorted(found - set(asked))
+    return sorted(found - set(rows))
 
 
 def _of_size(residual: Residual, own: float) -> Residual:
@@ -298,8 +298,12 @@ def judge_laws(point: Point, off: Collection[str]) -> list[RelationResiduals]:
     A gap and the rate of a freewheel must not be negative; a limited equality may slip;
     constraints in `off`, out of force, are not judged.
     """
-    held = {row.name for row in point.e.rows}
-    laws = [law for law in point.e.laws if not law.slips and law.constraint not in held]
+    equalities = {row.name for row in point.e.rows}
+    laws = [
+        law
+        for law in point.e.laws
+        if not law.slips and law.constraint not in equalities
+    ]
     rows = [law.row for law in laws]
     values = _against_levers(point, [(r.residual, 0.0) for r in rows])
     rates = _against_levers(point, [(r.rate, 0.0) for r in rows])
@@ -407,8 +411,8 @@ def _against_levers(
     found, forms = [], []
     for (node, target), value, error in zip(targets, values, rounding, strict=True):
         A = gradient_of(point, node)
-        levers = np.abs(point.array(list(A.values()))) * sizes[list(A)]
-        scale = max(abs(value), abs(target), np.max(levers, initial=0.0))
+        terms = np.abs(point.array(list(A.values()))) * sizes[list(A)]
+        scale = max(abs(value), abs(target), np.max(terms, initial=0.0))
         found.append(Residual(float(value - target), float(scale), float(error)))
         moving = any(j >= point.n for j in A)
         forms.append(Condition("", node, {} if moving else A, node, target))
@@ -574,14 +578,14 @@ def contact_status(
         paradox = laws.paradox
         found = [_with_mode(x, laws, point) for x in verdicts]
     limited = {x.constraint: x.row for x in point.e.laws if x.limited}
-    held = [
+    holding = [
         limited[x.name]
         for x in found
         if x.name in limited and (x.holds if sound else x.active and x.position.exact)
     ]
     raised = 0
-    if held:
-        more = replace(point.e, rows=(*point.e.rows, *held))
+    if holding:
+        more = replace(point.e, rows=(*point.e.rows, *holding))
         raised = analyse(Point(more, point.state, point.errors), ()).rank - rank
     return found, raised, [_PARADOX] if paradox else []
 
@@ -742,8 +746,8 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
     M, A, e = point.mass_matrix, point.gradients, point.e
     f, forced = point.array(e.f), np.zeros(point.n)
     if len(A):
-        asked = point.array([row.b for row in e.rows])
-        forced = least_squares(A / point.sizes, asked, None) / point.sizes
+        targets = point.array([row.b for row in e.rows])
+        forced = least_squares(A / point.sizes, targets, None) / point.sizes
     K = delassus(M, A, np.eye(point.n)).response
     terms = np.abs(K) @ (np.abs(f) + np.abs(M) @ np.abs(forced)) + np.abs(forced)
     return forced + K @ (f - M @ forced), terms, K

@@ -212,13 +212,13 @@ def fit(
     if loss not in LOSSES:
         raise ValueError(f"loss={loss!r:.60}: one of {', '.join(LOSSES)} is expected")
     whole_number("starts", starts)
-    asked = {key: str(x) for key, x in given(options, RUNS_OF_FITS).items()}
+    settings = {key: str(x) for key, x in given(options, RUNS_OF_FITS).items()}
     names = [vary] if isinstance(vary, str) else [*vary]
     tables = data if isinstance(data, (list, tuple)) else [data]
     with in_python():
         records = [_record(one, number) for number, one in enumerate(tables, 1)]
         study = Fit(
-            model_of(model), records, names, match, loss, options=asked,
+            model_of(model), records, names, match, loss, options=settings,
             own={name: str(x) for name, x in (values or {}).items()}, jobs=jobs,
         )  # fmt: skip
         return Fitted(study, study.found(starts))

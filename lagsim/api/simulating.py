@@ -744,25 +744,27 @@ def simulate(
     >>> result.error.relative < 1e-9
     True
     """
-    asked = given(options)
+    given_options = given(options)
     bars = one_of("error_bar", error_bar, ErrorBars)
     clock, keep = Stopwatch(), Keep()
     with in_python():
         read = model_of(model)
-        settings = wanted(read, "simulate", asked, hint="add it, or give `duration`")
+        settings = wanted(
+            read, "simulate", given_options, hint="add it, or give `duration`"
+        )
         clock.lap("read")
         try:
             ready = open_case(read, settings, clock=clock).ready(clock=clock)
         except StartError as error:
             found = Examination(examination(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
-        more = _appended(read, settings, asked, None)
+        more = _appended(read, settings, given_options, None)
     attempts = Attempts(
         keep, Interrupt(), clock, error_bars=bars,
         replaces=bars is not ErrorBars.NEVER, cornered=True, appended=more,
     )  # fmt: skip
     made = attempts.best(ready)
-    again = partial(_appended, read, settings, asked)
+    again = partial(_appended, read, settings, given_options)
     return Result(made, keep.table, clock.timings, again)
 
 

@@ -264,16 +264,16 @@ def sweep(
     """
     if jobs is not None:
         whole_number("jobs", jobs, 1)
-    asked = given(options)
+    settings = given(options)
     if from_ is not None:
         number_or_text("from_", from_)
-        asked[FROM] = from_
+        settings[FROM] = from_
     if ends and from_ is not None:
         raise TypeError("`from_` is a time of rows, and `ends` computes no rows")
     bars = one_of("error_bar", error_bar, ErrorBars)
     with in_python():
         read = model_of(model)
-        wanted(read, "sweep", asked, hint="add it, or give `duration`")
+        wanted(read, "sweep", settings, hint="add it, or give `duration`")
         if (values is None) + (points is None) + (sample is None) != 2:
             raise TypeError("values, points or sample: one of these is expected")
         if (sample is None) is not (N is None):
@@ -287,6 +287,6 @@ def sweep(
         else:
             several = lists((values if points is None else points) or {})
             grid = grid_of(read, several, together=points is not None)
-    found = SweepRows.of(read, grid, asked, bars, ends=ends)
+    found = SweepRows.of(read, grid, settings, bars, ends=ends)
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

@@ -193,8 +193,8 @@ def unforeseen() -> int:
     if starved:
         print_stderr(f"lagsim: {starved} [{number(STARVED)}]")
         return STARVED_EXIT
-    path, asked = _report_file(trace), TRACEBACK in sys.argv
-    if asked or path is None:
+    path, requested = _report_file(trace), TRACEBACK in sys.argv
+    if requested or path is None:
         print_stderr(trace)
     raised = trace.rstrip("\n").rpartition("\n")[2]
     print_stderr(f"lagsim: {raised} [{number(BUG)}]")
@@ -203,7 +203,7 @@ def unforeseen() -> int:
         "  This is a bug in lagsim, not in your model. Please report it with the model "
         f"file and {source}"
     )
-    if not asked:
+    if not requested:
         print_stderr(
             f"  hint: the same command with {TRACEBACK} shows where it is raised"
         )

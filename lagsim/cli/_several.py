@@ -89,8 +89,8 @@ def done(piece: PendingRun, interrupt: Interrupt) -> Done:
 
     def work() -> int:
         job = piece.job(piece.folder, documents=documents, interrupt=interrupt)
-        asked = piece.text, piece.file, piece.overrides, piece.options
-        return int(job.run(*asked))
+        arguments = piece.text, piece.file, piece.overrides, piece.options
+        return int(job.run(*arguments))
 
     return alone(work, piece.file, documents, as_json=piece.as_json)
 

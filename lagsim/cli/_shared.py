@@ -93,8 +93,8 @@ def output_folder(text: str) -> Any:
     return option("DIR", text, "-o", "--output")
 
 
-def _show_version(asked: bool) -> None:
-    if asked:
+def _show_version(requested: bool) -> None:
+    if requested:
         print_stdout(f"lagsim {__version__}")
         raise typer.Exit
 

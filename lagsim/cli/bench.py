@@ -94,8 +94,8 @@ def command(
     documents, faults, codes = list[Any](), list[Any](), [0]
     for path in models:
         try:
-            asked = _drawn_again if path.endswith(".json") else _opened
-            measure, usual = asked(path, overrides, wish, form.value)
+            read = _drawn_again if path.endswith(".json") else _opened
+            measure, usual = read(path, overrides, wish, form.value)
             target = folder / Path(path).stem if folder and models[1:] else folder
             code = experiment(
                 "bench", measure, target or usual, MANIFEST, documents, quiet=quiet,

@@ -118,8 +118,8 @@ def with_settings(
     def decorated(command: Callable[..., int]) -> Callable[..., int]:
         @functools.wraps(command)
         def called(**words: Any) -> int:
-            asked = {key: words.pop(key) for key in keys}
-            given = {key: text for key, text in asked.items() if text is not None}
+            settings = {key: words.pop(key) for key in keys}
+            given = {key: text for key, text in settings.items() if text is not None}
             return command(**words, options=given)
 
         own = inspect.signature(command, eval_str=True)
@@ -386,15 +386,15 @@ class Job:
     def _appended(self, session: Session) -> Appended | None:
         """Return the columns of sensitivities and standard deviations; None if none."""
         model = session.case.model
-        asked = *model.output.sensitivities, *self.wish.varied
+        names = *model.output.sensitivities, *self.wish.varied
         uncertain = any(p.uncertainty for p in model.parameters)
-        if not asked and not uncertain:
+        if not names and not uncertain:
             return None
         from lagsim.studies.sensitivities import appended
 
         with progress_bar("sensitivities", quiet=self.wish.quiet) as progress:
             return appended(
-                model, session.case.settings, [*dict.fromkeys(asked)],
+                model, session.case.settings, [*dict.fromkeys(names)],
                 interrupt=self.interrupt, progress=progress,
             )  # fmt: skip
 
@@ -617,11 +617,11 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
         f"{counted(document['rows'], 'row')}"
     )
     equations = made.session.equations
-    held = len(equations.model.constraints)
+    constraints = len(equations.model.constraints)
     contacts = len({law.name for law in equations.laws if law.gapped})
     parts = {
         "coordinate": len(equations.q), "state": len(equations.states),
-        "constraint": held - contacts, "contact": contacts,
+        "constraint": constraints - contacts, "contact": contacts,
     }  # fmt: skip
     system = ", ".join(counted(n, noun) for noun, n in parts.items() if n)
     plan = (f"{c['choice']} ({c['reason']})" for c in document["plan"])
@@ -639,7 +639,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
     start = f"(energy {energy} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {kept} {start}"))
-    if held:
+    if constraints:
         residual = document["constraint_residual"]
         rows.append(("residual", f"largest {residual:.2g} of its scale"))
     rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
@@ -673,11 +673,11 @@ def _named(events: Sequence[Event]) -> str:
     If the names are too many, their number takes their place.
     """
     own = dict.fromkeys(f"`{e.name}`" for e in events if e.name)
-    held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
+    constraints = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
-    if len(held) + len(switches) + len(own) <= MOST_NAMES:
-        return ", ".join((*held, *switches, *own))
-    counts = map(len, (held, switches, own))
+    if len(constraints) + len(switches) + len(own) <= MOST_NAMES:
+        return ", ".join((*constraints, *switches, *own))
+    counts = map(len, (constraints, switches, own))
     numbers = zip(counts, ("constraint", "switch", "name"), strict=True)
     return ", ".join(counted(number, noun) for number, noun in numbers if number)
 

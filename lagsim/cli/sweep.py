@@ -129,8 +129,8 @@ def command(
         "--error-bar always": error_bar is ErrorBars.ALWAYS,
         "--from": since is not None,
     }
-    if ends and (asked := [name for name, given in others.items() if given]):
-        text = f"--ends stores no rows, which {asked[0]} requires"
+    if ends and (stated := [name for name, given in others.items() if given]):
+        text = f"--ends stores no rows, which {stated[0]} requires"
         raise unusable(USAGE, text, hint="leave one of the two out")
     if since is not None:
         options = options | {FROM: since}

@@ -92,7 +92,7 @@ def bounds_at_rest(
     slips: Sequence[int],
     velocities: Collection[str],
     known: Mapping[str, tuple[float, float]],
-    held: Sequence[int] = (),
+    zero_rates: Sequence[int] = (),
 ) -> Bounds | None:
     """Return the bound `node` at rest and while sliding.
 
@@ -111,7 +111,7 @@ def bounds_at_rest(
         Names of the velocities.
     known
         Value and rounding error of each parameter.
-    held
+    zero_rates
         Expressions of velocities that are 0 in each motion: rates of equalities.
 
     Returns
@@ -124,11 +124,11 @@ def bounds_at_rest(
     if node not in moving:
         return Bounds(node, node)
     steps = any(n in moving and _is_discrete(g, n) for n in g.cone([node]))
-    held = _coupled(g, [node, *slips], held, velocities)
-    names = g.depends([node, *slips, *held])
-    found = [_points(g, slips, names, velocities, x, held) for x in (known, {})]
+    zero_rates = _coupled(g, [node, *slips], zero_rates, velocities)
+    names = g.depends([node, *slips, *zero_rates])
+    found = [_points(g, slips, names, velocities, x, zero_rates) for x in (known, {})]
     if not all(found):  # equalities prevent any slip
-        return Bounds(node, node) if held else None
+        return Bounds(node, node) if zero_rates else None
     beside = _Beside(g, node, moving, found[0], found[1])
     if steps:
         return beside.bounds(slips)
@@ -136,16 +136,19 @@ def bounds_at_rest(
 
 
 def _coupled(
-    g: Graph, nodes: Sequence[int], held: Sequence[int], velocities: Collection[str]
+    g: Graph,
+    nodes: Sequence[int],
+    zero_rates: Sequence[int],
+    velocities: Collection[str],
 ) -> list[int]:
-    """Return up to MOST_HELD of the rates `held` that share velocities with `nodes`.
+    """Return at most MOST_HELD of `zero_rates` that share velocities with `nodes`.
 
     Velocities may be shared directly, or through other rates in the result.
 
-    held : rates of equalities, which are 0 in each motion.
+    zero_rates : rates of equalities, which are 0 in each motion.
     """
     names = g.depends(nodes) & frozenset(velocities)
-    left, found = list(held), list[int]()
+    left, found = list(zero_rates), list[int]()
     while len(found) < MOST_HELD:
         near = [n for n in left if not names.isdisjoint(g.depends([n]))]
         if not near:
@@ -174,13 +177,13 @@ def _points(
     names: Collection[str],
     velocities: Collection[str],
     known: Mapping[str, tuple[float, float]],
-    held: Sequence[int],
+    zero_rates: Sequence[int],
 ) -> list[_SlipPoint]:
-    """Return test points at which all slips and the rates `held` are 0.
+    """Return test points at which all slips and the rates `zero_rates` are 0.
 
     Points at which a slip has no value are left out.
 
-    slips, held : nodes of the slips, and of rates that are 0.
+    slips, zero_rates : nodes of the slips, and of rates that are 0.
     names : variables of the bound.
     velocities : the names among these whose values may be changed.
     known : value and error of each parameter; other variables have arbitrary values.
@@ -188,7 +191,7 @@ def _points(
     order = sorted(names)
     speeds = [name for name in order if name in velocities]
     variables = [g.variable(v) for v in speeds]
-    slopes = [gradient(g, s, variables) for s in (*slips, *held)]
+    slopes = [gradient(g, s, variables) for s in (*slips, *zero_rates)]
     found = []
     for k in range(1, POINTS + 1):
         values: Values = {}
@@ -196,7 +199,7 @@ def _points(
             part = math.modf(GOLDEN * (k * i + k * k + 0.37 * i * i))[0]
             size = LEAST + SPAN * part
             values[name] = known.get(name, (size if (i + k) % 3 else -size, 0.0))
-        point = _at_zero(g, slips, held, slopes, speeds, values)
+        point = _at_zero(g, slips, zero_rates, slopes, speeds, values)
         if point is not None:
             found.append(point)
     return found
@@ -205,18 +208,18 @@ def _points(
 def _at_zero(
     g: Graph,
     slips: Sequence[int],
-    held: Sequence[int],
+    zero_rates: Sequence[int],
     slopes: Sequence[Sequence[int]],
     speeds: Sequence[str],
     values: Values,
 ) -> _SlipPoint | None:
-    """Return the point, with velocities changed such that all slips and `held` are 0.
+    """Return the point with velocities at which all slips and `zero_rates` are 0.
 
     None if no change of velocities achieves this.
 
     Parameters
     ----------
-    slips, held
+    slips, zero_rates
         Nodes of the slips, and of rates that are 0.
     slopes
         Their derivatives by the velocities, a row of nodes for each.
@@ -235,7 +238,7 @@ def _at_zero(
         {name: change for name, change in zip(speeds, way, strict=True) if change}
         for way in inverse
     ]
-    zero = (*slips, *held)
+    zero = (*slips, *zero_rates)
     for _ in range(3):
         for x, way in zip(evaluate(g, zero, plain), ways, strict=True):
             for name, change in way.items():

@@ -349,11 +349,11 @@ class Elements:
         g = self.graph
         varying = [x for x in self.slots if self.reads(x, moving)]
         names = [str(g.payload(x.node)) for x in varying]
-        held = [x for x in varying if set(x.places.tolist()).issubset(state)]
-        others = [x for x in varying if x not in held]
+        of_state = [x for x in varying if set(x.places.tolist()).issubset(state)]
+        others = [x for x in varying if x not in of_state]
         more = [self._beside("error", x) for x in others]
         known = {x.node: e.node for x, e in zip(others, more, strict=True)}
-        own = [str(g.payload(x.node)) for x in held]
+        own = [str(g.payload(x.node)) for x in of_state]
         nodes = [o.node for o in self.outputs]
         errors = roundings(g, nodes, names, own, known)
         outputs = [

@@ -251,8 +251,8 @@ def _div(s: Coefficients, n: int) -> int:
     x, y = g.args[n]
     part = g.call("div", g.one, y)
     known = g.call("mul", g.call("neg", s.inner(y, n)), part)
-    lever = g.call("neg", g.call("mul", n, part))
-    return s.newest(known, (part, s(x)), (lever, s(y)))
+    factor = g.call("neg", g.call("mul", n, part))
+    return s.newest(known, (part, s(x)), (factor, s(y)))
 
 
 def _hyperbolic_slope(g: Graph, n: int) -> int | None:
@@ -317,8 +317,8 @@ def _power(s: Coefficients, n: int) -> int:
     part = g.call("div", g.one, x)
     rising = g.call("mul", g.call("add", p, g.one), s.inner_rate(x, n))
     known = g.call("mul", g.call("sub", rising, s.inner(x, n)), part)
-    lever = g.call("mul", p, g.call("mul", n, part))
-    return s.newest(known, (lever, s(x)))
+    factor = g.call("mul", p, g.call("mul", n, part))
+    return s.newest(known, (factor, s(x)))
 
 
 def _as_products(s: Coefficients, n: int) -> int | None:

@@ -548,7 +548,7 @@ def find_switches(
     accelerations: Sequence[int] = (),
     rates: Sequence[int] | None = None,
     shown: Sequence[int] = (),
-    held: Collection[str] = (),
+    constrained: Collection[str] = (),
     cuts: frozenset[int] = frozenset(),
 ) -> Switches:
     """Find the switches of `nodes`.
@@ -574,7 +574,7 @@ def find_switches(
         The expressions of conditions and output. A step function in these expressions
         has a side, see `Side.shown`, if laws or surfaces may hold all variables of the
         motion on which it depends.
-    held
+    constrained
         The names of variables that laws may hold; variables of surfaces are added.
     cuts
         The nodes atan2(y, x) that are switches: they jump by 2 pi at y = 0, x < 0.
@@ -590,8 +590,8 @@ def find_switches(
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
     levels = (surface.node for d in watched for surface in surfaces(g, d))
-    held = {*held} | (g.depends(levels) & {*moving})
-    beside = _held_steps(g, shown, moving, speeds, held) if held else {}
+    constrained = {*constrained} | (g.depends(levels) & {*moving})
+    beside = _held_steps(g, shown, moving, speeds, constrained) if constrained else {}
     while True:
         sides, sides_of = _sides(g, {d: state[d] for d in watched}, beside)
         roots = Roots.among(g, dynamics, sides, speeds)
@@ -610,19 +610,19 @@ def _held_steps(
     shown: Sequence[int],
     moving: Collection[str],
     speeds: Collection[str],
-    held: Collection[str],
+    constrained: Collection[str],
 ) -> dict[int, str]:
-    """Return step functions in `shown` that depend on no moving variable but `held`.
+    """Return step functions in `shown` of which all moving variables are `constrained`.
 
     While a law or a surface holds the argument of such a function at its level, the
     function has the value at the level. The result maps discrete functions (nodes) to
     their texts.
 
-    held : the names of all variables that laws or surfaces may hold.
+    constrained : the names of all variables that laws or surfaces may hold.
     shown, moving, speeds : see `find_switches`.
     """
-    finder = _Finder(g, [*shown], held, speeds, frozenset())
-    others = {*moving} - {*held}
+    finder = _Finder(g, [*shown], constrained, speeds, frozenset())
+    others = {*moving} - {*constrained}
     steps = sorted(n for n, d in finder.decided.items() if n == d)
     return {n: finder.state[n] for n in steps if others.isdisjoint(g.depends([n]))}
 
@@ -811,15 +811,19 @@ def model_switches(
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
     output = tuple(_conditions_and_output(e.model)) if located and shown else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
-    held = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
+    constrained = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
     jumping = _cuts(e) if located and cuts else frozenset()
     if not e.model.tables and not e.graph.of(WHOLE):
-        return _found(e.graph, *known, sizes, shown=output, held=held, cuts=jumping)
+        return _found(
+            e.graph, *known, sizes, shown=output, constrained=constrained, cuts=jumping
+        )
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
         rates = of_rows
     accelerations = (*e.of_accelerations, *beside)
-    return _found(e.graph, *known, sizes, accelerations, rates, output, held, jumping)
+    return _found(
+        e.graph, *known, sizes, accelerations, rates, output, constrained, jumping
+    )
 
 
 def _conditions_and_output(model: Model) -> Iterator[int]:

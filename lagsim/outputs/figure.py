@@ -245,8 +245,8 @@ class Picture(Figure):
         high = height + LINE * (len(lines) + named) + NOTE * counted
         self.set_size_inches(width, high)
         if below:
-            look: Pen = {"size": SMALL, "color": DIM, "ha": "left", "wrap": True}
-            self.supxlabel(mathtext(below), x=0.012, **look)
+            style: Pen = {"size": SMALL, "color": DIM, "ha": "left", "wrap": True}
+            self.supxlabel(mathtext(below), x=0.012, **style)
 
     def settle(self) -> None:
         """Run the layout once, draw the deferred parts, and fix panel positions."""
@@ -426,8 +426,8 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     t, low, high = (
         np.insert(part, ends, np.nan) for part in (t[seen][columns], low, high)
     )
-    look = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
-    axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
+    style = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
+    axes.fill_between(t, low, high, **style, linewidth=0.5, zorder=1.8)
 
 
 def draw_band(axes: Axes, t: Array, low: Array, high: Array, pen: Pen) -> None:
@@ -487,23 +487,23 @@ def shade(axes: Axes, horizon: float) -> None:
     """Shade the part of a panel against time that lies past the time `horizon`."""
     low, high = axes.get_xlim()
     if horizon < high:
-        look: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
-        axes.axvspan(max(horizon, low), high, **look, zorder=0.2)
+        style: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
+        axes.axvspan(max(horizon, low), high, **style, zorder=0.2)
 
 
-def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
+def marks(axes: Axes, times: Sequence[float], mark: Mark) -> None:
     """Mark times by short ticks at the top of a panel; omit ticks that would touch."""
     low, high = axes.get_xlim()
     inside = np.sort([t for t in times if low <= t <= high])
     across = axes.get_xaxis_transform()
     at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
-    size = float(look.top["markersize"])
-    apart = TICKS_APART if look.top["marker"] == "|" else size + MARKS_APART
+    size = float(mark.top["markersize"])
+    apart = TICKS_APART if mark.top["marker"] == "|" else size + MARKS_APART
     shown = inside[_spaced(at / axes.figure.dpi, apart / 72)]
     inch = axes.figure.dpi_scale_trans
     at_top = across + ScaledTranslation(0.0, -size / 144, inch)
     level = np.ones_like(shown)
-    line(axes, shown, level, look.top, transform=at_top, zorder=1.6, clip_on=False)
+    line(axes, shown, level, mark.top, transform=at_top, zorder=1.6, clip_on=False)
 
 
 def _spaced(places: Array, apart: float) -> list[int]:

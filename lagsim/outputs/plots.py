@@ -115,7 +115,7 @@ def sheet(
     """
     names: list[tuple[str, Pen]] = [DEVIATIONS] if banded else []
     if timed:
-        names += [(look.name, look.top) for look, _ in event_marks(data)]
+        names += [(mark.name, mark.top) for mark, _ in event_marks(data)]
     if data.horizon < data.rows.last("t"):
         names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
     notes = [data.note] if data.note else ()
@@ -131,16 +131,16 @@ DEVIATIONS: tuple[str, Pen] = (
 
 def event_marks(data: PlotData) -> list[tuple[Mark, Sequence[float]]]:
     """Return the marks of events that occurred, each with the times of the events."""
-    known = [(look, data.events.get(kind, ())) for kind, look in MARKS.items()]
+    known = [(mark, data.events.get(kind, ())) for kind, mark in MARKS.items()]
     others = [t for k, own in data.events.items() if k not in MARKS for t in own]
-    return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
+    return [(mark, times) for mark, times in (*known, (OTHERS, others)) if times]
 
 
 def mark_events(data: PlotData, axes: Axes) -> None:
     """Mark events on Axes against time, and shade the part past the horizon."""
     shade(axes, data.horizon)
-    for look, times in event_marks(data):
-        marks(axes, times, look)
+    for mark, times in event_marks(data):
+        marks(axes, times, mark)
 
 
 def time_axis(data: PlotData) -> Scale:
@@ -359,8 +359,8 @@ def label_greatest(
     # On the side away from the greatest value.
     side = "left" if t[at] > 0.5 * (t[0] + t[-1]) else "right"
     text = f"peak {most} at t = {read_off(t[at], 5)}; {beyond}"
-    look: Pen = {"size": SMALL, "color": DIM}
-    axes.add_artist(AnchoredText(text, f"upper {side}", frameon=False, prop=look))
+    style: Pen = {"size": SMALL, "color": DIM}
+    axes.add_artist(AnchoredText(text, f"upper {side}", frameon=False, prop=style))
 
 
 def largest(data: PlotData, sizes: Mapping[str, float]) -> dict[str, float]:
@@ -579,8 +579,8 @@ def energy(data: PlotData) -> Picture:
         drawn[name] = t, energies - starts[name]
     values = spread_scale(*drawn.values())
     frame(axes, time_axis(data), values, up=("energy", unit))
-    looks = [pens[name] for name in drawn]
-    picture.when_placed(against_time, data, axes, drawn.values(), looks)
+    styles = [pens[name] for name in drawn]
+    picture.when_placed(against_time, data, axes, drawn.values(), styles)
     label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
     _drift(picture, lower, data)
@@ -780,9 +780,9 @@ def overlay(
     many = len(runs) > MOST_NAMED
     values = np.array(order[1] or range(1, len(runs) + 1), float)
     colours = ScalarMappable(Normalize(values.min(), values.max()), COLOURS)
-    looks = pens(len(runs))
+    styles = pens(len(runs))
     if many:
-        looks = [
+        styles = [
             {"color": to_hex(c), "linewidth": 0.7} for c in colours.to_rgba(values)
         ]
     height = (
@@ -793,7 +793,7 @@ def overlay(
         f"{', '.join(letters.name(name) for name in columns)} of {len(runs)} runs",
         legend=[
             *([DEVIATIONS] if any(bands.values()) else []),
-            *([] if many else zip(runs, looks, strict=True)),
+            *([] if many else zip(runs, styles, strict=True)),
         ],
         notes=notes,
     )  # fmt: skip
@@ -810,8 +810,8 @@ def overlay(
         sides = [side for _, side in sides_of(around)]
         scale = value_scale(*(column for _, column in drawn), *sides)
         frame(axes, times, scale, below=below, up=(letters.name(name), units[name]))
-        found.when_placed(bands_around, axes, around, looks)
-        for (t, column), pen in zip(drawn, looks, strict=True):
+        found.when_placed(bands_around, axes, around, styles)
+        for (t, column), pen in zip(drawn, styles, strict=True):
             found.when_placed(series, axes, t, column, pen)
     found.align_ylabels()
     return found

@@ -389,9 +389,9 @@ def _opened(path: Path) -> int:
         pass
     try:
         # locks of a network file system need write access
-        return files.held(path, os.O_RDWR)
+        return files.open_regular(path, os.O_RDWR)
     except PermissionError:  # a file of another user
-        return files.held(path, os.O_RDONLY)
+        return files.open_regular(path, os.O_RDONLY)
     except OSError:
         files.drop(path)
         return files.begin(path)
@@ -403,7 +403,7 @@ def _unusable(folder: Path, why: str) -> InputError:
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file over its old content, so that disk space reserved for it is used."""
-    handle = files.held(path, os.O_RDWR)
+    handle = files.open_regular(path, os.O_RDWR)
     try:
         files.write(handle, content)
     finally:
@@ -419,19 +419,19 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
         os.close(handle)
 
 
-def write_atomically(path: Path, content: bytes, *, held: bool = False) -> None:
+def write_atomically(path: Path, content: bytes, *, locked: bool = False) -> None:
     """Write one file atomically.
 
     A symbolic link in its place is replaced, not followed; pipes and terminals receive
     the bytes. A temporary file that a killed process has left is removed by the next
-    holder of the folder's lock if `held`, else by the next call for the folder after a
-    minute.
+    holder of the folder's lock if `locked`, else by the next call for the folder after
+    a minute.
 
     Parameters
     ----------
     path : Path
     content : bytes
-    held : bool
+    locked : bool
         Whether this process has locked the folder.
 
     Raises
@@ -444,12 +444,12 @@ def write_atomically(path: Path, content: bytes, *, held: bool = False) -> None:
     if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
         files.pour(path, content)
         return
-    for old in () if held else path.parent.glob(NEW.format("*")):
+    for old in () if locked else path.parent.glob(NEW.format("*")):
         with contextlib.suppress(OSError):
             if time.time() - old.stat().st_mtime > ABANDONED_SECONDS:
                 old.unlink()
     unique = NEW.format(secrets.token_hex(8))
-    part = path.with_name(PART.format(path.name) if held else unique)
+    part = path.with_name(PART.format(path.name) if locked else unique)
     try:
         os.close(files.begin(part))
         _write(part, content)

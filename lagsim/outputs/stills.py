@@ -255,24 +255,24 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
     """
     film = still.film
     assert film is not None
-    looks = film.looks or ("",) * len(film.links)
+    kinds = film.looks or ("",) * len(film.links)
     extents = [finite_range(_places(film)[..., k]) for k in range(film.dimension)]
     for row, pen in enumerate(still.pens):
         first = row == 0
         for body in film.shapes:
             if row and not body.moves:
                 continue
-            look = pen | ({"color": DIM, "linewidth": 0.7} if not body.moves else {})
+            style = pen | ({"color": DIM, "linewidth": 0.7} if not body.moves else {})
             if body.height is not None:
                 plane(axes, view, body.height, extents)
             elif (found := projected(body, row, view)) is not None:
                 for face, _ in found.faces if first and body.moves else ():
-                    patch = Polygon(face, facecolor=look["color"], alpha=0.12)
+                    patch = Polygon(face, facecolor=style["color"], alpha=0.12)
                     axes.add_artist(patch)
                 empty = found.hidden[:0]
-                edges(axes, found.lines, empty, body, look | {"zorder": 1.8})
+                edges(axes, found.lines, empty, body, style | {"zorder": 1.8})
         flat = {name: view @ x.place[row] for name, x in film.tracks.items()}
-        for (a, b), look_of in zip(film.links, looks, strict=True):
+        for (a, b), look_of in zip(film.links, kinds, strict=True):
             ends = np.stack((flat[a], flat[b]))
             if first and look_of in LOOKS:
                 ends = LOOKS[look_of](ends[0], ends[1], inch_of(axes))
@@ -281,12 +281,12 @@ def _draw(axes: Axes, still: Still, view: Floats) -> None:
             still_there = (
                 len(film.t) > 1 and not np.ptp(film.tracks[name].place, axis=0).any()
             )
-            look = (
+            style = (
                 marker_pen("s", 2.2)
                 if still_there
                 else marker_pen("o", 2.6, pen["color"])
             )
-            point(axes, place[0], place[1], look)
+            point(axes, place[0], place[1], style)
 
 
 @in_house_style
@@ -306,8 +306,8 @@ def bars(title: str, subject: str, panels: Sequence[tuple[str, Floats]]) -> Pict
         axes.set_title(mathtext(name), size=SMALL)
         places = np.arange(1, len(values) + 1)
         axes.axhline(0.0, color=INK, linewidth=0.5)
-        look = marker_pen("o", 3.0 if len(values) < 30 else 1.5, PENS[0]["color"])
-        axes.plot(places, values, **look | {"linestyle": "-", "linewidth": 0.7})
+        style = marker_pen("o", 3.0 if len(values) < 30 else 1.5, PENS[0]["color"])
+        axes.plot(places, values, **style | {"linestyle": "-", "linewidth": 0.7})
         axes.set_ylim(-1.15, 1.15)
         axes.set_xticks(places if len(values) < 12 else [1, len(values)])
     for axes in grid.flat[len(shown) :]:

@@ -297,10 +297,10 @@ class Views:
         small = 0.6 if len(self._pens) > MOST_NAMES else 1.0
         for row, size, fill, edge in ((0, 4.6, "white", ""), (-1, 3.4, "", "white")):
             for name, pen in self._pens.items():
-                look = marker_pen("o", small * size, pen["color"], fill)
-                look["markeredgecolor"] = edge or pen["color"]
+                style = marker_pen("o", small * size, pen["color"], fill)
+                style["markeredgecolor"] = edge or pen["color"]
                 x, y = shown[name][:, row]
-                point(axes, x, y, look)
+                point(axes, x, y, style)
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
 
@@ -358,16 +358,18 @@ class Views:
                 elif (shown := projected(body, row, view)) is not None:
                     found.append((shown, body, colour))
             for shown, body, colour in sorted(found, key=lambda one: one[0].depth):
-                look = pen | {"color": colour, "zorder": 1.8 + 0.1 * level}
+                style = pen | {"color": colour, "zorder": 1.8 + 0.1 * level}
                 strong = full if body.moves else 0.3
                 for face, turned in shown.faces if strong else ():
                     mixed = 1.0 - (0.12 + 0.25 * turned) * (
                         1.0 - np.array(to_rgb(colour))
                     )
                     axes.add_artist(
-                        Polygon(face, facecolor=(*mixed, strong), zorder=look["zorder"])
+                        Polygon(
+                            face, facecolor=(*mixed, strong), zorder=style["zorder"]
+                        )
                     )
-                edges(axes, shown.lines, shown.hidden, body, look)
+                edges(axes, shown.lines, shown.hidden, body, style)
 
 
 # --- Shapes and links, in inches on paper
@@ -401,21 +403,21 @@ def inch_of(axes: Axes) -> float:
     return (high - low) / size_of(axes)[0]
 
 
-def edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
+def edges(axes: Axes, lines: Array, hidden: Array, body: Body, style: Pen) -> None:
     """Draw the visible and the hidden edges (n, 2) of a body.
 
     lines, hidden : see `projected`.
-    look : the pen.
+    style : the pen.
     """
     inch, kind = inch_of(axes), body.shape.kind
     if kind == "ground":
         lines = _hatched(lines, inch)
     elif kind == "arrow":
         lines, head = _arrow(lines[-2:], inch)
-        axes.add_artist(Polygon(head, facecolor=look["color"], zorder=look["zorder"]))
-    line(axes, lines[:, 0], lines[:, 1], look)
+        axes.add_artist(Polygon(head, facecolor=style["color"], zorder=style["zorder"]))
+    line(axes, lines[:, 0], lines[:, 1], style)
     if len(hidden):
-        line(axes, hidden[:, 0], hidden[:, 1], look | HIDDEN_EDGE)
+        line(axes, hidden[:, 0], hidden[:, 1], style | HIDDEN_EDGE)
 
 
 def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
@@ -506,11 +508,11 @@ def plane(
     extents : range of each component.
     """
     (left, right), (front, back), _ = extents
-    look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
+    style: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
     if (not view[0, 2] and not view[:, 1].any()) or not view[:, 0].any():
         low, high = axes.get_xlim()
         x, y = _hatched(np.array(((low, z), (high, z))), inch_of(axes)).T
-        line(axes, x, y, look)
+        line(axes, x, y, style)
     elif view[1, 2]:
         corners = [(left, front), (right, front), (right, back), (left, back)]
         flat = np.array([(x, y, z) for x, y in corners]) @ view.T

@@ -236,10 +236,12 @@ def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str
         value = repr(g.payload(n))
         return (f"({value})" if value.startswith("-") else value), 0
     parts = [written[a] for a in g.args[n]]
-    held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
+    factors = [text if _is_atom(text) else f"({text})" for text, _ in parts]
     if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
-        held[0] = f"np.float64({held[0]})"  # a number that divides by 0 without raising
-    return OPERATIONS[op].python.format(*held), 1 + sum(k for _, k in parts)
+        factors[0] = (
+            f"np.float64({factors[0]})"  # a number that divides by 0 without raising
+        )
+    return OPERATIONS[op].python.format(*factors), 1 + sum(k for _, k in parts)
 
 
 _ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")

@@ -133,11 +133,11 @@ def _momentum(
     line : the equation of coordinate j in the document.
     constraints : the constraints in the document.
     """
-    held = any(
+    constrained = any(
         k["A"][j] != 0 or any(x.v[j] in s.free_symbols for s in k["slip"])
         for k in constraints
     )
-    if held or line["Q"] != 0:
+    if constrained or line["Q"] != 0:
         return None
     (slope,) = x.sympy([dL_dq])
     if x.free(slope) & {*x.q, *x.states, x.t}:
@@ -242,11 +242,15 @@ def _opened(e: Any) -> Any:
     """
 
     def opened(choice: Any) -> Any:
-        values, asked = zip(*choice.args, strict=True)
-        units = ([int(i == k) for i in range(len(asked))] for k in range(len(asked)))
+        values, conditions = zip(*choice.args, strict=True)
+        units = (
+            [int(i == k) for i in range(len(conditions))]
+            for k in range(len(conditions))
+        )
         return sp.Add(
             *(
-                value * sp.Piecewise(*zip(unit, asked, strict=True), evaluate=False)
+                value
+                * sp.Piecewise(*zip(unit, conditions, strict=True), evaluate=False)
                 for value, unit in zip(values, units, strict=True)
             )
         )

@@ -81,8 +81,8 @@ class _Solver:
         self.x, self.M, self.f = x, document["M"], document["f"]
         self.constraints, self.notes = document["constraints"], notes
         self.in_words = "separated" in document
-        self.held = [k for k in self.constraints if always(k)]
-        self.come_and_go = len(self.held) < len(self.constraints)
+        self.equalities = [k for k in self.constraints if always(k)]
+        self.come_and_go = len(self.equalities) < len(self.constraints)
 
     @cached_property
     def inverse(self) -> Inverse | None:
@@ -93,9 +93,9 @@ class _Solver:
     def gram(self) -> Inverse | None:
         """Inverse of A M^-1 A^T, for the constraints that always hold."""
         x, inverse = self.x, self.inverse
-        if inverse is None or len(self.held) > LARGEST_BLOCK:
+        if inverse is None or len(self.equalities) > LARGEST_BLOCK:
             return None
-        rows = [k["A"] for k in self.held]
+        rows = [k["A"] for k in self.equalities]
         moved = [_solved(x, inverse, row) for row in rows]
         return _inverted(
             x, [[x.tidy(_dot(row, z), factored=True) for z in moved] for row in rows]
@@ -140,11 +140,11 @@ class _Solver:
         ]
         accelerations = _solved(self.x, self.inverse, right)
         multipliers: list[Any] = []
-        if self.held and not self.come_and_go:
+        if self.equalities and not self.come_and_go:
             if self.gram is None:
                 return None
             free = _solved(self.x, self.inverse, self.f)
-            missed = (k["b"] - _dot(k["A"], free) for k in self.held)
+            missed = (k["b"] - _dot(k["A"], free) for k in self.equalities)
             right = [self.x.tidy(e, factored=True) for e in missed]
             multipliers = _solved(self.x, self.gram, right)
         return {"steps": {}, "q_ddot": accelerations, "lambda": multipliers}
@@ -199,9 +199,9 @@ class _Solver:
         G = sp.Add(*(self.M[i][j] * p * q / 2 for (i, p), (j, q) in pairs))
         a = _solved(x, self.inverse, self.f) if self.inverse else None
         a = a if a and _readable(a) else None
-        K, Qc = self._gain(free) if self.held and self.gram else (None, None)
+        K, Qc = self._gain(free) if self.equalities and self.gram else (None, None)
         long = ["a = M^-1 f"] if a is None else []
-        long += ["the gain K"] if self.held and K is None else []
+        long += ["the gain K"] if self.equalities and K is None else []
         if long:
             text = f"left out, for it is too long to be read: {' and '.join(long)}"
             self.notes.append(text)
@@ -215,13 +215,13 @@ class _Solver:
         free : the accelerations a (n,) without constraints.
         """
         assert self.gram is not None
-        x, held = self.x, self.held
-        columns = ([k["A"][j] for k in held] for j in range(len(x.q)))
+        x, rows = self.x, self.equalities
+        columns = ([k["A"][j] for k in rows] for j in range(len(x.q)))
         gains = (_solved(x, self.gram, column) for column in columns)
         K = tuple(tuple(-e for e in row) for row in gains)
         if not all(map(_readable, K)):
             return None, None
-        missed = [x.tidy(_dot(k["A"], free) - k["b"]) for k in held]
+        missed = [x.tidy(_dot(k["A"], free) - k["b"]) for k in rows]
         return K, tuple(x.tidy(_dot(row, missed)) for row in K)
 
 
@@ -539,11 +539,11 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
     known, steps = dict(x.known), dict[str, Any]()
     M, f = list[list[Any]](), list[Any]()
     if matrices:
-        levers = [_work(x, force) for force in model.forces]
-        wanted = [n for row in (*e.M, e.f, *levers) for n in row]
+        terms = [_work(x, force) for force in model.forces]
+        wanted = [n for row in (*e.M, e.f, *terms) for n in row]
         wanted += [n for row in rows for n in (*row.A, row.b)]
         steps = _steps(x, known, wanted)
-        for force, Q in zip(forces, levers, strict=True):
+        for force, Q in zip(forces, terms, strict=True):
             force["Q"] = [known[n] for n in Q]
         M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
     constraints = []
@@ -580,8 +580,8 @@ def _force(x: Translation, force: Force) -> Part:
 def _work(x: Translation, force: Force) -> list[int]:
     """Return the nodes (n,) of the generalized forces by one force of the file."""
     velocity = force.level is not Level.POSITION
-    levers = x.equations.flow.gradient(x.g, force.direction, by_rates=velocity)
-    return [x.g.call("mul", force.node, lever) for lever in levers]
+    slopes = x.equations.flow.gradient(x.g, force.direction, by_rates=velocity)
+    return [x.g.call("mul", force.node, slope) for slope in slopes]
 
 
 def _sides(x: Translation, left: Any, Q: Any) -> Part:

@@ -117,9 +117,9 @@ class ModelNames:
         if name.kind:
             below = self.below.format(self.show(PrintedName(name.base)))
             letters = self.letters[name.kind]
-            looks = [self.joined(x, below, name.order) for x in letters]
-            more = (looks[0] + "_" * k for k in itertools.count(1))
-            return next(x for x in itertools.chain(looks, more) if x not in self._taken)
+            texts = [self.joined(x, below, name.order) for x in letters]
+            more = (texts[0] + "_" * k for k in itertools.count(1))
+            return next(x for x in itertools.chain(texts, more) if x not in self._taken)
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
 

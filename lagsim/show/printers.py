@@ -260,8 +260,8 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
     _print_Or = _print_And
 
     def _print_ITE(self, e: Any) -> str:  # an `if` in a condition
-        asked, then, other = e.args
-        return self._print(asked & then | ~asked & other)
+        condition, then, other = e.args
+        return self._print(condition & then | ~condition & other)
 
     def _print_Relational(self, e: Any) -> str:
         if isinstance(e, sp.Ne):

@@ -89,14 +89,14 @@ class Outline:
     def document(self) -> list[str]:
         """Write all sections of the derivation, and return their lines."""
         c = self.c
-        held = [*zip(c["constraints"], self.x.multipliers, strict=True)]
+        rows = [*zip(c["constraints"], self.x.multipliers, strict=True)]
         self._energies()
         if self.is_long:
             self._in_words()
-            self._at_times([row for row in held if not always(row[0])])
+            self._at_times([row for row in rows if not always(row[0])])
         else:
             self._in_full()
-            for k, multiplier in held:
+            for k, multiplier in rows:
                 self._constraint(k, multiplier)
         self._solution()
         if c["conserved"]:
@@ -192,9 +192,9 @@ class Outline:
                 self._add_line(self.sign(key, *letters))
                 named = [(x.names[symbol(name)], e) for name, e in rows]
                 self._rows(self._of_families(named))
-        if held := [k for k in c["constraints"] if always(k)]:
+        if equalities := [k for k in c["constraints"] if always(k)]:
             self._title("Constraints")
-            rows = [(PrintedName(k["name"]), k["function"]) for k in held]
+            rows = [(PrintedName(k["name"]), k["function"]) for k in equalities]
             self._rows(self._of_families(rows, " = 0"))
         self._title("Equations of motion")
         lines = [
@@ -255,10 +255,10 @@ class Outline:
         self._add_line(self._phrase("motion"))
         self._matrix("M", c["M"], names, names)
         self._labelled("f", names, c["f"])
-        if held := c["constraints"]:
-            labels = [self._label(k["name"]) for k in held]
-            self._matrix("A", [k["A"] for k in held], labels, names)
-            self._labelled("b", labels, [k["b"] for k in held])
+        if constraints := c["constraints"]:
+            labels = [self._label(k["name"]) for k in constraints]
+            self._matrix("A", [k["A"] for k in constraints], labels, names)
+            self._labelled("b", labels, [k["b"] for k in constraints])
 
     def _labelled(
         self, key: str, names: Sequence[str], values: Sequence[Any] | None
@@ -326,25 +326,27 @@ class Outline:
         ]
         rows = [(self.signs["G"], principle["G"])]
         self._rows([*rows, *zip(free, principle["a"] or (), strict=False)])
-        held = [self._label(k["name"]) for k in self.c["constraints"] if always(k)]
+        equalities = [
+            self._label(k["name"]) for k in self.c["constraints"] if always(k)
+        ]
         if not self.c["constraints"]:
             return
         self._add_line(self.signs["gain"])
         rows = [
             (self.sign("K", q, label), e)
             for q, row in zip(names, principle["K"] or (), strict=False)
-            for label, e in zip(held, row, strict=True)
+            for label, e in zip(equalities, row, strict=True)
         ]
         forces = zip(names, principle["Qc"] or (), strict=False)
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
-    def _at_times(self, held: Sequence[tuple[Part, Any]]) -> None:
+    def _at_times(self, entries: Sequence[tuple[Part, Any]]) -> None:
         """Write the constraints that hold at times; constraints of a family as one.
 
-        held : entries of the document with their multipliers.
+        entries : entries of the document with their multipliers.
         """
         groups: dict[Any, list[tuple[Part, Any]]] = {}
-        for k, multiplier in held:
+        for k, multiplier in entries:
             stated = {
                 key: e for key, e in k.items() if isinstance(e, str | float | None)
             }

@@ -96,13 +96,13 @@ NOISE = 4.0
 
 
 def _scales(
-    found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
+    found: Floats, moving: Floats, linked: Floats, largest: Floats, by_forces: Floats
 ) -> tuple[Floats, Floats]:
     """Return the scale of errors, and the largest range at rest, of each coordinate.
 
     Parameters
     ----------
-    found, moving, linked, largest, held : ndarray, shape (n,)
+    found, moving, linked, largest, by_forces : ndarray, shape (n,)
         For each coordinate its range, the motion of the other coordinates scaled by
         inertia, the range of coordinates linked with it by constraints, its largest
         absolute value, and the distance that the forces on it would move it without
@@ -117,8 +117,10 @@ def _scales(
     scales = np.fmax(found, COMPUTED_ZERO * moving)
     for size in (largest, linked):
         scales = np.where(found > SUM_ROUNDOFF * size, scales, np.fmax(scales, size))
-    scales = np.where(found <= SUM_ROUNDOFF * held, np.fmax(scales, held), scales)
-    still = np.fmax(NO_MOTION * moving, SUM_ROUNDOFF * held / LOST)
+    scales = np.where(
+        found <= SUM_ROUNDOFF * by_forces, np.fmax(scales, by_forces), scales
+    )
+    still = np.fmax(NO_MOTION * moving, SUM_ROUNDOFF * by_forces / LOST)
     return scales, np.fmax(still, SUM_ROUNDOFF * largest / LOST)
 
 
@@ -176,22 +178,22 @@ def compared(
     sizes = np.where((worst > LOST * sizes) & (own > LOST * sizes), own, sizes)
     roots = inertia_roots(equations, start)
     labels = joined(n, [row.A.entries for row in equations.rows])
-    moving, linked, held = np.zeros((3, len(names)))
+    moving, linked, by_forces = np.zeros((3, len(names)))
     moving[:n] = largest_beside(roots, sizes[:n])
     linked[:n] = in_groups(labels, roots, sizes[:n])
     largest = np.max(np.abs(checkpoints.valued(mine)), axis=0)
     # Coordinates linked by constraints share the rounding of their positions.
     largest[:n] = np.fmax(largest[:n], in_groups(labels, roots, largest[:n]))
-    scales, still = _scales(sizes, moving, linked, largest, held)
+    scales, still = _scales(sizes, moving, linked, largest, by_forces)
     # The other coordinates move by far more than their errors.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
-        held[:n] = could_push(equations, mine, which, step).reach
+        by_forces[:n] = could_push(equations, mine, which, step).reach
         if equations.states:
-            held[n:] = could_follow(equations, mine, held[:n])
-        scales, still = _scales(sizes, moving, linked, largest, held)
-    rounding = NOISE * SUM_ROUNDOFF * np.fmax(largest, held)
+            by_forces[n:] = could_follow(equations, mine, by_forces[:n])
+        scales, still = _scales(sizes, moving, linked, largest, by_forces)
+    rounding = NOISE * SUM_ROUNDOFF * np.fmax(largest, by_forces)
     parted = ""
     if run.outcome.complete and repeated.outcome.complete and not alike:
         parted = (

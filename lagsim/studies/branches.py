@@ -141,11 +141,11 @@ class RestCurve:
         self.model, self.name, self.ends = model, name, ends
         self._e = search.setting.equations
         free, states = search.unknowns
-        held = steady.equations.rows[len(self._e.rows) :]
-        self._held = held
+        active = steady.equations.rows[len(self._e.rows) :]
+        self._active = active
         at = steady.state
         point = Point(self._e, Instant(at.t, at.q, np.zeros_like(at.v), at.s))
-        self._rest = Rest(point, (), held, (free, states))
+        self._rest = Rest(point, (), active, (free, states))
         self._free, self._linear = free, Linearisation(steady.equations)
         lam = [steady.values[f"lambda_{row.name}"] for row in self._rest.rows]
         x = np.concatenate([at.q[free], at.s, lam])
@@ -170,9 +170,9 @@ class RestCurve:
         self.is_regular = len(self._rows) == J.shape[1] - 1
 
     @property
-    def held(self) -> list[str]:
+    def active(self) -> list[str]:
         """Names of the rows in force."""
-        return [row.name for row in self._held]
+        return [row.name for row in self._active]
 
     def visible(self, y: Floats) -> Floats:
         """Return the positions, states and parameter of a point, without multipliers.
@@ -292,24 +292,24 @@ class RestCurve:
         own = self._e.laws.index(edge.law)
         slips = [law.row.name for law in self._e.laws if law.normal == own]
         gone = {edge.law.row.name, *slips}
-        held = [row for row in self._held if row.name not in gone]
-        if edge.law.row.name not in self.held:
+        active = [row for row in self._active if row.name not in gone]
+        if edge.law.row.name not in self.active:
             if slips:
                 return None
-            held.append(edge.law.row)
-        steady, value = self._steady(edge.place.y, held), self.value(edge.place.y)
+            active.append(edge.law.row)
+        steady, value = self._steady(edge.place.y, active), self.value(edge.place.y)
         return RestCurve(self.model, self.name, self.ends, self._search, steady, value)
 
-    def _steady(self, y: Floats, held: Sequence[Row] | None = None) -> Steady:
+    def _steady(self, y: Floats, active: Sequence[Row] | None = None) -> Steady:
         """Return the rest at scaled unknowns y (k + 1,), with the motion about it.
 
-        held : rows in force in place of the active rows of the curve, if given.
+        active : rows in force in place of the active rows of the curve, if given.
         """
         e, rest = self._model_at(self.value(y))
         state = rest.at((y * self._sizes)[:-1]).state
-        rows = self._held if held is None else held
+        rows = self._active if active is None else active
         whole = replace(e, rows=(*e.rows, *rows), laws=())
-        linear = self._linear.bound(whole) if held is None else Linearisation(whole)
+        linear = self._linear.bound(whole) if active is None else Linearisation(whole)
         x = linear.values(state.t, state.q, state.v, state.s)
         errors = Point(whole, state).solved_errors()
         found = linear.linear(x, linear.noise(x, errors))
@@ -333,7 +333,7 @@ class RestCurve:
         It is the multiplier of a contact in force, else the gap. The result has an
         entry for each law; inf for laws that are no contacts.
         """
-        values, names = place.steady.values, {row.name for row in self._held}
+        values, names = place.steady.values, {row.name for row in self._active}
         found = []
         for law in self._e.laws:
             if not law.gapped:
@@ -642,7 +642,7 @@ class Branches:
         y = curve.visible(special.place.y)
         return not any(
             other.kind == special.kind
-            and own.held == curve.held
+            and own.active == curve.active
             and np.linalg.norm(own.visible(other.place.y) - y) < ASIDE / 4.0
             for own, other in self.points
         )
@@ -651,7 +651,7 @@ class Branches:
         """Whether a point y of a curve lies on a branch that has been followed."""
         given = y
         for places, own in zip(self.branches, self.curves, strict=True):
-            if own.held != curve.held:
+            if own.active != curve.active:
                 continue
             y = own.visible(own.scaled(curve, given))
             for here, there in pairwise([own.visible(x.y) for x in places]):

@@ -52,7 +52,7 @@ class Continuum:
 
     Attributes
     ----------
-    held : list of Row
+    active : list of Row
         The rows in force, of laws.
     """
 
@@ -68,11 +68,11 @@ class Continuum:
         laws, at = equations.laws, Point(equations, state)
         self._laws = [law for law in laws if law.row.name in multipliers]
         self._all = laws
-        self.held = [law.row for law in self._laws]
-        self._rest = rest = Rest(at, (), self.held, unknowns)
+        self.active = [law.row for law in self._laws]
+        self._rest = rest = Rest(at, (), self.active, unknowns)
         free, states = (list(x) for x in unknowns)
         lam = np.array([multipliers[row.name] for row in rest.rows])
-        self._first = len(lam) - len(self.held)
+        self._first = len(lam) - len(self.active)
         self._forces = self._scales(at, lam)
         self._sizes = np.concatenate([
             sizes[free], np.maximum(1.0, np.abs(at.state.s[states])),
@@ -103,7 +103,7 @@ class Continuum:
         lam : (m,), the multipliers of all rows there.
         """
         known = dict(
-            zip([row.name for row in self.held], lam[self._first :], strict=True)
+            zip([row.name for row in self.active], lam[self._first :], strict=True)
         )
         most = [limit for limit, _ in self._pushes(at, known)]
         scales = np.abs(lam)
@@ -142,8 +142,8 @@ class Continuum:
         z : scaled unknowns (k,).
         """
         x = z * self._sizes
-        own, scales = x[len(x) - len(self.held) :], self._forces[self._first :]
-        known = dict(zip([row.name for row in self.held], own.tolist(), strict=True))
+        own, scales = x[len(x) - len(self.active) :], self._forces[self._first :]
+        known = dict(zip([row.name for row in self.active], own.tolist(), strict=True))
         found = []
         pushes = self._pushes(self._rest.at(x), known)
         for law, size, (limit, push) in zip(self._laws, scales, pushes, strict=True):

@@ -341,11 +341,11 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     columns = [base.columns.index(name) for name in ("t", *e.state)]
     names = [FORCE.of(q) for q in e.q]
     forces = [base.columns.index(x) for x in names if x in base.columns]
-    held = np.max(np.abs(rows[:, forces]), axis=0) if forces else None
+    forces_of = np.max(np.abs(rows[:, forces]), axis=0) if forces else None
     motion, span = rows[:, columns], float(np.ptp(rows[:, 0]))
     if not span > 0.0:
         return _Rest(sizes, rounding)
-    found = could_push(e, motion, range(n), span, held)
+    found = could_push(e, motion, range(n), span, forces_of)
     rests = np.ptp(motion[:, 1 : 1 + n], axis=0) <= HIGHER * found.moved
     reach, moved = np.where(rests, (found.reach, found.moved), 0.0)
     sizes[columns[1 : 1 + n]], rounding[columns[1 : 1 + n]] = reach, moved

@@ -89,11 +89,11 @@ class SampledMotion:
         place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
         same = np.abs(t[place] - times) <= near
         found[same] = self.rows[place[same]]
-        asked, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
-        if len(asked) and len(first):
-            place = first[nearest_times(times[asked], t[first])]
-            found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
-            same[asked] = same[asked + 1] = True
+        impacts, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
+        if len(impacts) and len(first):
+            place = first[nearest_times(times[impacts], t[first])]
+            found[impacts], found[impacts + 1] = self.rows[place], self.rows[place + 1]
+            same[impacts] = same[impacts + 1] = True
         if ends and len(times) and not same[-1]:
             found[-1] = self.rows[-1]
         return found

@@ -381,8 +381,8 @@ def _of_laws(steady: Linearised, errors: Mapping[str, float]) -> Iterator[Cautio
     rows = {row.name: k for k, row in enumerate(e.rows)}
     at_bound: dict[int, Law] = {}
     for k, law in enumerate(laws):
-        held = law.row.name in rows and law.by_forces
-        if held and _is_at_bound(steady, errors, law):
+        in_force = law.row.name in rows and law.by_forces
+        if in_force and _is_at_bound(steady, errors, law):
             at_bound[k] = law
     if not at_bound:
         return

@@ -221,7 +221,7 @@ class Steady(NamedTuple):
 def _steady(
     setting: Setting,
     state: Instant,
-    held: Sequence[Row],
+    active: Sequence[Row],
     free: Sequence[str] = (),
     *,
     sticks: bool = False,
@@ -233,7 +233,7 @@ def _steady(
     ----------
     setting : Setting
     state : Instant
-    held : sequence of Row
+    active : sequence of Row
         Rows of active laws, see `admissibility.rest.AtRest`.
     free : sequence of str
         Coordinates that no force depends on.
@@ -243,7 +243,7 @@ def _steady(
         See `admissibility.rest.AtRest`.
     """
     e, edges = corner or (setting.equations, ())
-    e = replace(e, rows=(*e.rows, *held, *edges), laws=())
+    e = replace(e, rows=(*e.rows, *active, *edges), laws=())
     linearisation = Linearisation(e)
     x = linearisation.values(state.t, state.q, state.v, state.s)
     errors = Point(e, state).solved_errors((setting.point.q, setting.start.v))
@@ -258,14 +258,14 @@ def steady_rest(setting: Setting, found: AtRest) -> Steady:
     """Return a rest with the motion linearised about it."""
     point = found.point
     laws = point.e.laws
-    held = {row.name: row for row in found.held}
+    active = {row.name: row for row in found.active}
     if laws:
         own = acting(point, judge_laws(point, setting.off)).holding
-        held |= {laws[k].row.name: laws[k].row for k in sorted(own)}
+        active |= {laws[k].row.name: laws[k].row for k in sorted(own)}
     bounded = {x.row.name for x in laws if x.bounded}
     free = found.undetermined
-    sticks = not bounded.isdisjoint(held)
-    rows, at = [*held.values()], point.state
+    sticks = not bounded.isdisjoint(active)
+    rows, at = [*active.values()], point.state
     steady = _steady(setting, at, rows, free, sticks=sticks, corner=found.corner)
     return steady._replace(on_ridge=found.on_ridge)
 
@@ -295,8 +295,8 @@ def steady_start(setting: Setting) -> Steady:
             f"the start is no steady motion: {why}, and small motions about it would "
         )
         raise NoRestError(text + "not be linear")
-    held = [e.laws[k].row for k in sorted(own.holding)]
-    found = _steady(setting, state, held)
+    active = [e.laws[k].row for k in sorted(own.holding)]
+    found = _steady(setting, state, active)
     x = found.linearisation.values(state.t, state.q, state.v, state.s)
     moving = _unsteady(Point(found.equations, state))
     if moving:
@@ -603,7 +603,7 @@ class Search:
             region = Continuum(e, state, forces, q0, sizes, self.unknowns)
             found = region.nearest()
             if found is not None:
-                return _steady(self.setting, found, region.held, free, sticks=True)
+                return _steady(self.setting, found, region.active, free, sticks=True)
         except (ValueError, np.linalg.LinAlgError):
             pass
         return None
@@ -674,9 +674,9 @@ class Search:
                 progress((k + 1) / (2 * starts + 1))
             if self._spent or (interrupt is not None and interrupt.requested):
                 break
-        held = self._sticking_at_start()
-        if held is not None:
-            self._add(kept, held)
+        sticking = self._sticking_at_start()
+        if sticking is not None:
+            self._add(kept, sticking)
         if not kept:
             raise NoRestError(self._remaining(self.tried))
         nearest = (self._nearer(x) for x in kept)
@@ -729,8 +729,8 @@ class Search:
         sizes = np.maximum(np.abs(np.concatenate([a.q, a.s])), 1.0)
         if np.all(apart <= HALF_OF_DIGITS * sizes):
             return True
-        held = ({x.name for x in steady.equations.rows} for steady in (one, other))
-        if next(held) != next(held):
+        active = ({x.name for x in steady.equations.rows} for steady in (one, other))
+        if next(active) != next(active):
             return False
         if one.sticks or other.sticks:
             return one.sticks == other.sticks

@@ -277,7 +277,7 @@ class Restart:
         tables = [self._synced(name, x) for name, x in self._writers.items()]
         rest = json.dumps([self.identity, tables]).encode() + b"\n" + kept
         write_atomically(
-            self.folder / RESTART, _seal(key, rest) + b"\n" + rest, held=True
+            self.folder / RESTART, _seal(key, rest) + b"\n" + rest, locked=True
         )
         for name in self._writers:
             with contextlib.suppress(OSError):
@@ -331,7 +331,7 @@ def _own_key(path: Path) -> bytes | None:
     None also if the file cannot be read, or has another length than a key.
     """
     try:
-        handle = files.held(path, os.O_RDONLY)
+        handle = files.open_regular(path, os.O_RDONLY)
     except OSError:
         return None
     with os.fdopen(handle, "rb") as file:
@@ -369,7 +369,7 @@ def _move_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
         path.replace(aside)
         return
     aside.unlink(missing_ok=True)
-    handle = files.held(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL)
+    handle = files.open_regular(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL)
     with os.fdopen(handle, "wb") as file, files.opened(path) as rows:
         for block in _blocks(rows, size):
             file.write(block)
@@ -513,10 +513,10 @@ def _node(
     if isinstance(x, tuple):
         return ["named tuple", named, *map(value, x)]
     slots = [s for base in kind.__mro__ for s in getattr(base, "__slots__", ())]
-    held = {slot: getattr(x, slot) for slot in slots if hasattr(x, slot)}
-    held |= getattr(x, "__dict__", {})
-    held |= dict.fromkeys(getattr(x, "DERIVED", ()))
-    return ["object", named, *([k, value(v)] for k, v in held.items())]
+    values = {slot: getattr(x, slot) for slot in slots if hasattr(x, slot)}
+    values |= getattr(x, "__dict__", {})
+    values |= dict.fromkeys(getattr(x, "DERIVED", ()))
+    return ["object", named, *([k, value(v)] for k, v in values.items())]
 
 
 def decoded(content: bytes, classes: Iterable[str], given: Callable[[Any], Any]) -> Any:
@@ -586,13 +586,13 @@ def _whole(
         count = int(np.prod(shape, dtype=np.int64))
         flat = np.frombuffer(blocks, dtype, count, place)
         return flat.reshape(shape).copy() if kind == "array" else flat[0]
-    cls, *held = _class(rest[0], declared), *rest[1:]
+    cls, *values = _class(rest[0], declared), *rest[1:]
     if kind == "member":
-        return cls[held[0]]
+        return cls[values[0]]
     if kind == "memory":
-        return cls(value(held[0]))
+        return cls(value(values[0]))
     if kind == "named tuple":
-        return tuple.__new__(cls, map(value, held))
+        return tuple.__new__(cls, map(value, values))
     raise ValueError(f"{kind} is no kind of node")
 
 

@@ -166,7 +166,7 @@ class _Runs:
         The value of the name in the file.
     unit : float
         The first step.
-    held : bool
+    solved : bool
         See `Sensitivities.trial`.
     order : int
         The order of central differences.
@@ -178,7 +178,7 @@ class _Runs:
     name: str
     value: float
     unit: float
-    held: bool = False
+    solved: bool = False
     order: int = 8
     known: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
@@ -191,7 +191,9 @@ class _Runs:
             return self.study.centre
         if key not in self.known:
             shift = j * self.unit * FACTOR**power
-            self.known[key] = self.study.trial(self.name, self.value + shift, self.held)
+            self.known[key] = self.study.trial(
+                self.name, self.value + shift, self.solved
+            )
         return self.known[key]
 
     def rows(self, offsets: Sequence[int], power: int) -> Floats:
@@ -321,8 +323,8 @@ class Sensitivities:
     def _variant(
         self, values: Mapping[str, float], guesses: Collection[str] = ()
     ) -> Variant:
-        at, held = {**self.values, **values}, guesses or self.guesses
-        return Variant(at, self.settings, self.times, held)
+        at, guessed = {**self.values, **values}, guesses or self.guesses
+        return Variant(at, self.settings, self.times, guessed)
 
     def rows(self, trial: Trial) -> Floats:
         """Return the columns to differentiate of a run, shape (k, columns).
@@ -342,17 +344,17 @@ class Sensitivities:
             self._start = dict(zip(equations.state, solved, strict=True))
         return self._start
 
-    def trial(self, name: str, value: float, held: bool) -> Trial:
+    def trial(self, name: str, value: float, solved: bool) -> Trial:
         """Return the run in which the parameter or start value `name` is `value`.
 
         Parameters
         ----------
-        held : bool
+        solved : bool
             Whether all start values but `name` are guesses, which follow as the
             constraints require.
         """
         variant = self._variant({name: value})
-        if held:
+        if solved:
             at, guesses = {**self.start(), name: value}, {*self.start()} - {name}
             variant = self._variant(at, guesses)
         return self.trials.run(variant, interrupt=self.interrupt)

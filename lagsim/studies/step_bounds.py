@@ -211,7 +211,7 @@ def about_steps(
         return _penalty(module, h, plan, _seen(equations, monitor, 1.0 / plan.gain))
     check = _StepCheck(equations, module, h, span, _seen(equations, monitor, h))
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
-        return check.held() if steps > FEW else []
+        return check.limited_by_stability() if steps > FEW else []
     found = [] if plan.step is None else check.unstable()
     return found or check.damping(monitor.energy_in_play)
 
@@ -305,7 +305,7 @@ class _StepCheck(NamedTuple):
     span: float
     seen: list[LinearisedState]
 
-    def held(self) -> list[Caution]:
+    def limited_by_stability(self) -> list[Caution]:
         """Return a warning if stability, not accuracy, limits the chosen steps.
 
         A fast motion that the rows do not show then determines the step. [] if there is

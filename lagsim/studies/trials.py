@@ -372,8 +372,8 @@ class Form:
                 x._replace(guess=x.guess or x.name in guesses) for x in model.initial
             )
             model = replace(model, initial=tuple(initial))
-        asked = wanted(model, self._who, self._options)._replace(**settings)
-        case = examined(self.equations, model, asked)
+        given = wanted(model, self._who, self._options)._replace(**settings)
+        case = examined(self.equations, model, given)
         plan = case.plan()
         found = self.compiled.fitting(case, plan)
         if found is None and settings not in self._tried:

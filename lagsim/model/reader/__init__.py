@@ -526,8 +526,8 @@ class File:
         """Return the settings of the run, see `Model.settings`."""
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.known)
-        asked = {**self.options, **options}
-        found = runs.read_settings(self.simulation, asked, x)
+        options_given = {**self.options, **options}
+        found = runs.read_settings(self.simulation, options_given, x)
         faults.raise_if_any()
         return found
 
@@ -551,11 +551,11 @@ class File:
 
     def depends_on(self, names: Collection[str]) -> bool:
         """Whether further numbers depend on some names, see `Stated.depends_on`."""
-        asked = {key: node for key, (_, node) in self.simulation.found.items()}
-        asked |= {key: argument("", text) for key, text in self.options.items()}
+        settings = {key: node for key, (_, node) in self.simulation.found.items()}
+        settings |= {key: argument("", text) for key, text in self.options.items()}
         if not self.structural().isdisjoint(names):
             return True
-        given = {**self._numbers(), **asked}
+        given = {**self._numbers(), **settings}
         others = (node for name, node in given.items() if name not in names)
         return not words_below(*others).isdisjoint(names)
 
@@ -587,8 +587,8 @@ class File:
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Return `model` with definitions as coordinates, see `Stated.separated`."""
         old = self.x
-        held = dict.fromkeys(model.output.reactions, NameKind.COORDINATE)
-        names = replace(old.names, variables={**old.names.variables, **held})
+        of_names = dict.fromkeys(model.output.reactions, NameKind.COORDINATE)
+        names = replace(old.names, variables={**old.names.variables, **of_names})
         faults = Faults(model.file)
         x = Expressions(old.graph, names, faults)
         x.known, x.reading = old.known, old.reading
@@ -602,7 +602,10 @@ class File:
         assert energies.lagrangian is not None
         found = replace(
             model,
-            coordinates=(*model.coordinates, *(Coordinate(n, units[n]) for n in held)),
+            coordinates=(
+                *model.coordinates,
+                *(Coordinate(n, units[n]) for n in of_names),
+            ),
             forces=forces,
             constraints=constraints,
             states=states,
@@ -610,7 +613,7 @@ class File:
             **energies._asdict(),
         )
         _check_roots(model, found)
-        nodes = ((name, x.definitions[name].node) for name in held)
+        nodes = ((name, x.definitions[name].node) for name in of_names)
         return (found, {k: n for k, n in nodes if n is not None})
 
 

@@ -499,11 +499,11 @@ def schema(choices: MappingType[str, Iterable[str]]) -> Form:
     chosen = {
         key: {**SIMULATION[key], "enum": list(names)} for key, names in choices.items()
     }
-    asked = {**SECTIONS["simulation"], "properties": {**SIMULATION, **chosen}}
+    simulation = {**SECTIONS["simulation"], "properties": {**SIMULATION, **chosen}}
     # A table is called as a function is, and so has none of the functions' names.
     names = SECTIONS["tables"]["propertyNames"]
     refused = [*names["not"]["anyOf"][:-1], {"enum": sorted(FUNCTIONS)}]
     names = {**names, "not": {"anyOf": refused}}
     tables = {**SECTIONS["tables"], "propertyNames": names}
-    sections = {**SECTIONS, "simulation": asked, "tables": tables}
+    sections = {**SECTIONS, "simulation": simulation, "tables": tables}
     return {**_SCHEMA, "properties": sections}

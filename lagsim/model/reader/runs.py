@@ -149,7 +149,7 @@ class _Simulation:
         }
         retired = tuple((k, name) for k, name in names.items() if name in RETIRED[k])
         names |= dict.fromkeys(dict(retired), "auto")
-        asked = Settings(
+        settings = Settings(
             rtol=rtol, atol=atol, step=step, gain=gain, retired=retired,
             method=names["method"], formulation=names["formulation"],
             method_place=places.get("method"),
@@ -158,7 +158,7 @@ class _Simulation:
             rest=given.choice("begin", BEGIN, UNKNOWN_BEGIN) == "rest",
         )  # fmt: skip
         if start is None or end is None:
-            return asked._replace(start=start or 0.0, end=start or 0.0)
+            return settings._replace(start=start or 0.0, end=start or 0.0)
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
@@ -169,7 +169,7 @@ class _Simulation:
         if step and "until" not in given and not (end - start) / step <= STEPS:
             text = f"`step` {step:g} makes {(end - start) / step:.3g} steps, more than "
             self._fault(OUT_OF_RANGE, f"{text}{STEPS:,}", "step")
-        return asked._replace(
+        return settings._replace(
             start=start, end=end, output_step=output_step, measured_from=since
         )
 
@@ -519,8 +519,8 @@ class _SceneReader:
         else:
             given = items(section, "`links`", self.faults)
         links = [link for node in given for link in self._looking(node)]
-        ends, looks, lengths = zip(*links, strict=True) if links else ((), (), ())
-        scene = Scene(self.points, ends, looks, shapes, lengths)
+        ends, kinds, lengths = zip(*links, strict=True) if links else ((), (), ())
+        scene = Scene(self.points, ends, kinds, shapes, lengths)
         check_sizes(scene, self.x)
         return scene
 
@@ -574,13 +574,13 @@ class _SceneReader:
         points = found.value("points")
         found.needs("points", "such as points: [pivot, bob]")
         pairs = self._link(points) if points else []
-        look, length = found.choice("as", ("", *LINKS)), self._length(found)
-        if "length" in found and look not in ("", "string"):
-            text = f"`length` is that of a string, and this link is a {look}"
+        kind, length = found.choice("as", ("", *LINKS)), self._length(found)
+        if "length" in found and kind not in ("", "string"):
+            text = f"`length` is that of a string, and this link is a {kind}"
             hint = "write as: string, or leave `length` out"
             self.faults.add(BOTH_GIVEN, text, found.place_of("length"), hint)
-        look = look or ("string" if "length" in found else "")
-        return [(pair, look, length) for pair in pairs]
+        kind = kind or ("string" if "length" in found else "")
+        return [(pair, kind, length) for pair in pairs]
 
     def _length(self, found: Fields) -> StringLength | None:
         """Return the length of a string, an expression of parameters, or None.

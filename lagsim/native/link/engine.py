@@ -124,8 +124,8 @@ def _demand_known(cpu: str) -> None:
     import subprocess
 
     # LLVM reports an unknown processor on stderr only.
-    asked = [sys.executable, "-P", "-c", _ASK, cpu]
-    done = subprocess.run(asked, capture_output=True, check=False)
+    arguments = [sys.executable, "-P", "-c", _ASK, cpu]
+    done = subprocess.run(arguments, capture_output=True, check=False)
     if done.returncode or done.stderr:
         text = f"{CPU_VARIABLE}={cpu}: LLVM has no such processor for this machine"
         hint = f"leave it out, or use one of {', '.join(_COMMON)}"

@@ -422,7 +422,7 @@ def record(film: Film) -> dict[str, Any]:
     places = [track.place for track in film.tracks.values()]
     drawn = places or film.shapes
     every = reached(places, film.shapes) if drawn else np.empty((0, film.dimension))
-    looks = film.looks or ("",) * len(film.links)
+    kinds = film.looks or ("",) * len(film.links)
     strings = film.lengths or (None,) * len(film.links)
     points: list[dict[str, Any]] = []
     for name, (place, rate) in film.tracks.items():
@@ -449,8 +449,8 @@ def record(film: Film) -> dict[str, Any]:
         "floor": _floor(film, every, box),
         "points": points,
         "links": [
-            _link(film, names, link, look, length)
-            for link, look, length in zip(film.links, looks, strings, strict=True)
+            _link(film, names, link, kind, length)
+            for link, kind, length in zip(film.links, kinds, strings, strict=True)
         ],
         "shapes": [_shape(body, names) for body in film.shapes],
         "pushes": [
@@ -557,14 +557,14 @@ def _link(
     film: Film,
     names: Sequence[str],
     link: tuple[str, str],
-    look: str,
+    style: str,
     length: float | None,
 ) -> dict[str, Any]:
     """Return a link as JSON data.
 
     names : points of the film.
     link : the points at its ends.
-    look : the kind of the link; by default it follows from the lengths of the link in
+    style : the kind of the link; by default it follows from the lengths of the link in
         the motion.
     length : stated length of a string, or None.
     """
@@ -575,8 +575,8 @@ def _link(
     lengths = lengths if len(lengths) else np.zeros(1)
     longest = float(lengths.max()) if length is None else length
     kind = "spring"
-    if look:
-        kind = look
+    if style:
+        kind = style
     elif float(lengths.min()) >= (1.0 - RIGID) * longest:
         kind = "rod"
     elif any({a, b} & set(points) for points in film.struck.values()):

@@ -179,8 +179,8 @@ class Carriers:
         linked = [pair for pair in self._scene.links if set(pair) <= known.keys()]
         yield from linked
         if len(known) <= FEW_POINTS:
-            met = {frozenset(pair) for pair in linked}
-            yield from (x for x in combinations(known, 2) if frozenset(x) not in met)
+            pairs = {frozenset(pair) for pair in linked}
+            yield from (x for x in combinations(known, 2) if frozenset(x) not in pairs)
 
     def _forces(
         self, row: Mapping[int, int], points: Sequence[str], frames: slice
@@ -265,12 +265,12 @@ def reactions(
 
     columns : the columns of the table by name.
     """
-    asked = {
+    names = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
     dimension = scene.dimension
     for point, parts in scene.points.items():
-        found = [columns.get(REACTION.of(str(asked.get(node)))) for node in parts]
+        found = [columns.get(REACTION.of(str(names.get(node)))) for node in parts]
         some = next((x for x in found if x is not None), None)
         if some is not None:
             force = np.zeros((len(some), dimension))

@@ -307,8 +307,11 @@ def _energy_of_residuals(run: Evidence, balance: Balance, state: Floats) -> floa
     values |= {"t": (float(row[0]), 0.0)}
     values |= zip(e.state, zip(row[1:].tolist(), state.tolist(), strict=False),
                   strict=False)  # fmt: skip
-    for held in (x for x in e.every_row if x.holonomic):
-        own, nodes = [*held.A.entries], [held.residual, *held.A.entries.values()]
+    for relation in (x for x in e.every_row if x.holonomic):
+        own, nodes = (
+            [*relation.A.entries],
+            [relation.residual, *relation.A.entries.values()],
+        )
         # The row of a slider without mass depends on its motion, too.
         unknown = e.graph.depends(nodes) - values.keys()
         if unknown or not set(own) <= set(balance.coordinates):

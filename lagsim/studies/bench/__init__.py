@@ -243,11 +243,11 @@ class Scipy:
         self.formulation = DRIFT if own.system.m else "none"
 
     def _derivative(
-        self, look: Callable[[], None]
+        self, check: Callable[[], None]
     ) -> Callable[[float, Floats], Floats]:
         """Return the compiled function y'(t, y), which checks the time limit.
 
-        look : called at some evaluations; raises an exception past the time limit.
+        check : called at some evaluations; raises an exception past the time limit.
         """
         system, size = self.own.system, self.own.system.size
         runner = system.link(self.own.method)
@@ -263,7 +263,7 @@ class Scipy:
         def derivative(t: float, y: Floats) -> Floats:
             self.evaluations += 1
             if self.evaluations % LOOK == 0:
-                look()
+                check()
             state[:] = y
             call(t, *pointers)
             return rates[:size].copy()

@@ -98,17 +98,19 @@ def curves_below(rows: Sequence[Row], worst: float) -> ChartedCurves:
     found = curves(r for r in rows if r["error"] is not None and r["error"] <= worst)
     times = {key: _times(entries, rows) for key, entries in found.items()}
     ranked = sorted(times, key=lambda key: times[key])
-    held = sorted(ranked, key=lambda key: key[1] == DRIFT)
+    without_drift = sorted(ranked, key=lambda key: key[1] == DRIFT)
     best = [key for key in ranked if any(row["chosen"] for row in found[key])]
-    best += [key for key in held if any(row["front_seconds"] for row in found[key])]
+    best += [
+        key for key in without_drift if any(row["front_seconds"] for row in found[key])
+    ]
     known, others = {method for method, _ in best}, []
-    for key in held:
+    for key in without_drift:
         if key[0] not in known:
             known.add(key[0])
             others.append(key)
     scipy = [key for key in others if key[0].startswith(PREFIX)]
     own = [key for key in others if key not in scipy]
-    later = [key for key in held if key not in scipy]
+    later = [key for key in without_drift if key not in scipy]
     order = dict.fromkeys([*best, *scipy[:OF_SCIPY], *own, *later, *scipy])
     taken = list(order)[:MOST]
     return ChartedCurves(
@@ -174,14 +176,14 @@ class CostCurve(NamedTuple):
     Attributes
     ----------
     name : str
-    look : CurveStyle
+    style : CurveStyle
     errors, costs : ndarray, shape (k,)
     ringed : sequence of bool
         Points with a ring: settings that `auto` selects.
     """
 
     name: str
-    look: CurveStyle
+    style: CurveStyle
     errors: Array
     costs: Array
     ringed: Sequence[bool] = ()
@@ -258,8 +260,8 @@ def cost_panel(
     if front is not None:
         curve(axes, *front, FRONT)
     for c in costs:
-        curve(axes, c.errors, c.costs, c.look.line)
-        point(axes, c.errors, c.costs, c.look.mark)
+        curve(axes, c.errors, c.costs, c.style.line)
+        point(axes, c.errors, c.costs, c.style.mark)
         ringed = np.flatnonzero(c.ringed)
         point(axes, c.errors[ringed], c.costs[ringed], CHOSEN)
     # Numbers keep away from the corner where both axes begin.
@@ -302,7 +304,7 @@ def figure(document: Document) -> Picture:
     panels[1].set_xlabel(ERROR)
     if beside := _costs(found, COSTS[0]):
         legend(
-            panels[0], [(c.name, c.look.sample) for c in beside], NAMES,
+            panels[0], [(c.name, c.style.sample) for c in beside], NAMES,
             ncols=1, loc="upper left", bbox_to_anchor=(1.02, 1.0),
             title="cheapest first", title_fontsize=SMALL, alignment="left",
             labelspacing=0.8,
@@ -494,9 +496,9 @@ def _strips(part: SubFigure, document: Document) -> None:
         for border in borders_of(document, method):
             if border["found"] is not None:
                 axes.axvline(border["found"], **FOUND, zorder=2.4)
-            for key, (_, look) in PREDICTED.items():
+            for key, (_, style) in PREDICTED.items():
                 if _within(border[key], across):
-                    point(axes, border[key], 0.0, look)
+                    point(axes, border[key], 0.0, style)
         axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
     STEPS.label_axis(axes.xaxis)
     axes.annotate(
@@ -686,7 +688,7 @@ def _work(part: SubFigure, document: Document) -> None:
     """
     varied = _varied(document)
     across, _ = cell_borders(varied.values.tolist())
-    asked: list[tuple[str, Callable[[Document], float | None]]] = [
+    entries: list[tuple[str, Callable[[Document], float | None]]] = [
         ("evaluations / s", lambda cell: _share(cell["evaluations"], cell)),
         # 0 cannot be shown on a logarithmic axis.
         ("1 + rejections", lambda c: c["evaluations"] and 1.0 + c["rejections"]),
@@ -696,8 +698,8 @@ def _work(part: SubFigure, document: Document) -> None:
         name: [cell for cell in document["cells"] if cell["method"] == name]
         for name in document["methods"]["adaptive"]
     }
-    panels = part.subplots(len(asked), sharex=True, squeeze=False)[:, 0]
-    for axes, (label, of) in zip(panels, asked, strict=True):
+    panels = part.subplots(len(entries), sharex=True, squeeze=False)[:, 0]
+    for axes, (label, of) in zip(panels, entries, strict=True):
         curves = {
             name: np.array([of(cell) or math.nan for cell in cells])
             for name, cells in by_method.items()

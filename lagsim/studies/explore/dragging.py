@@ -170,15 +170,15 @@ class ConstrainedStart:
 
     def _with_rates(self, x: Point) -> Floats:
         """Return velocities (n,) that satisfy the constraints, by the least change."""
-        held = list(self._rates)
+        conditions = list(self._rates)
         for _ in range(1 + len(self._ways)):
-            v = x.v + _correction(held, x) if held else x.v
+            v = x.v + _correction(conditions, x) if conditions else x.v
             rates = x.at(v=v).array([way.node for way in self._ways])
             scales = x.at(v=v).array([way.scale for way in self._ways])
             least = np.flatnonzero(rates < -SATISFIED * np.abs(scales))
             if not len(least):
                 break
-            held += [self._ways[k] for k in least]
+            conditions += [self._ways[k] for k in least]
         return v
 
     def _towards(self, place: _Place, x: Point, target: Floats) -> Point:
@@ -196,14 +196,14 @@ class ConstrainedStart:
                 break
             at, J = place.at(x)
             try:
-                step, met = self._step(J, target - at, x)
+                step, touching = self._step(J, target - at, x)
             except np.linalg.LinAlgError:
                 break
             best, nearest, share = self._along(
-                place, x, (step, J @ step), met, target, share
+                place, x, (step, J @ step), touching, target, share
             )
             slow = nearest > (1.0 - SLOW) * far
-            if slow and (found := self._beside(place, x, target, met)) is not None:
+            if slow and (found := self._beside(place, x, target, touching)) is not None:
                 x, far = found, self._far(place, found, target)
                 continue
             x, far = best, nearest
@@ -216,7 +216,7 @@ class ConstrainedStart:
         place: _Place,
         x: Point,
         step: tuple[Floats, Floats],
-        met: frozenset[int],
+        touching: frozenset[int],
         target: Floats,
         share: float,
     ) -> tuple[Point, float, float]:
@@ -230,7 +230,7 @@ class ConstrainedStart:
         ----------
         step : tuple of ndarray
             Changes of the coordinates, and of the place to first order.
-        met : frozenset of int
+        touching : frozenset of int
             Gaps that stay closed.
         share : float
             The first fraction to be tried.
@@ -244,7 +244,7 @@ class ConstrainedStart:
         best, nearest, part = x, self._far(place, x, target), share
         far, at = nearest, place.at(x)[0]
         for _ in range(MOST_HALVINGS):
-            other = self._on(x.at(x.q + part * step[0]), met)
+            other = self._on(x.at(x.q + part * step[0]), touching)
             new = self._far(place, other, target)
             if _beyond(part * step[1], place.at(other)[0] - at):
                 new = math.inf
@@ -281,7 +281,7 @@ class ConstrainedStart:
         return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] < DEPENDENT_ROWS)
 
     def _beside(
-        self, place: _Place, x: Point, target: Floats, met: frozenset[int]
+        self, place: _Place, x: Point, target: Floats, touching: frozenset[int]
     ) -> Point | None:
         """Return a state beside the dead point x that is nearer to a target; else None.
 
@@ -291,12 +291,16 @@ class ConstrainedStart:
 
         place : the place that is moved.
         target : (d,), the components of the target.
-        met : gaps that stay closed.
+        touching : gaps that stay closed.
         """
         far = self._far(place, x, target)
         L = cholesky(least_change_metric(x.mass_matrix))
-        held = [*self._held, *(self._gaps[k] for k in sorted(met))]
-        free = null_space(_scaled(_jacobian(held, x), L)) if held else np.eye(x.n)
+        conditions = [*self._held, *(self._gaps[k] for k in sorted(touching))]
+        free = (
+            null_space(_scaled(_jacobian(conditions, x), L))
+            if conditions
+            else np.eye(x.n)
+        )
         J, force = _scaled(place.at(x)[1], L), x.array(self.e.f)
         best, nearest = None, (1.0 - NEARER) * far
         for basis in free.T:
@@ -307,7 +311,7 @@ class ConstrainedStart:
             size = ASIDE * max(float(np.max(np.abs(x.q))), far)
             way *= np.copysign(size / float(np.max(np.abs(way))), force @ way)
             for step in (way, -way):
-                other = self._on(x.at(x.q + step), met)
+                other = self._on(x.at(x.q + step), touching)
                 new = self._far(place, other, target)
                 if new < nearest:
                     best, nearest = other, (1.0 - NEARER) * new
@@ -329,38 +333,38 @@ class ConstrainedStart:
         J : (d, n), derivatives of the place.
         way : (d,), the displacement wanted.
         """
-        met, closed = frozenset[int](), self._closed(x)
+        touching, closed = frozenset[int](), self._closed(x)
         A = _jacobian(self._gaps, x)
         while True:
-            held = [*self._held, *(self._gaps[k] for k in sorted(met))]
-            step = _step(J, way, held, x)
+            conditions = [*self._held, *(self._gaps[k] for k in sorted(touching))]
+            step = _step(J, way, conditions, x)
             falls = {k: fall for k, fall in enumerate((A @ step).tolist()) if fall < 0}
-            more = {k: fall for k, fall in falls.items() if k in closed - met}
+            more = {k: fall for k, fall in falls.items() if k in closed - touching}
             if not more:
                 break
-            met |= {min(more, key=lambda k: more[k])}
+            touching |= {min(more, key=lambda k: more[k])}
         gaps = x.array([gap.node for gap in self._gaps])
         parts = [-gaps[k] / fall for k, fall in falls.items() if k not in closed]
-        return min([1.0, *parts]) * step, met
+        return min([1.0, *parts]) * step, touching
 
-    def _on(self, x: Point, met: frozenset[int]) -> Point:
+    def _on(self, x: Point, touching: frozenset[int]) -> Point:
         """Return the state nearest to x at which constraints hold, no gap negative.
 
         Parameters
         ----------
         x : Point
-        met : set of int
+        touching : set of int
             Indices of gaps that are closed at that state.
         """
         nodes = [gap.node for gap in self._gaps]
         for _ in range(1 + len(nodes)):
-            held = [*self._held, *(self._gaps[k] for k in sorted(met))]
-            there = _solved(held, x)
+            conditions = [*self._held, *(self._gaps[k] for k in sorted(touching))]
+            there = _solved(conditions, x)
             gaps = there.array(nodes)
-            gaps[sorted(met)] = 0.0
+            gaps[sorted(touching)] = 0.0
             if not np.any(gaps < 0.0):
                 break
-            met |= {int(np.argmin(gaps))}
+            touching |= {int(np.argmin(gaps))}
         return there
 
 
@@ -374,12 +378,12 @@ def _beyond(expected: Floats, moved: Floats) -> bool:
     return bool(off > np.linalg.norm(expected) / 2.0)
 
 
-def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats:
+def _step(J: Floats, way: Floats, conditions: Sequence[Condition], x: Point) -> Floats:
     """Return the change of coordinates (n,), least in the metric of M, to move a place.
 
     Parameters
     ----------
-    held : sequence of Condition
+    conditions : sequence of Condition
         Conditions on the coordinates that the change keeps.
     J : ndarray, shape (d, n)
         Derivatives of the place.
@@ -388,22 +392,22 @@ def _step(J: Floats, way: Floats, held: Sequence[Condition], x: Point) -> Floats
     """
     L = cholesky(least_change_metric(x.mass_matrix))
     free = np.eye(x.n)
-    if held:
-        free = null_space(_scaled(_jacobian(held, x), L))
+    if conditions:
+        free = null_space(_scaled(_jacobian(conditions, x), L))
     z = free @ least_squares(_scaled(J, L) @ free, way)
     return np.asarray(np.linalg.solve(L.T, z))
 
 
-def _solved(held: Sequence[Condition], x: Point) -> Point:
+def _solved(conditions: Sequence[Condition], x: Point) -> Point:
     """Return the state at which conditions on positions hold, nearest to x.
 
     It is found by steps that are least in the metric of the first state x.
 
-    held : the conditions.
+    conditions : the conditions.
     """
-    metric = x.mass_matrix if held else None
-    for _ in range(MOST_CORRECTIONS) if held else ():
-        change = _correction(held, x, metric)
+    metric = x.mass_matrix if conditions else None
+    for _ in range(MOST_CORRECTIONS) if conditions else ():
+        change = _correction(conditions, x, metric)
         x = x.at(x.q + change)
         if np.all(np.abs(change) <= CONVERGED * np.maximum(np.abs(x.q), 1e-3)):
             break
@@ -411,7 +415,7 @@ def _solved(held: Sequence[Condition], x: Point) -> Point:
 
 
 def _correction(
-    asked: Sequence[Condition], x: Point, metric: Floats | None = None
+    conditions: Sequence[Condition], x: Point, metric: Floats | None = None
 ) -> Floats:
     """Return the least change (n,) in the metric of M that satisfies conditions.
 
@@ -419,24 +423,24 @@ def _correction(
 
     Parameters
     ----------
-    asked : sequence of Condition
+    conditions : sequence of Condition
     metric : ndarray, shape (n, n), optional
         The metric; by default the mass matrix at x.
     """
-    targets = np.array([c.target for c in asked])
-    residual: Floats = x.array([c.node for c in asked]) - targets
+    targets = np.array([c.target for c in conditions])
+    residual: Floats = x.array([c.node for c in conditions]) - targets
     try:
         M = x.mass_matrix if metric is None else metric
         L = cholesky(least_change_metric(M))
-        A = _scaled(_jacobian(asked, x), L)
+        A = _scaled(_jacobian(conditions, x), L)
         return np.asarray(np.linalg.solve(L.T, -least_squares(A, residual)))
     except np.linalg.LinAlgError:
         return np.zeros(x.n)
 
 
-def _jacobian(asked: Sequence[Condition], x: Point) -> Floats:
+def _jacobian(conditions: Sequence[Condition], x: Point) -> Floats:
     """Return the derivatives (m, n) of m conditions by coordinates or velocities."""
-    return _dense([c.A for c in asked], x)
+    return _dense([c.A for c in conditions], x)
 
 
 def _dense(rows: Sequence[Mapping[int, int]], x: Point) -> Floats:

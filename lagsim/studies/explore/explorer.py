@@ -596,12 +596,12 @@ class _Alone:
     def __init__(
         self,
         lock: threading.Lock,
-        asked: dict[tuple[str, bool], Interrupt],
+        requests: dict[tuple[str, bool], Interrupt],
         page: str,
         *,
         moves: bool = True,
     ) -> None:
-        self._lock, self._asked, self._key = lock, asked, (page, moves)
+        self._lock, self._asked, self._key = lock, requests, (page, moves)
         self._own = Interrupt()
 
     def __enter__(self) -> Interrupt:

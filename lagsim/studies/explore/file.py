@@ -395,8 +395,8 @@ def _fallback(session: Session) -> str:
 
     "" if no other method takes over.
     """
-    name, asked = session.plan.method, session.case.settings.method
-    if name == ANY or (asked != "auto" and name != SERIES):
+    name, requested = session.plan.method, session.case.settings.method
+    if name == ANY or (requested != "auto" and name != SERIES):
         return ""
     return f"from this time on a run of lagsim uses {ANY} in place of {name}: {LIVE}"
 
@@ -470,15 +470,15 @@ def _scene(session: Session, film: Film | None, frames: Frames) -> Document:
             "slopes": [_slopes({index[v]: s for v, s in row.items()}) for row in along],
         })  # fmt: skip
     struck = [set(points) for points in film.struck.values()]
-    looks = film.looks or ("",) * len(film.links)
+    kinds = film.looks or ("",) * len(film.links)
     lengths = scene.lengths or (None,) * len(film.links)
     found["links"] = [
         {
-            "ends": [names.index(a), names.index(b)], "look": look,
+            "ends": [names.index(a), names.index(b)], "look": kind,
             "length": None if length is None else Node(length.node),
             "struck": any({a, b} & points for points in struck),
         }
-        for (a, b), look, length in zip(film.links, looks, lengths, strict=True)
+        for (a, b), kind, length in zip(film.links, kinds, lengths, strict=True)
     ]  # fmt: skip
     found["dimension"] = film.dimension
     found["shapes"] = [_shape(model, body, names) for body in film.shapes]
@@ -492,11 +492,11 @@ def _scene(session: Session, film: Film | None, frames: Frames) -> Document:
         for x in carriers.carried[:MOST_PUSHES]
         if x.multiplier in frames.names
     ]
-    asked = {
+    pushed = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
     for point, parts in scene.points.items():
-        own = [f"reaction.{asked[x]}" if x in asked else None for x in parts]
+        own = [f"reaction.{pushed[x]}" if x in pushed else None for x in parts]
         own = [x if x in columns else None for x in own]
         if any(own):
             found["reactions"].append({"point": names.index(point), "parts": own})

@@ -464,12 +464,12 @@ class Fit:
         weights : (m,), the inverse standard deviation of each column.
         loss : one of LOSSES.
         """
-        held = self._undetermined(x, weights)
+        undetermined = self._undetermined(x, weights)
         for _ in range(RETURNS):
-            x, cost, ended = self._minimised(x, weights, loss, held)
-            last, held = held, self._undetermined(x, weights)
-            away = np.abs(held @ ((x - self.start) / self.scales))
-            if len(held) == len(last) and np.all(away <= RETURNED):
+            x, cost, ended = self._minimised(x, weights, loss, undetermined)
+            last, undetermined = undetermined, self._undetermined(x, weights)
+            away = np.abs(undetermined @ ((x - self.start) / self.scales))
+            if len(undetermined) == len(last) and np.all(away <= RETURNED):
                 break
         return x, cost, ended
 
@@ -484,18 +484,18 @@ class Fit:
         return undetermined(J * self._per_row(weights)[:, None], error)
 
     def _minimised(
-        self, x: Floats, weights: Floats, loss: str, held: Floats
+        self, x: Floats, weights: Floats, loss: str, fixed: Floats
     ) -> tuple[Floats, float, bool]:
         """Minimise the cost from x (p,), with some combinations of names held.
 
-        The changes of the combinations `held` (d, p) are added to the residuals. The
+        The changes of the combinations `fixed` (d, p) are added to the residuals. The
         other arguments and the result are as in `_solve`.
         """
         from scipy.optimize import least_squares  # slow to load
 
         s, begin = self.scales, self.start / self.scales
         J = self.jacobian(x, self.how).J * self._per_row(weights)[:, None]
-        rows = held * (math.sqrt(float(np.mean(np.sum(J**2, axis=0)))) or 1.0)
+        rows = fixed * (math.sqrt(float(np.mean(np.sum(J**2, axis=0)))) or 1.0)
 
         def residuals(z: Floats) -> Floats:
             return np.append(self._cost(z * s, weights), rows @ (z - begin))

@@ -107,18 +107,18 @@ class Recording(Sensitivities):
         clock = float(at.pop(CLOCK, 0.0))
         return variant._replace(values=at, times=self.times - clock)
 
-    def trial(self, name: str, value: float, held: bool) -> Trial:
+    def trial(self, name: str, value: float, solved: bool) -> Trial:
         """Return the run in which the parameter or start value `name` is `value`.
 
         The run is unusable if t0 moves times of the data outside of the run.
 
-        held : see `Sensitivities.trial`.
+        solved : see `Sensitivities.trial`.
         """
         if self.setup.clocked and name == CLOCK:
             low, high = self.times[0] - value, self.times[-1] - value
             if low < self.setup.span[0] or high > self.setup.span[1]:
                 return Trial(UNUSABLE, "the times of the data are outside the run")
-        return super().trial(name, value, held)
+        return super().trial(name, value, solved)
 
 
 class Task(NamedTuple):

@@ -290,7 +290,7 @@ class Batch:
         numbers : indices of the runs.
         """
         case, axes = self.session.case, self.grid.axes
-        unbound, held = case.model, bool(case.equations.rows)
+        unbound, constrained = case.model, bool(case.equations.rows)
         own = np.concatenate([case.start.q, case.start.v, case.start.s])
         names = [p.name for p in unbound.parameters]
         sizes = len(names), len(case.equations.state), len(axes)
@@ -299,10 +299,10 @@ class Batch:
             with contextlib.suppress(LagsimError):
                 model = unbound.bind(**self.grid.texts(number))
                 equal = wanted(model, "sweep", self.options) == case.settings
-                if equal and not (held and self._begins_elsewhere(model)):
+                if equal and not (constrained and self._begins_elsewhere(model)):
                     found[k] = [p.value for p in model.parameters]
                     initial = [x.value for x in model.initial[: sizes[1]]]
-                    starts[k] = own if held else initial
+                    starts[k] = own if constrained else initial
                     swept[k] = [value_of(model, axis.name) for axis in axes]
         return dict(zip(names, found.T, strict=True)), starts, swept
 
@@ -373,11 +373,11 @@ def satisfied(session: Session, rows: Floats) -> Flags:
 
     rows : (k, columns).
     """
-    names, held = session.columns.names, session.equations.rows
-    if not held:
+    names, equalities = session.columns.names, session.equations.rows
+    if not equalities:
         return np.ones(len(rows), dtype=bool)
-    off = [names.index(RESIDUAL.of(row.name)) for row in held]
-    scales = [names.index(f"scale:{row.name}") for row in held]
+    off = [names.index(RESIDUAL.of(row.name)) for row in equalities]
+    scales = [names.index(f"scale:{row.name}") for row in equalities]
     within: Flags = np.all(np.abs(rows[:, off]) <= SATISFIED * rows[:, scales], axis=1)
     return within
 

@@ -129,8 +129,8 @@ class Journal:
         The old file is not modified, since it may have another hard link.
         """
         self.close()
-        write_atomically(self.path, content, held=True)
-        self._file = files.held(self.path, os.O_RDWR | os.O_APPEND)
+        write_atomically(self.path, content, locked=True)
+        self._file = files.open_regular(self.path, os.O_RDWR | os.O_APPEND)
 
     def _write(self, lines: Iterable[Any]) -> None:
         assert self._file is not None
