@@ -382,9 +382,10 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Return pairs of lists: nodes of M, and the coordinates that these couple.
+        """Return the parts of M: their nodes, and the coordinates that these couple.
 
-        Coordinates are given by their indices.
+        Coordinates are given by their indices. Each coordinate also has a part of its
+        own, without nodes.
         """
         found = [(list[int](), [j]) for j in range(self.size)]
         first = [*range(self.size)]  # one coordinate in each unknown
@@ -497,7 +498,7 @@ def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
 def _products(
     g: Graph, cone: Sequence[int], degrees: Mapping[int, int]
 ) -> dict[tuple[int, int], int]:
-    """Return the products of two affine expressions of which L is a sum.
+    """Write L as a sum of products of two affine expressions; return the products.
 
     cone : the nodes of L, in order of evaluation, L last.
     degrees : node -> its degree in the velocities.

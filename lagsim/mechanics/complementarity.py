@@ -422,11 +422,11 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
 
 
 def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
-    """Yield a solution after the elimination of held rows outside of discs.
+    """Eliminate the held rows that belong to no disc, and solve for the other rows.
 
-    Without the held rows, the inertias in the two directions of a disc can differ by
-    the ratio of masses. The problem of the remaining rows is scaled by its own
-    diagonal.
+    The elimination can leave inertias in the two directions of a disc that differ by
+    the ratio of masses; the remaining problem is therefore scaled by its own diagonal.
+    Yields one candidate solution, or none without such rows.
 
     Parameters
     ----------

@@ -191,9 +191,9 @@ class Equations:
 
     @property
     def nodes(self) -> tuple[object, ...]:
-        """Hashable key of the motion, equal for all values of parameters.
+        """Hashable key of the equations: the names and nodes that determine the motion.
 
-        It consists of names and nodes.
+        Equations that differ by the values of parameters alone have one key.
         """
         return (
             self.q,
@@ -467,7 +467,7 @@ def may_strike(e: Equations, row: Row) -> bool:
 def has_poles(e: Equations, node: int) -> bool:
     """Whether an expression may have a pole, or the cut of an angle.
 
-    Between the rounded values of other expressions there are jumps of rounding alone.
+    An expression without poles and cuts is continuous to rounding.
     """
     g, fixed = e.graph, {p.name for p in e.model.parameters}
     for n in g.cone([node]):

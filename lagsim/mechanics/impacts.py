@@ -135,8 +135,8 @@ def _impulses(
 ) -> Solution:
     """Solve for the impulses that bring rates to their targets as far as laws permit.
 
-    Limited rows have no impulse. Slips of contacts that are held as equalities slide on
-    in their direction, or are held where friction would reverse it.
+    Limited rows have no impulse. A slip whose contact is an equality keeps sliding in
+    its direction; it is held as an equality, too, if friction would reverse it.
 
     Parameters
     ----------

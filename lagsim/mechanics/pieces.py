@@ -285,10 +285,9 @@ class _Pieces:
     # Kinks of any other kind: both sides near them, and a line
 
     def _apart(self, n: int, way: int) -> list[Piece]:
-        """Return the pieces of node n by the sides of its kinks, or n alone.
+        """Divide node n at its removable kinks, the innermost first.
 
-        The kinks that can be removed are removed one after the other, from the
-        innermost on.
+        Returns the pieces; n alone if there is no such kink.
 
         way : see `of`.
         """
@@ -308,10 +307,10 @@ class _Pieces:
         return [Piece(n)]
 
     def _divided(self, n: int, atom: int, way: int) -> list[Piece]:
-        """Return two pieces of node n, by the sides of the kink of `atom`.
+        """Divide node n at the kink of `atom` into two pieces, one for each side.
 
-        The result is empty if the kink is none that can be removed. Nodes with a kink
-        at the same place are divided with `atom`.
+        Returns an empty list if the kink cannot be removed. Nodes with a kink at the
+        same place are divided together with `atom`.
 
         way : see `of`.
         """
@@ -365,13 +364,13 @@ class _Pieces:
         return slopes(g, free, frozenset([kink])).get(kink, g.zero)
 
     def _at_kink(self, node: int, u: int) -> int:
-        """Return a slope with every `if` on the branch that is taken at u = 0.
+        """Replace each `if` in a slope by the branch that it selects at u = 0.
 
-        Elsewhere another branch may be taken, as beyond the ridge of
-        `if(x < 1, a, if(x < 2, b, c))`, where the node does not depend on the kink at
-        x = 2. The pieces of the kink continue with the slope at the kink, since a piece
-        that equals the other one there would be a second contact at each place. Where
-        the branch at u = 0 is not known, it is the one that is not 0.
+        Both pieces of the kink at u = 0 continue with the slope at the kink. With the
+        slope as written, an outer `if` may select another branch away from the kink, as
+        in `if(x < 1, a, if(x < 2, b, c))` for the kink at x = 2: the two pieces would
+        be equal for x < 1, and would count there as two contacts. If the branch at u =
+        0 is not known, the branch that is not 0 is used.
         """
         g, found, places = self.g, dict[int, int](), self._places(u)
         for n in g.cone([node]):
@@ -600,7 +599,7 @@ def _chosen(
     w: int,
     lines: tuple[list[float], list[tuple[float, float]], float],
 ) -> int:
-    """Return the node of a periodic table of w that consists of lines.
+    """Create a periodic linear table of w from lines; return its node.
 
     Neighbouring lines that continue each other are joined.
 

@@ -542,9 +542,9 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
 def _slider(
     e: Equations, law: Law, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
 ) -> MasslessSlider | None:
-    """Return the slider of law k on the massless coordinate j.
+    """Describe law k, on the massless coordinate j, as a slider.
 
-    None where no spring or damper acts between the slider and the rest.
+    None if no spring or damper acts between the slider and the rest of the model.
 
     multipliers : the multipliers of sliders found before, by the index of the law, see
         `_multipliers`.
@@ -580,7 +580,7 @@ def _slider(
 
 
 def _one_of(g: Graph, slides: int, row: Row, sticks: Row) -> Row:
-    """Return a row that is `row` while `slides` is true, and `sticks` otherwise.
+    """Combine two rows: the result is `row` while `slides` is true, else `sticks`.
 
     slides : the node of a condition.
     """

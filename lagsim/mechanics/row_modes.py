@@ -256,7 +256,7 @@ ALONG = 1e-3
 
 
 class _Edges(NamedTuple):
-    """Decision which rows of a solved contact problem are held, and which at bounds.
+    """Modes of the rows of a solved contact problem: held, or at a bound.
 
     Attributes
     ----------
@@ -430,9 +430,9 @@ class _Edges(NamedTuple):
     ) -> list[int]:
         """Return the tied rows in `apart` that can slip while the other rows hold.
 
-        A single bounded row that depends on `firm` rows cannot. A disc can slip along
-        its force only: it cannot where that direction depends on rows at rest and on
-        the directions across the forces of discs at their bounds.
+        A single bounded row cannot slip if it depends on `firm` rows. A disc can slip
+        only along its force. It cannot slip if this direction depends on the rows at
+        rest, and on the directions across the forces of discs at their bounds.
 
         Parameters
         ----------
@@ -472,11 +472,11 @@ class _Edges(NamedTuple):
     ) -> tuple[Floats, Floats]:
         """Return d/dt of multipliers less bounds (r,), and d/dt of accelerations (r,).
 
-        Both are in the axes `turn` and decide ties. They solve a complementarity
-        problem: the rate of the multiplier of a held row is free; that of a tied row
-        leads inside the bounds of the row, or along the boundary of its disc; a row
-        that slides keeps its multiplier at a constant part of the bound. Both are 0
-        without ties or without `ahead`.
+        Both decide ties, and are given in the axes `turn`. They solve a
+        complementarity problem. The multiplier of a held row may have any rate. The
+        multiplier of a tied row must move inside its bounds, or along the boundary of
+        its disc. The multiplier of a sliding row remains a constant part of its bound.
+        Both results are 0 without ties or without `ahead`.
 
         Parameters
         ----------
@@ -635,10 +635,10 @@ TAKEN_OVER = 5
 def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowModes:
     """Return modes with the multipliers of redundant limited rows near their bounds.
 
-    The multipliers, or loads, of redundant rows are constant in a mode, so that all
-    changes fall on the rows that hold. The smaller the first loads of the rows that
-    hold, the later these reach their bounds. Where all loads grow in proportion, the
-    rows then slip only when no distribution of the loads holds them.
+    The multipliers of redundant rows are constant during an arc, so that only the
+    multipliers of held rows change. The smaller the latter are at first, the later they
+    reach their bounds. If all forces grow in proportion, the rows then slip only when
+    no distribution of multipliers can hold them.
 
     Parameters
     ----------

@@ -155,9 +155,9 @@ class RowTable:
     def with_shares(self, count: int) -> RowTable:
         """Return the table with `count` rows appended, one for each followed surface.
 
-        The multiplier of such a row is 1/2 - w, with the share w in [0, 1] of the upper
-        side in the forces along the surface. It is bounded in both directions: `low` =
-        -1 and `high` = 1, as multiples of the bound of the row.
+        The multiplier of such a row is 1/2 - w, where w in [0, 1] is the share of the
+        upper side in the forces on the surface. Its bounds are `low` = -1 and `high` =
+        1, as multiples of the bound of the row.
         """
         alone, none = np.full(count, -1), np.zeros(count, dtype=bool)
         return RowTable(

@@ -80,11 +80,11 @@ class ContactRows:
     def rounding(self, p: Floats, limits: Floats, *, coupled: bool = False) -> Floats:
         """Return roundoff bounds (r,) of the accelerations at multipliers p (r,).
 
-        The scale is that of the largest multipliers, |p| or `limits` (r,): a row at
-        rest without a force has the scale of its friction.
+        The bounds are computed for the larger of |p| and `limits` (r,), so that a row
+        at rest without a force has the bound of its largest friction.
 
-        coupled : whether the bounds are those of all rows coupled with discs, whose
-            multipliers are known less exactly.
+        coupled : whether to return larger bounds for all rows that are coupled with
+            discs, whose multipliers are less accurate.
         """
         problem = self.problem
         pushes = np.maximum(np.abs(p), limits)
@@ -119,9 +119,10 @@ class ContactRows:
         )
 
     def unbalanced(self, p: Floats, rests: Flags, K: Floats) -> Floats:
-        """Return the least x (j,) such that forces K x balance the rows at rest.
+        """Return the least x (j,) with which the rows at rest are in balance.
 
-        All other forces are those of the multipliers p and of the rest of the model.
+        The forces are K x, the forces of the multipliers p, and all other forces of the
+        model.
 
         Parameters
         ----------
@@ -192,10 +193,10 @@ class Independent(Span):
         self.alone = (lengths > 0.0) & ~(self.units != 0.0)[:, shared].any(axis=1)
 
     def takes(self, row: int) -> bool:
-        """Add column `row` of Y to the span if it is independent of the columns there.
+        """Add column `row` of Y to the span if it is independent of the span.
 
-        Return whether it is. A column that shares no element with another column is
-        independent; it is not stored.
+        Returns whether the column is independent. A column that shares no element with
+        another column is independent, and is not stored.
         """
         if self.regular or self.alone[row]:
             return True
@@ -257,11 +258,12 @@ def supported(rows: ContactRows, solution: Solution) -> Solution:
 
 
 def _spare(rows: ContactRows, solution: Solution) -> list[int]:
-    """Return the contacts to be released first where contacts with force are dependent.
+    """Return the contacts that should be released first if contacts are dependent.
 
-    The multipliers are changed along a null vector of the dependent contacts, in both
-    directions, up to the first multiplier that reaches 0. The list is empty where the
-    contacts with a force are independent.
+    The multipliers are changed along a null vector of the contacts with a force, in
+    both directions, up to the first multiplier that becomes 0; the contacts of these
+    multipliers are returned. The list is empty if the contacts with a force are
+    independent.
 
     rows, solution : all r rows, and their multipliers.
     """

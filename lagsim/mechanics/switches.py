@@ -64,13 +64,14 @@ if TYPE_CHECKING:
 
 
 def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int] | None:
-    """Return the domain of a branch of an `if`, and an expression defined everywhere.
+    """Return the domain of a branch of an `if`, and its continuation beyond the domain.
 
-    The domain is a condition (node): the arguments of roots and logarithms in the
-    branch are in the domains of these functions. The second result is the branch with
-    these arguments mirrored at the ends of the domains. Functions in nested branches do
-    not count, and neither do functions without the variables in `decides`, on which the
-    condition of the `if` depends. The result is None if no function counts.
+    The domain is a condition (node), true where the arguments of all roots and
+    logarithms in the branch are in the domains of these functions. The continuation,
+    the branch with these arguments mirrored at the ends of their domains, is defined
+    everywhere. Only functions of the variables in `decides` count, on which the
+    condition of the `if` depends, and only outside of nested branches. Returns None if
+    there is no such function.
 
     branch : node of the branch.
     """
@@ -368,8 +369,9 @@ class Switches:
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
         """Return the node `if` n with the frozen arguments `args`.
 
-        A branch without a value that the condition as written does not select is
-        replaced by its mirrored form, see `_mirrored`.
+        The frozen condition may select a branch that the condition as written would not
+        select, at a state where the branch has no value. The branch is then continued,
+        see `_mirrored`.
         """
         g, (condition, *branches) = self.graph, args
         written = g.args[n][0]
@@ -400,10 +402,11 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Return n as a node, with its argument mirrored outside the function's domain.
+        """Return function n of frozen arguments, continued beyond its domain.
 
-        A stage past the surface could evaluate the root of a negative number, where the
-        expression as written has a root. If that has none either, there is no value.
+        A stage past the surface could evaluate the root of a negative number where the
+        expression as written has a root: the argument is then mirrored. Where the
+        expression as written has no value, the result has none either.
 
         args : the frozen arguments.
         frozen : the first argument with all switches frozen.
@@ -422,11 +425,12 @@ class Switches:
         return g.call(op, g.call("if", own, args[0], mirrored), *args[1:])
 
     def at_levels(self, nodes: Iterable[int]) -> list[int]:
-        """Return `nodes` for conditions: as written, but fixed at levels that hold.
+        """Return `nodes` for use in conditions, with values of steps at their levels.
 
-        Where the motion follows a surface, or rests at it, rounding leaves its
-        expression on either side. A step then has its value at the level: `sign(x_dot)`
-        is 0 where friction holds x_dot at 0.
+        Where the motion follows a surface, or rests on it, rounding leaves the
+        expression of the surface slightly above or below its level. A step then has the
+        value at the level: `sign(x_dot)` is 0 where friction holds x_dot at 0. All
+        other steps are as written.
         """
         g, half = self.graph, self.graph.constant(0.5)
         carried = g.constant(1.5)  # above CARRIED, below FOLLOWED
@@ -454,13 +458,14 @@ class Switches:
         return [done[n] for n in nodes]
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
-        """Return `nodes` for output rows: as written, except at surfaces that hold.
+        """Return `nodes` for output rows, with frozen steps on surfaces of the motion.
 
-        Where the motion slides along a surface, or rests at it, and at corners of
-        equalities, steps have the value on the side of the mode variable. The kernel of
-        output rows combines the rows of both sides of a surface that the motion follows
-        (`program.sliding.observe`), and sets the floors of roots on other surfaces to
-        0: a root with a floor is the root of the forces on this side, see `freeze`.
+        Where the motion slides along a surface, or rests on it, and at corners of
+        equalities, steps have the value on the side of the mode variable. All other
+        steps are as written. The kernel of output rows (`program.sliding.observe`)
+        combines the rows of both sides of a surface that the motion follows. It sets
+        the floors of roots on all other surfaces to 0, since floors belong to the
+        forces.
         """
         g, nodes = self.graph, list(nodes)
         if not self.sides:
