@@ -247,10 +247,11 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
 def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
     """Return pairs of a node and d n / d node, for the differentiation of `n`.
 
-    The nodes are the arguments of `n`. For a power (exponent 2 or more) of a root, they
-    are the arguments of the root: r^c has a slope at r = 0, where r has none. For a
-    quotient whose divisor grows as exp does, the nodes of the divisor's exponent are
-    used: x/y has a slope where y overflows; and so for the logarithm of such a node.
+    The nodes are the arguments of `n`, with two exceptions. For a power of a root, with
+    an exponent of 2 or more, they are the arguments of the root, since the power has a
+    slope at 0, where the root has none. For a quotient whose divisor grows as exp does,
+    and for the logarithm of such a node, they are the nodes of the exponent, so that
+    the slope is finite where the divisor overflows.
     """
     args = g.args[n]
     if g.ops[n] == "add":  # of long sums there are many

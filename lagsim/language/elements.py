@@ -253,11 +253,12 @@ class Elements:
         )
 
     def _beside(self, word: str, slot: Slot) -> Slot:
-        """Return a slot that reads, in each member, a companion of what `slot` reads.
+        """Return a slot for a second quantity of the argument that `slot` reads.
 
-        word : the quantity of the companions, such as `rate`. There is one for each
-            argument of the elements; they follow all arguments, in the order of the
-            arguments.
+        Each argument of the elements has such a quantity, for example its rate. These
+        are further arguments, which follow the others in the same order.
+
+        word : name of the quantity, such as `rate`.
         """
         name = f"{self.graph.payload(slot.node)}.{word}"
         return slot._replace(

@@ -407,9 +407,9 @@ def multiples_in(g: Graph, n: int) -> dict[int, int]:
 class _SumBuilder:
     """Conversion of sums of products to nodes.
 
-    The cosine of a - b is written as a function where there are no more such functions
-    than angles, and else expanded into the sines and cosines of a and b, which are
-    shared nodes.
+    If there are no more differences of angles a - b than angles, cos(a - b) is a
+    function of its own. Otherwise it is expanded into sines and cosines of a and b,
+    which are shared nodes.
     """
 
     def __init__(
@@ -663,9 +663,9 @@ class Collected:
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
         """Whether a product keeps its constant factor in place, without collection.
 
-        No other product has the same variable factors. A constant among `factors`,
-        which other expressions can share, is moved to `still` only if fewer constants
-        remain.
+        No other product in the sum has the same variable factors. Constants in
+        `factors` are nodes that other expressions can share; collecting them in `still`
+        is worth while only if fewer constants remain.
 
         still : the constant factor of the product.
         factors : all its factors.
@@ -714,9 +714,9 @@ class Collected:
         return alike, given
 
     def scaled(self, node: int, factor: int) -> int:
-        """Return node * factor, with the factor multiplied into a short sum.
+        """Return the node of node * factor; a short sum is multiplied term by term.
 
-        m (a + ...) - k b times 1/m is a + ... - (k/m) b.
+        For example, m (a + c) - k b times 1/m is a + c - (k/m) b.
         """
         g = self.g
         still, core = self.parts(factor)
@@ -770,8 +770,8 @@ class Collected:
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
         """Yield the terms of the sum `node`: pairs of a sign, as a node, and an addend.
 
-        A sum without products is not divided: it may be a small difference of large
-        terms.
+        A sum without products is a single term: it may be a small difference of large
+        numbers, which must not be separated.
         """
         g = self.g
         sums = self._sums_of_products(node)

@@ -143,10 +143,10 @@ class Coefficients:
         return total
 
     def _depth(self, n: int) -> int:
-        """Return the length of the longest chain of operations below node `n`.
+        """Return the number of operations in the longest path from the state to n.
 
-        The chain begins at the newest coefficients of the state; 0 if n depends on
-        none.
+        Paths begin at the coefficients of order k of the state. 0 if n does not depend
+        on the state.
         """
         depths = self._depths
         for below in self.g.cone([n], depths):
@@ -258,7 +258,7 @@ def _div(s: Coefficients, n: int) -> int:
 def _hyperbolic_slope(g: Graph, n: int) -> int | None:
     """Return 1 - tanh(x)^2 where n is 1/cosh(x)^2; None for other quotients.
 
-    It cancels in order 0 only, which is not computed from it.
+    The difference loses digits in order 0 alone, and order 0 is not computed from it.
     """
     one, below = g.args[n]
     cosh = g.args[below][0] if g.ops[below] == "pow" else below
