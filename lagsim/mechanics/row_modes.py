@@ -576,7 +576,7 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
         if least < p[k] < 0.0:
             p[k] = 0.0
     is_open = (
-        slides and Mode.REDUNDANT in modes and _rubs_openly(rows, modes, directions)
+        slides and Mode.REDUNDANT in modes and _is_ambiguous(rows, modes, directions)
     )
     return RowModes(tuple(modes), directions * parts, p, jams, is_open)
 
@@ -609,8 +609,8 @@ def _solved_together(
         The determinant of B relative to that without friction, det(R)^2.
     """
     closed = rows.closed
-    rubs = np.count_nonzero(E[:, some]) > len(some)
-    if closed.pushes is None and not rubs:
+    with_friction = np.count_nonzero(E[:, some]) > len(some)
+    if closed.pushes is None and not with_friction:
         found = solved_regular(closed.D[np.ix_(some, some)], -h[some])
         if found is not None:
             return found, 1.0
@@ -670,7 +670,7 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
     return decided
 
 
-def _rubs_openly(rows: ContactRows, modes: list[Mode], directions: Floats) -> bool:
+def _is_ambiguous(rows: ContactRows, modes: list[Mode], directions: Floats) -> bool:
     """Whether sliding friction depends on a multiplier that is not unique.
 
     Then the motion is not unique. It is so where multipliers of held and redundant

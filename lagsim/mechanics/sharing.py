@@ -335,8 +335,8 @@ def _spread(
     closed, p, table = rows.closed, solution.p.copy(), rows.closed.table
     sided, equal = rests & table.one_sided, rests & table.equal
     pushes = sided & (p > 0.0)
-    rubs = rests & (rows.problem.limits(p) > 0.0)
-    some = np.flatnonzero(rubs | pushes | equal)
+    has_friction = rests & (rows.problem.limits(p) > 0.0)
+    some = np.flatnonzero(has_friction | pushes | equal)
     if not len(some):
         return None
     lengths = np.linalg.norm(closed.columns[:, some], axis=0)
@@ -347,13 +347,13 @@ def _spread(
         if not (p[pushes] > 0.0).all():
             return None
     discs, radii = np.zeros((2, len(p), len(p)))
-    for k in np.flatnonzero(rubs).tolist():
+    for k in np.flatnonzero(has_friction).tolist():
         first = rows.disc(k)[0]
         discs[first, k], radii[first, table.normals[k]] = 1.0, table.normals[k] >= 0
     own = discs.any(axis=1)
     discs, radii = discs[own][:, some], radii[own][:, some]
     limits = rows.problem.limits(p)
-    bounds = np.where(rubs, limits, np.where(pushes, p, 1.0))[some]
+    bounds = np.where(has_friction, limits, np.where(pushes, p, 1.0))[some]
     most = (limits[some] * lengths).max()
     bounds = np.where(equal[some], most / lengths, bounds)
     free = null_space(K) / (lengths * bounds)[:, None]

@@ -185,10 +185,11 @@ def could_push(
 ) -> Held:
     """Return the largest forces on coordinates at rest, and possible displacements.
 
-    The forces are sums of the magnitudes of their terms and intermediate results, whose
-    rounding errors could move a coordinate. The forces act during the whole motion; if
-    a force is elastic, during the inverse of its frequency; if a coordinate is moved
-    only through constraints, between two projections, which remove the rounding errors.
+    A force here is the sum of the magnitudes of its terms and intermediate results,
+    whose rounding errors could move a coordinate. The displacement is computed for a
+    force that acts during the whole motion; during 1/w for an elastic force with the
+    frequency w; and for a coordinate that moves only by constraints, during the time
+    between two projections, which remove the rounding errors.
 
     Parameters
     ----------

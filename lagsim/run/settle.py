@@ -311,10 +311,10 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Compute the impacts of laws with the sides before the instant.
+    """Compute the impacts of laws before the sides of surfaces are selected anew.
 
-    These are first where the end of a law's mode was located. Beside an equality that
-    may jump they are first in any case: which of several zeros was located is rounding.
+    This order is used if the end of a law's mode was located. It is used in any case if
+    an equality may jump, since rounding decides which of several zeros was located.
 
     now : the record before.
     by : the parts of the run that decide.
@@ -415,8 +415,9 @@ def laws_struck(
 def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Select the modes of all laws by the accelerations, in one problem.
 
-    Laws beside surfaces whose sides the forces decide have their modes from the problem
-    of these sides. Tied rows are decided by rates (`mechanics.row_modes.modes`).
+    If the forces have decided the sides of surfaces, the modes of laws that act on
+    these surfaces are part of that solution. Tied rows are decided by rates
+    (`mechanics.row_modes.modes`).
 
     now : the record before the phase.
     by : the parts of the run that decide.

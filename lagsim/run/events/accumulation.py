@@ -174,7 +174,10 @@ class Accumulation:
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """Return the duration of the window of events k windows before the last one."""
+        """Return the duration of the last window of events, or of an earlier one.
+
+        k : the number of windows after it.
+        """
         first = -1 - k * self.window
         return self.recent[first][0] - self.recent[first - self.window][0]
 
@@ -215,16 +218,16 @@ class Accumulation:
         """Whether the last events leave no time for the motion.
 
         True where the last `STUCK` events took at most `NO_TIME` of the duration or of
-        the time, or where the row of the last event hurries.
+        the time, or where events of the row of the last event are too frequent.
         """
         if len(self.recent) < STUCK:
             return False
-        if self.hurries(self.recent[-1][1]):
+        if self.is_too_frequent(self.recent[-1][1]):
             return True
         took = self.recent[-1][0] - self.recent[-STUCK][0]
         return took <= NO_TIME * max(self.span, abs(self.last))
 
-    def hurries(self, row: int) -> bool:
+    def is_too_frequent(self, row: int) -> bool:
         """Whether the last `STUCK` events of a row are almost simultaneous.
 
         Their average interval is then at most `HURRIES` of the duration of the run, or

@@ -225,7 +225,7 @@ class Truth:
         return self._marked(self.run("change"))
 
     def settled(self, *, struck: bool) -> set[int]:
-        """Return indices of conditions that become true by all acts of an instant.
+        """Return indices of conditions that are true only after all acts of an instant.
 
         struck : whether velocities have jumped by an impact.
         """

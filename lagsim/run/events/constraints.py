@@ -86,10 +86,10 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """Return the velocity error (n,) on the constraints, which no impact has to remove.
+    """Return the present error (n,) of the velocities on the constraints.
 
-    The error is 0 where each step is projected; else it is the Newton step of the
-    velocities onto the constraints.
+    An impact does not remove this error. It is 0 if each step is projected; else it is
+    the Newton step of the velocities onto the constraints.
     """
     if arc.plan.projected:
         return np.zeros(arc.system.n)

@@ -199,8 +199,8 @@ class Contacts(Source):
     def located(self, arc: Arc, laws: LawsAt, k: int) -> LawsAt:
         """Store that the mode of law k has ended, and return the laws at the instant.
 
-        A law that was located counts as closed. The end of a slip on a disc ends the
-        regularized beginnings of the slips that have begun with it.
+        A law that was located counts as closed. If a slip on a disc has ended, the
+        friction of all slips that began together with it is no longer regularized.
         """
         self.sequence.add(arc.t, k)
         p, pair, left = arc.system.p, self.laws[k].pair, dict(laws.left)
@@ -385,9 +385,9 @@ class Contacts(Source):
     def _is_examined(self, arc: Arc) -> bool:
         """Whether the examination of the start has checked all laws in force.
 
-        That examination uses the residuals left by the solution for the guesses; at a
-        state that has not moved yet there are no ranges to compare a residual with.
-        False after the start, or if events have set other modes of the file there.
+        If so, residuals are not checked again here: there are no ranges of motion yet
+        to compare a residual with. False after the start, and if events at the start
+        have set other modes of the file.
         """
         at_start = arc.steps == 0 and arc.t == arc.settings.start
         return at_start and arc.modes == self.modes_at_start
@@ -401,8 +401,8 @@ class Contacts(Source):
         here : all laws at the state reached.
         """
         table = here.table
-        rubs = any(table.slips[i] for i in (k, *table.beside[k]))
-        return not (rubs or table.equal[k] or self.laws[k].slider)
+        has_friction = any(table.slips[i] for i in (k, *table.beside[k]))
+        return not (has_friction or table.equal[k] or self.laws[k].slider)
 
     def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
         """Return the names of closed laws with residuals beyond the location tolerance.
@@ -619,9 +619,9 @@ def _blow_beside(
     e: Floats,
     equalities: list[int],
 ) -> Blow:
-    """Return the impulses of laws, on the sides of corners onto which they lead.
+    """Compute impulses at corners of equalities, on the sides onto which they lead.
 
-    These sides are left in the memory. Arguments as of `_blow`.
+    The sides remain in the memory of the arc. Arguments: see `_blow`.
     """
     found: list[Blow] = []
 

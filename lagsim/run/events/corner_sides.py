@@ -180,12 +180,14 @@ class CornerSides:
             some = sorted([*some, *more])
 
     def _touched(self, jump: Jump, some: list[int], sides: Sides) -> list[int]:
-        """Return the corners from which a jump may lead away.
+        """Return the corners of `some` from which a jump may lead away.
 
-        These are corners of `some` at which the jump has a speed, if they have one
-        side, and the others have `sides`.
+        All corners of `some` are set to their upper, then to their lower sides. The
+        result has the corners with a speed beyond rounding after the jump, in one of
+        the two cases.
 
         some : indices of corners.
+        sides : the sides of all other corners.
         jump : see `after`.
         """
         if not some:

@@ -1,7 +1,8 @@
 """Corrections of the state at an instant for errors of the step that has ended.
 
-Errors of a step leave an opened contact below its ground, turn the direction of a slip
-that stops, or leave a rate that a law has held at 0 at its rounding.
+An error of a step may leave a contact that has just opened below its ground. It may
+turn the direction of a slip that stops. It may leave a small rate where a law has held
+the rate at 0.
 """
 
 from __future__ import annotations
@@ -70,10 +71,10 @@ def _is_stopping(here: Kinematics, k: int) -> bool:
 
 
 def _straightened_state(here: Kinematics, k: int) -> Floats:
-    """Return the state (size,) with a slip on a disc turned to its last direction.
+    """Return the state (size,) with a stopping slip in its direction before the step.
 
-    In the step that ends at the stop of a slip, rounding turns the last directions of
-    its friction, and thus the slip.
+    The slip is that of a contact in two directions. In the step in which it stops,
+    rounding errors turn the direction of its friction, and thus of the slip.
 
     Parameters
     ----------

@@ -182,13 +182,14 @@ class Crossing:
         return level if known >= 0.0 and abs(value - level) <= least else None
 
     def _rounding_beside(self) -> Floats:
-        """Return the rounding (K,) of expressions that surfaces at their levels imply.
+        """Return errors (K,) of expressions due to the location of other surfaces.
 
-        A state at the level of a surface may be anywhere within the rounding of its
-        expression, and its distance there, across the surface and along the motion. The
-        expressions of other surfaces have the corresponding rounding: the knot of a
-        long table at x = 0 has that of its range, and abs(x) beside it has none of its
-        own; a surface that is reached slowly is located later or earlier than others.
+        A surface is located to the rounding of its own expression. The error of the
+        state, across this surface or along the motion, changes the expressions of all
+        other surfaces. Two examples: a surface at x = 0 that is a knot of a long table
+        is located to the rounding of the table's range, although `abs(x)` at this place
+        has no rounding of its own; and a surface that is reached slowly is located
+        earlier or later than one that is reached fast at the same time.
         """
         modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
@@ -260,9 +261,9 @@ class Crossing:
             self.open.append(k)
 
     def _rest_if_constant(self, some: Collection[int]) -> None:
-        """Set those of `some` surfaces that are constant at their levels to rest there.
+        """Set surfaces whose expressions are constant around the state to rest.
 
-        some : surfaces at their levels.
+        some : the surfaces that are examined, all at their levels.
         """
         modes = self.modes
         modes.write()
@@ -484,7 +485,11 @@ class Crossing:
         return found
 
     def _short_steps(self, k: int) -> int | None:
-        """Return the side of surface k to which short steps lead, or None."""
+        """Integrate short steps away from surface k; return the side that they reach.
+
+        The step grows until the expression of the surface leaves its level by more than
+        rounding. None if it does not.
+        """
         modes, arc = self.modes, self.modes.arc
         rates = arc.rates
         t, y, level = arc.t, arc.y, self.levels[k]

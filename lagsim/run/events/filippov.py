@@ -387,8 +387,8 @@ class FilippovCone:
     ) -> tuple[RowModes, Floats]:  # fmt: skip
         """Solve for the modes of laws and attracting surfaces, as one contact problem.
 
-        A share that the laws leave without effect is 1/2, as at a level. With n =
-        `count` surfaces and r laws:
+        If the laws cancel the effect of a share, the share is 1/2, its value at a
+        level. In the shapes below, n is `count` and r is the number of laws.
 
         Parameters
         ----------

@@ -286,10 +286,10 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return (y', b, bounds, statics) of `_free` at a state slightly off `y`.
+        """Return (y', b, bounds, statics), see `_free`, at a state slightly off `y`.
 
-        Components are changed by about the part PROBE of their magnitudes (`_known`),
-        so that the changes of the results show their sensitivity to rounding.
+        Each component is changed by about the part PROBE of its magnitude, see
+        `_known`. The changes of the results show how sensitive they are to rounding.
 
         t : the time.
         """
@@ -339,9 +339,9 @@ class Kinematics:
     def _is_weaker_at_rest(self, k: int, located: Collection[int]) -> bool:
         """Whether the static bound of law k is less than the dynamic bound, at slip 0.
 
-        Only for laws whose static bound is another expression than the dynamic one. The
-        two bounds of such a law may be equal to rounding; then the result is whether
-        its static bound falls below the dynamic one.
+        The static bound must be another expression than the dynamic one. If the two
+        bounds are equal to rounding, the result is whether the static bound is falling
+        below the dynamic one.
 
         located : laws whose event functions were located at this time.
         """
@@ -357,11 +357,10 @@ class Kinematics:
         return bool(before[3][k] > before[2][k])
 
     def _free_before(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return (y', b, bounds, statics) of `_free` just before the present time.
+        """Evaluate `_free` just before the present time, at the state of free motion.
 
-        That time is t less the rounding of times, with the state of the motion without
-        laws. If the bounds of a law while it slides and while it sticks are equal at t,
-        the bounds just before t show which of the two has decreased.
+        The time is t less the rounding of times. If the static and the dynamic bound of
+        a law are equal at t, the bounds just before t show which of them has decreased.
         """
         ago = SAME_TIME * math.ulp(self.t)
         return self._free(self.t - ago, self.arc.later(self.y, self.free, -ago))
@@ -369,8 +368,8 @@ class Kinematics:
     def _goes_below(self, k: int, located: Collection[int]) -> bool:
         """Whether the bound of law k is clearly negative, or falls below 0.
 
-        The bound of a located law is 0 within rounding: a bound falls
-        if it is negative shortly after, on the sides that are selected now.
+        The bound of a located law is 0 within rounding. It falls below 0 if it is
+        negative shortly after, on the sides that are selected now.
         """
         least, arc = self._bound_roundoff[k], self.arc
         if self.bounds[k] < -least or k not in located or not self.t < arc.settings.end:
@@ -395,12 +394,12 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Return the magnitudes (size,) by which rounding errors of components scale.
+        """Return magnitudes (size,) of the components, in proportion to their rounding.
 
-        The magnitude of a component is its largest size so far or, if larger, the
-        change of it that corresponds to the size of the terms of a row in force: the
-        row is satisfied to the rounding of its terms only. For positions, rows of
-        velocities do not count.
+        The magnitude of a component is its largest size so far, or more if a row in
+        force contains it: the row is satisfied only to the rounding of its terms, and a
+        change of the component by its magnitude changes the row by the size of these
+        terms. For positions, rows of velocities do not count.
         """
         sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]

@@ -263,12 +263,12 @@ def unchanged_laws(
 def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     """Store the speeds at which slips on a disc count as begun, and as stopped.
 
-    A slower slip has no direction but rounding, and friction would turn it into the
-    direction of its force at once, for which explicit steps are too long. Up to
-    `laws.BEGUN` times the least speed a slip keeps its first direction. The error of
-    its path is the power 3/2 of the relative speed, compared with the path in the time
-    in which forces change. Friction on a slower slip would make a fixed step unstable,
-    whose stability bound is 2.
+    Below such a speed the direction of a slip is only rounding, and friction would turn
+    the slip faster than explicit steps can follow. A slip therefore keeps its first
+    direction up to `laws.BEGUN` times the least speed. The relative error of its path
+    is the power 3/2 of that speed, in units of the speed that it reaches in the time in
+    which forces change. With a fixed step h, the speed is also high enough for the
+    stability of friction on the slip (bound 2).
 
     Parameters
     ----------
@@ -296,16 +296,16 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             stills[pair] = p.law_still[k]
             continue
         places = [found.some.index(j) for j in pair]
-        rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
-        if rubs == 0.0:
+        deceleration = float(np.linalg.norm((found.multipliers * found.D)[places]))
+        if deceleration == 0.0:
             continue
-        changes = _steady(here, found, pair, rubs)
-        scale = rubs * changes
+        changes = _steady(here, found, pair, deceleration)
+        scale = deceleration * changes
         # A slower slip would turn and stop in fewer roundings of t than steps need.
-        rounded = 4.0 * CLEAR_OF_ROUNDING * rubs * math.ulp(arc.settings.end)
+        rounded = 4.0 * CLEAR_OF_ROUNDING * deceleration * math.ulp(arc.settings.end)
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * max(here.still[k], rounded))
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
-        floor = max(floor, rubs * (arc.plan.step or 0.0) / 2.0)
+        floor = max(floor, deceleration * (arc.plan.step or 0.0) / 2.0)
         stills[pair] = max(rtol * scale, rounded)
         if speed < floor:
             floors[pair] = floor
@@ -321,7 +321,9 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         begin_slips(here, np.array(begun), friction, steady)
 
 
-def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
+def _steady(
+    here: Kinematics, found: Chosen, pair: list[int], deceleration: float
+) -> float:
     """Return the time in which the forces on a slip change by the size of its friction.
 
     The change is evaluated at ever later times, since a force may begin to change at a
@@ -335,7 +337,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
         The modes selected.
     pair : list of int, length 2
         The two laws of the slip on a disc.
-    rubs : float
+    deceleration : float
         Deceleration of the slip by its friction.
     """
     moment, steady = here.arc.short_time, here.arc.settings.end - here.t
@@ -346,7 +348,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
         change = float(np.linalg.norm(bends[pair])) / moment
         if not math.isfinite(change):  # the forces are undefined so far ahead
             return moment
-        steady = min(steady, rubs / change) if change > 0.0 else steady
+        steady = min(steady, deceleration / change) if change > 0.0 else steady
         moment *= LATER
     return steady
 

@@ -318,7 +318,7 @@ class SurfaceModes:
         return Rows(residuals, rates, b, scales, J)
 
     def is_constant_around(self, k: int) -> bool:
-        """Whether surface k's expression is constant around the state, and later."""
+        """Whether surface k's expression is constant at nearby states and later on."""
         here, there = self.rows(), self.rows(*self._displaced())
         if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
@@ -334,19 +334,20 @@ class SurfaceModes:
         )
 
     def roundoff_around(self, k: int) -> float:
-        """Return the roundoff of surface k's expression, constant around the state.
+        """Return the roundoff of an expression that is constant around the state.
 
-        The result is the largest distance of the expression from its level at nearby
-        states: `phi - (abs(phi + b) - abs(phi - b))/2` is 0 exactly at phi = 0, and
-        1e-17 beside it; `max(t - 1, 0)^3` is 0 exactly.
+        The expression is that of surface k. The result is the largest distance of the
+        expression from its level at nearby states: `phi - (abs(phi + b) - abs(phi -
+        b))/2` is 0 exactly at phi = 0, and 1e-17 beside it; `max(t - 1, 0)^3` is 0
+        exactly.
         """
         values = [self.values(t, y)[k] for y, t in map(self._displaced, PARTS)]
         return float(np.max(np.abs(np.array(values) - self.levels[k])))
 
     def _displaced(self, part: float = 1.0) -> tuple[Floats, float]:
-        """Return a state y (size,) and a time beside the present ones, and later.
+        """Return a nearby state y (size,) and a later time, as a test point.
 
-        part : the distance, as a part of the one by default.
+        part : factor of the distance from the present state and time.
         """
         arc, seen, reach = self.arc, self.arc.seen, self.arc.ranges
         reach = np.where(
@@ -358,7 +359,9 @@ class SurfaceModes:
         return arc.y + part * aside, later
 
     def decisive(self) -> Floats:
-        """Return 1 for each surface whose side decides another one's rest, shape (K,).
+        """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
+
+        The result is 1 for such a surface, else 0.
 
         The expression of a surface at rest at its level may depend on the side of
         another surface: beside a knot of a linear table, the expression `abs(table(q))`
@@ -527,10 +530,10 @@ class SurfaceModes:
         return np.fmax(np.maximum(rows.scales, terms), moved / RESIDUAL_ROUNDOFF)
 
     def _asides_along(self) -> list[Floats]:
-        """Return states (size,) that differ by rounding along the rows in force.
+        """Return nearby states (size,) that satisfy the rows in force to rounding.
 
-        Each is the state reached, changed by the difference of two Newton steps onto
-        the rows: from a state of `asides`, and from the state reached.
+        Each state is the state reached plus the difference of two Newton steps onto the
+        rows, from a state of `asides` and from the state reached.
         """
         arc = self.arc
         if not arc.system.m:

@@ -134,9 +134,9 @@ class Switching(Source):
         return self.modes.slides
 
     def pause_at(self, arc: Arc) -> int:
-        """Return the number of steps at which approaches are checked next.
+        """Return the step number at which approaches to surfaces are checked next.
 
-        Approaches are those to surfaces, see `decide`.
+        See `decide`.
         """
         return (arc.steps // NEAR + 1) * NEAR
 
@@ -525,11 +525,11 @@ class Switching(Source):
     def _at_limit(
         self, arc: Arc, surfaces: SurfacesAt, laws: LawsAt | None, k: int
     ) -> SidesFound | None:
-        """Select rest on the surfaces whose switches accumulate, or return None.
+        """Select rest on the surfaces whose switches accumulate.
 
-        None where switches do not accumulate, where the motion that rest would omit is
-        not negligible, or where the forces do not hold the motion on the surfaces.
-        Arguments: see `select`.
+        Returns None if switches do not accumulate, if the rest of the motion up to
+        their limit is not negligible, or if forces do not hold the motion on the
+        surfaces. Arguments: see `select`.
         """
         limit = self.sequence.limit()
         if limit is None:
@@ -559,14 +559,14 @@ class Switching(Source):
         return None
 
     def _is_negligible(self, left: float, some: Collection[int]) -> bool:
-        """Whether the paths across surfaces in a short time are below the resolution.
+        """Whether the motion across surfaces in a short time is below its resolution.
 
-        The resolution is that of the motion: the part of its range that the tolerance
-        is, or the rounding of positions. The paths are those by the present speed
-        across each surface, and by the terms of the forces.
+        The resolution is the tolerance times the range of the motion, plus the rounding
+        of positions. The distance moved across a surface is estimated from the present
+        speed across the surface, and from the terms of the forces.
 
         left : the time.
-        some : the surfaces.
+        some : the indices of the surfaces.
         """
         modes, arc, n = self.modes, self.modes.arc, self.modes.arc.system.n
         rows, values = modes.rows(), modes.values(arc.t, arc.y)
@@ -633,11 +633,11 @@ class Switching(Source):
         return self._reached(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return a pair (k, time): where to end an arc ahead of a surface that is near.
+        """Return a pair (k, time): the end of an arc just before a surface is reached.
 
-        The time is just before the motion reaches the surface. k is the index of the
-        surface if the state is on it already, else None. The result is None, instead of
-        a pair, where no surface is near, or the approach has been tried too often.
+        k is the index of the surface if the state is on it already, else None. The
+        result is None, instead of a pair, if no surface is near or the approach has
+        been tried too often.
         """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:

@@ -127,7 +127,7 @@ class Transitions(Source):
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
     def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> Due:
-        """Return the events that are due by the state just before.
+        """Return the events that are due at the state just before the instant.
 
         comes_to_rest : function of the arc, whether a law or a surface may hold a rate
             at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
@@ -147,7 +147,7 @@ class Transitions(Source):
         return Due(periodic, satisfied - waiting, True)
 
     def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
-        """Return the events that are due by the state after all acts.
+        """Return the events that are due at the state after all acts.
 
         struck : whether velocities have jumped since the conditions were decided.
         stored_truth : whether the truth of the conditions just before the instant is
@@ -319,7 +319,7 @@ class Transitions(Source):
             return False
         if count == 1:
             self.sequence.add(arc.t, k)
-        return count > MOST_ACTS or self.sequence.hurries(k)
+        return count > MOST_ACTS or self.sequence.is_too_frequent(k)
 
 
 def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
