@@ -276,8 +276,9 @@ def sample_roundoff(s: Radau, p: SparseNewton, h: float) -> None:
     """Sample the effect of roundoff on the error estimate of a step h, in `disturbed`.
 
     The rates are evaluated at states displaced by a few units of roundoff. Their
-    changes are filtered by the Newton matrix, as the estimate is. Errors of rates that
-    contain one rounded term are correlated, and cancel as in the step.
+    changes are multiplied by the inverse of the Newton matrix, as the error estimate
+    is. The errors of several rates that contain one rounded term are correlated; in a
+    sample they cancel as in the step.
     """
     if s.sampled_h == h:
         return
@@ -558,11 +559,11 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
 def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
     """Whether the last change of T^-1 Z is roundoff of the rates, or of the state.
 
-    A stiff force is evaluated at a rounded state; further iterations do not reduce this
-    error. From here on the tolerances include roundoff. A roundoff that the error
-    estimate would reject is too large. In a step of a few units in the last place of
-    the time, as to an end just ahead, the tolerance of a velocity is the rounding of
-    its value, to which the equations are solved.
+    A stiff force is evaluated at a rounded state, and further iterations do not reduce
+    its error. The tolerances are raised to the roundoff. The result is False if the
+    error estimate would reject this roundoff. In a step of a few units in the last
+    place of the time, as before an end of an arc, the tolerance of a velocity is the
+    rounding of its value.
     """
     errors = s.errors
     if CONSTRAINED and p.least_sigma < s.close_below:

@@ -117,8 +117,8 @@ def inseparable(scene: Structure) -> str:
 def composed_amplification(weights: Sequence[float], z: complex) -> float:
     """Return the spectral radius of a composition of Verlet steps of `weights`.
 
-    The oscillator is q'' = 2 Re(z) q' - |z|^2 q, and the step 1. Damping, which a run
-    refuses, is explicit: by the velocity before each half kick.
+    The oscillator is q'' = 2 Re(z) q' - |z|^2 q, and the step is 1. The damping force
+    is evaluated with the velocity before each half kick. (Runs refuse damping.)
     """
     (a, c), (b, d) = (_composed(weights, z, *unit) for unit in ((1.0, 0.0), (0.0, 1.0)))
     half = 0.5 * (a + d)

@@ -72,7 +72,7 @@ def couple(p: Parameters, sliding: int) -> None:
         if place >= 0:
             p.u[place] = 1.0
             forward_within(p, i, push)
-        elif sliding > 0 and rubs(p, i):
+        elif sliding > 0 and has_sliding_friction(p, i):
             add_row(p, i, i, 1.0, p.u)
             slide_along(p, i)
             forward_within(p, i, push)
@@ -225,7 +225,7 @@ def own_place(p: Parameters, i: int) -> int:
     return int(p.law_place[k]) if k >= 0 else -1
 
 
-def rubs(p: Parameters, i: int) -> bool:
+def has_sliding_friction(p: Parameters, i: int) -> bool:
     """Whether a slip of the contact with row i slides, and has friction.
 
     The slips of a contact follow it in the order of laws.

@@ -100,9 +100,11 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def mark_sides(t: float, p: Parameters) -> bool:
-    """Mark the sides that an instant at time t has selected, for columns of a row.
+    """Mark the surfaces whose columns of a row are evaluated on the selected sides.
 
-    Return whether a side is marked; `p.slides_before` has the modes without the marks.
+    These are the surfaces of rates that the instant at time t has left to one side.
+    Return whether a surface is marked; `p.slides_before` has the modes without the
+    marks.
     """
     marked = False
     for k in range(p.surfaces):

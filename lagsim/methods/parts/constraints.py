@@ -260,11 +260,13 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
     """Return the step to try: h, or a step whose stages keep off a loss of rank.
 
-    Near a loss, rounding is divided by sigma at each stage, and by sigma^2 at the end.
-    A step that passes the loss has it between two stages, and is as long as steps were
-    before the loss came near, where the controller sees errors that projection will
-    remove; the step before ends at the distance that this requires. `rest` is the time
-    to the end of the arc.
+    Near a loss, rounding errors are divided by sigma at each stage, and by sigma^2 at
+    the end of a step. A step that passes the loss therefore has the loss between two of
+    its stages, and the step before ends at the distance that this requires. The passing
+    step is as long as steps were before the loss came near: close to it the controller
+    would reduce steps by errors that projection removes.
+
+    rest : the time to the end of the arc.
     """
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.planned = 0.0  # the planned step has been tried

@@ -341,8 +341,8 @@ def against(error: float, tolerance: float) -> float:
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     """Raise the tolerances of works to the errors of the corresponding energies.
 
-    On a coordinate without inertia a multiplier is a difference of terms that replace
-    the inertia, and has the rounding of these terms.
+    If terms A^T W A replace the inertia of a massless coordinate, the multipliers on
+    this coordinate have the rounding of these terms, and so has the work.
 
     new : (size,), the state after the step.
     """

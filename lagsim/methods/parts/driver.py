@@ -446,11 +446,11 @@ def is_near(p: Parameters, rates: bool) -> bool:
 def projected(s: State, p: Parameters, y: Floats, former: Floats, first: int) -> float:
     """Return the relative shift of positions (first = 0) or velocities (first = n).
 
-    The shift is relative to the ranges of the components that the projection moves, and
-    to the change by terms of forces in a step, which may cancel. Forces that jump
-    cancel along a surface, in whichever term they are written. Components are weighted
-    by their shifts: neither other bodies nor the origin matter. At most 1, also for a
-    shift that is not finite.
+    The shift is divided by the ranges of the components that the projection moves, each
+    increased by its change in a step by the magnitudes of the terms of its force. Jumps
+    of forces at the followed surfaces count as terms. Components are weighted by their
+    shifts, so that other bodies and the origin have no influence. The result is at most
+    1, and 1 for a shift that is not finite.
 
     y, former : (size,), the state after and before projection.
     """

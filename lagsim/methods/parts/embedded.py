@@ -54,8 +54,9 @@ class EmbeddedPair(NamedTuple):
     Attributes
     ----------
     A : tuple of rows, shape (stages, up to stages - 1)
-        Of the s stages of a step; of the slope after the step, whose row is the weights
-        of the step (s,); of further stages of the dense output.
+        The coefficients, a row for each stage: first the s stages of a step; then the
+        slope after the step, whose row has the weights of the step (s,); then further
+        stages of the dense output.
     C : tuple, shape (stages,)
         Fractions of the step at which the stages are evaluated.
     estimates : tuple of rows, shape (1 or 2, s or s + 1)
@@ -272,11 +273,11 @@ def estimate(s: Embedded, p: Parameters, t: float) -> None:
 def error_norm(s: Embedded, h: float, errors: Floats) -> float:
     """Return the norm of the error estimates of a step h, in units of the tolerance.
 
-    It is the root mean square over the components with an error. The error of a work is
-    added to the norm of the motion by the amount by which both together exceed the
-    motion alone: a work with a large estimate of order 3 alone, as of a polynomial in t
-    beside a tolerance of nearly 0, would otherwise hide all other errors. A nan
-    remains, and its step is rejected.
+    The norm is the root mean square over the components with an error. Errors of works
+    are added one by one, each by the amount by which it increases the norm of the
+    motion alone. Otherwise a work with a large estimate of order 3 only, such as a
+    polynomial in t with a tolerance near 0, would hide all other errors. The norm is
+    nan if an error is nan, and the step is then rejected.
 
     errors : (2 size,), both estimates of the error of the slope; the second one is not
         used if the pair has only one.

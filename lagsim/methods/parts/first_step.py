@@ -31,11 +31,11 @@ SHORTEST = 1e-3
 def foresee(s: Control, p: Parameters, k: Floats) -> None:
     """Compute the sizes that components at rest reach in the first instant of an arc.
 
-    The sizes are stored in `foreseen`. A force that starts from 0, as a power of the
-    time, causes a motion without initial size, and one component may set the next in
-    motion. Where the terms of a state's rate cancel, by a symmetry that later motion
-    breaks, a small part of them counts; not of a velocity's, since a force that holds a
-    body at rest cancels others for as long as it rests.
+    The sizes are stored in `foreseen`. A component at rest may be set in motion by a
+    force that starts from 0 as a power of the time, or by another component. For a
+    first-order state at rest whose rate is a sum of terms that cancel, by a symmetry
+    that later motion breaks, a small part of the terms is used. This is not done for
+    velocities: the forces on a body at rest cancel for as long as it rests.
 
     k : (size,), y' at the start.
     """

@@ -439,9 +439,9 @@ def find_defect(s: SearchTable, p: Parameters) -> float:
 def expect(s: SearchTable, p: Parameters, x: float) -> None:
     """Raise the sizes of components by the changes that the defect at x causes.
 
-    Without these sizes the very beginning of a motion from rest would be controlled as
-    finely as denormal numbers. Past the end of a mode the step is no motion, and its
-    rates may have any magnitude.
+    Without these sizes, tolerances would be nearly 0 at the very beginning of a motion
+    from rest. Sizes are unchanged if a mode has ended before x, since rates beyond its
+    end have no meaning.
 
     x : the fraction of the last step.
     """

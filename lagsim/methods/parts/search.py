@@ -427,11 +427,14 @@ def ends(s: SearchTable, p: Parameters, k: int, value: float, x: float) -> bool:
 def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
     """Return the fraction of the step up to which a negative gap counts as an error.
 
-    A gap that is open after the step, and neither closes nor is pushed together at its
-    start, is open in between: a negative value is an error of the interpolant, as for a
-    body that leaves the ground as a power of the time (inf). If the gap is still
-    negative at the end of such a step, within the method's error, it counts from then
-    on (1). 0: any negative value counts, as of functions that are no gaps.
+    The contact must open at the start of the step: its gap neither closes nor is
+    pressed together there. The result is
+
+    - inf if the gap is open after the step: negative values within the step are errors
+      of the interpolant, as for a body that leaves the ground as a power of the time;
+    - 1 if the gap is negative, within the error of the method, after a fixed step;
+    - 0 in all other cases, and for functions that are no gaps: any negative value
+      counts.
 
     k : the event function.
     value : its value, the gap, where it is negative.
@@ -448,13 +451,14 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
 
 
 def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
-    """Return the error of law k's gap in the last step if it opens at its start.
+    """Return the error of the gap of law k in the last step; 0 if it does not open.
 
-    0 if the gap does not open there. With step control it is the tolerance.
+    The gap must open at the start of the step. With step control the error follows from
+    the tolerances. With fixed steps it is estimated from the accelerations.
 
-    is_open : whether the gap is open after the step; if so, the error is that of the
-        interpolant, by the change of the accelerations; else that of the method, by the
-        accelerations.
+    is_open : whether the gap is open after the step. The error is then that of the
+        interpolant, estimated from the change of the accelerations in the step; else
+        that of the method, estimated from the accelerations themselves.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
     interpolate(s, p, 1.0, s.work)

@@ -205,7 +205,8 @@ def relations(s: SearchTable) -> int:
 def rows(s: SearchTable) -> int:
     """Return the number R of rows of the table.
 
-    These are the relations, the sections, and the smallest singular value.
+    The rows are the event functions, the signals, the relations of sections, and the
+    smallest singular value.
     """
     return relations(s) + s.sections + 1
 
