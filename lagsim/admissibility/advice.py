@@ -127,10 +127,12 @@ def _terms(
     model: Model,
     defined: Mapping[int, tuple[str, str]],
 ) -> dict[int, _Term]:
-    """Return the terms that seem to be in degrees, by the node of their sum.
+    """Find the terms of arguments of sin, cos and tan that seem to be in degrees.
 
-    The sums are the nodes `arguments` and the nodes below. A number that is added to a
-    time or a length is not in degrees.
+    Return a dict: node at or below `arguments` -> the term in it that seems to be in
+    degrees. A number that is added to a time or a length is not in degrees.
+
+    arguments : nodes of the arguments.
 
     defined : node of a definition -> its name and unit.
     """

@@ -69,7 +69,7 @@ class Rest(Relations):
         The guess, with velocities of zero.
     stated : sequence of Condition
         Equations for positions, beside the rows that always hold.
-    held : sequence of Row
+    active : sequence of Row
         The rows of the active laws, which hold beside the equalities.
     free : tuple of sequence of int
         Indices of the positions, and of the first-order states, that are guesses.
@@ -174,8 +174,9 @@ class Rest(Relations):
     def metric(self) -> Floats:
         """Metric (k, k) in which changes of the unknowns are measured.
 
-        It is M for positions. For other unknowns it is the square of the displacement
-        that they cause, estimated from the stiffness at the start.
+        For positions it is M. The metric of any other unknown is diagonal: the square
+        of the displacement that a unit of this unknown causes, estimated from the
+        stiffness at the start.
         """
         point, k = self.point, len(self.positions)
         M = point.mass_entries(self.positions).dense(k, k)

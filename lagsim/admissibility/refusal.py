@@ -132,7 +132,7 @@ class _Source(NamedTuple):
 
     Attributes
     ----------
-    what : str
+    label : str
         Name of the expression in messages.
     node : int
     place : Place or None
@@ -258,10 +258,10 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
 
 
 def _member(point: Point, node: int) -> int | None:
-    """Return the node of a member's term that has no finite value or slope.
+    """Return the first term of the elements below `node` that is not finite.
 
-    It is the first such term of the elements below `node`, written out; None if all
-    terms are finite.
+    The term of each member is tested for a finite value and finite slopes. The result
+    is its node, written out for this member; None if all terms are finite.
     """
     g = point.g
     vectors = [n for n in g.cone([node]) if g.ops[n] == ELEMENTS]

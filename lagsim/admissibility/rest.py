@@ -60,8 +60,8 @@ class AtRest(NamedTuple):
         Guesses that keep their values, since no equation determines them.
     active : list of Row
         The rows of the active laws.
-    multipliers : ndarray, shape (m + held,)
-        The multipliers of the m rows that always hold, then of the rows `held`.
+    multipliers : ndarray, shape (m + k,)
+        The multipliers of the m rows that always hold, then of the k rows `active`.
     corner : RestCorner or None
         The surfaces on which the state rests; the equations of `point` are then those
         of both sides, with shares as variables.
@@ -85,8 +85,8 @@ class RestCorner(NamedTuple):
     Attributes
     ----------
     equations : Equations
-        The equations of both sides, with the shares with which forces balance as
-        numbers.
+        The equations as a combination of both sides of each surface. The shares are
+        numbers: those with which the forces balance.
     rows : tuple of Row
         Equalities that hold the state on the surfaces.
     """
@@ -371,7 +371,7 @@ class _Walk:
     def _meets(self, ways: Iterable[Point], *, beyond: bool) -> bool:
         """Move the state to the first surface on one of the ways, and hold it there.
 
-        Return whether a surface was met.
+        Return whether there is such a surface.
 
         Parameters
         ----------
@@ -441,7 +441,7 @@ class _Walk:
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key of the walk's position if it left surface k to one side.
+        """Return the key of the position at which the walk would be off surface k.
 
         The key (see `_mode`) shows whether the walk has been at that position before.
 

@@ -1,13 +1,13 @@
 """A sum over ranges as elements: the term is read once, the members are a table.
 
-The term is evaluated with symbols for the indices (`index`), which leave members of
-families as *references* with subscripts made of indices, and inner sums as `over`. The
-sum is then brought into the form of plain sums: products are multiplied into inner
-sums, sums that cannot be taken out are written out, and a condition on indices alone
-divides the members. The ranges become columns of whole numbers, one row for each
-member; subscripts, and numbers made of indices, are evaluated on these columns. Where
-anything else is found, `UnlikeError` is raised, and the sum is written out as usual,
-which reports any fault with its place.
+The term is evaluated with a symbol (`index`) for each index. In the result, a member of
+a family is a *reference* with subscripts made of indices, and an inner sum is an
+operation `over`. The sum is then brought into the form of plain sums: products are
+multiplied into inner sums, sums that cannot be taken out are written out, and a
+condition on indices alone divides the members. The ranges become columns of whole
+numbers, one row for each member; subscripts, and numbers made of indices, are evaluated
+on these columns. Where anything else is found, `UnlikeError` is raised, and the sum is
+written out as usual, which reports any fault with its place.
 """
 
 from __future__ import annotations

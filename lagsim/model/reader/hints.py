@@ -504,9 +504,10 @@ def _step(
 def _renaming(
     text: str, names: Iterable[Name], known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str] | None:
-    """Return begin, end and hint for the first unknown name with another spelling.
+    """Return a hint for the first unknown name that is another spelling of a name.
 
-    None if there is no such name.
+    The result is (begin, end, hint), with the position of the name in the text; None if
+    there is no such name.
 
     known, moving : see `of_text`.
     """
@@ -524,8 +525,9 @@ def _renaming(
 def matching(
     text: str, offset: int, known: Collection[str] = (), *, parsed: bool = False
 ) -> tuple[int, int, str] | None:
-    """Return begin, end and hint of the first known misspelling around an offset.
+    """Return a hint for the first known misspelling around an offset.
 
+    The result is (begin, end, hint), with the position of the misspelling in the text;
     None if there is none.
 
     known : names of variables, which are no calls.

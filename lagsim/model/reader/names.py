@@ -300,10 +300,11 @@ class Names:
 
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
-    """Yield each name from which a name can be derived, such as `x` for `x_dot`.
+    """Yield each name from which `name` can be derived, such as `x` for `x_dot`.
 
-    With each, the kind of the derived name by the kind of the original: for `x`, a
-    coordinate's `x_dot` is a velocity, a state's is the rate of a state.
+    Items are pairs: the original name, and a mapping from its kind to the kind of the
+    derived name. For `x` and `x_dot` it maps a coordinate to a velocity, and a state to
+    the rate of a state.
     """
     head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:

@@ -25,9 +25,10 @@ Span: TypeAlias = "tuple[int, int]"
 def rewritten(root: Node, values: MappingType[str, float]) -> Iterator[str]:
     """Generate texts of a file in which the named numbers have other values.
 
-    A number that several members of a family share becomes a list of their values.
-    Where members of the family have entries of their own beside it, the texts differ
-    in which of these the list contains: one of the texts is a sound file.
+    A number that several members of a family share becomes a list of their values. The
+    list may have to contain the values of further members, which have entries of their
+    own at one or both ends of the range. Each of these cases is a text of its own, and
+    one of the texts is a valid file.
 
     Parameters
     ----------
@@ -99,7 +100,9 @@ def _number(node: Node) -> Scalar | None:
 
 
 def _extended(names: list[str], every: list[str], before: int, after: int) -> list[str]:
-    """Return the members of `every` from the first to the last of `names`, and more.
+    """Return the members of a family from the first to the last of `names`, and more.
+
+    names : names of members; a single name is returned alone.
 
     every : all members, in order.
     before, after : how many members are added before the first and after the last.

@@ -90,7 +90,7 @@ def columns(of: Elements) -> dict[int, MemberColumn]:
 
 
 def words(of: Elements) -> int:
-    """Return the number of doubles in memory of the vector of sums and the rows."""
+    """Return the number of doubles that the vector of sums and all rows occupy."""
     return of.size + sum(x.length * x.width for x in columns(of).values())
 
 

@@ -185,8 +185,9 @@ class _Orders:
     def _store_factors(self, k: int) -> None:
         """Write code that stores the factors of order k of all sums in memory.
 
-        The factors are stored in the memory of the series: in each vector one lane per
-        sum, first factors and second factors apart.
+        Each sum of products has a first and a second factor. The first factors of all
+        sums are stored as one sequence of vectors, with a lane for each sum; the second
+        factors as another.
         """
         w = self.w
         for first, width in self._vectors:

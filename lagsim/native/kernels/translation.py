@@ -308,9 +308,9 @@ class _Function(Folding, Instructions, ast.NodeVisitor):
         return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Return the addresses of a memory and of the word of it that `s.t` denotes.
+        """Return the address of a memory, the address of its word `s.t`, and its field.
 
-        The third result is the field of that word.
+        The field is the declaration of the name `t` in the memory.
 
         node : the expression `s.t`.
         """

@@ -580,7 +580,7 @@ class _Alone:
     ----------
     lock : Lock
         The lock that is held within the context.
-    asked : dict of (str, bool) to Interrupt
+    requests : dict of (str, bool) to Interrupt
         The latest computation of each page, by the page and by whether it is a motion.
     page : str
         Text that identifies the page.
