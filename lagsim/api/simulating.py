@@ -785,4 +785,4 @@ def _appended(
         return None
     from lagsim.studies.sensitivities import appended
 
-    return appended(model, settings, names, options, times=times, who="simulate")
+    return appended(model, settings, names, options, times=times, caller="simulate")

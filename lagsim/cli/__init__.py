@@ -137,8 +137,8 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
                 raise typer.BadParameter(f"{word!r} has a line break")  # noqa: TRY301
         code = application()(words, prog_name="lagsim", standalone_mode=False)
         _shared.write_stdout(lambda: None)
-    except typer.Exit as wish:
-        return int(wish.exit_code)
+    except typer.Exit as ending:
+        return int(ending.exit_code)
     except SystemExit as done:  # a shell has requested the completion of a line
         return int(done.code or 0)
     except typer.Abort:
@@ -219,7 +219,7 @@ def raise_pending_signal() -> None:
 
 
 def watch() -> None:
-    """Start a thread that ends this process after a signal, even amid a computation."""
+    """Start a thread that ends this process after a signal, at any time."""
     sys.unraisablehook = _report_uncaught
     if sys.platform != "win32":  # here the wake-up file descriptor may be a socket only
         reads, writes = os.pipe()

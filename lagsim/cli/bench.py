@@ -89,13 +89,13 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Compare the methods: error against computing time."""
-    wish = _parsed_options(methods, tolerances, steps, budget)
+    options = _parsed_options(methods, tolerances, steps, budget)
     overrides = assignments(sets)
     documents, faults, codes = list[Any](), list[Any](), [0]
     for path in models:
         try:
             read = _drawn_again if path.endswith(".json") else _opened
-            measure, usual = read(path, overrides, wish, form.value)
+            measure, usual = read(path, overrides, options, form.value)
             target = folder / Path(path).stem if folder and models[1:] else folder
             code = experiment(
                 "bench", measure, target or usual, MANIFEST, documents, quiet=quiet,
@@ -116,7 +116,7 @@ def command(
 
 
 def _opened(
-    path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
+    path: str, overrides: Mapping[str, str], options: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
     """Return the function that measures a model, and the folder of its results.
 
@@ -124,7 +124,7 @@ def _opened(
 
     path : the model file.
     overrides : values of `--set`.
-    wish : options of the bench.
+    options : options of the bench.
     form : format of pictures.
     """
     model = read_file(path, overrides)
@@ -133,25 +133,25 @@ def _opened(
     case = open_case(model, wanted(model, "bench"))
 
     def measured(interrupt: Interrupt, progress: Progress) -> Measured:
-        document = measure(case, wish, interrupt=interrupt, progress=progress)
+        document = measure(case, options, interrupt=interrupt, progress=progress)
         return _written(document, document["rows"], form, partial(_summary, document))
 
     return measured, Path("results") / model.name / "bench"
 
 
 def _drawn_again(
-    path: str, overrides: Mapping[str, str], wish: BenchOptions, form: str
+    path: str, overrides: Mapping[str, str], options: BenchOptions, form: str
 ) -> tuple[Measure, Path]:
     """Return the function that draws a stored measurement again, and its folder.
 
     path : a work_precision.json. Other arguments as for `_opened`.
     """
-    if overrides or wish != BenchOptions(wish.methods):
+    if overrides or options != BenchOptions(options.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
         raise unusable(USAGE, text, hint=hint)
     document = read_document(path)
-    shown = [row for row in document["rows"] if wish.is_requested(row["method"])]
+    shown = [row for row in document["rows"] if options.is_requested(row["method"])]
     drawn = coloured("drawn", "32")
     found = _written(document, shown, form, lambda files: f"{drawn}: {files}")
     return lambda *_: found, Path(path).parent
@@ -196,9 +196,11 @@ def _parsed_options(
     if not 0.0 < seconds < float("inf"):
         text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
         problems.add(USAGE, text)
-    wish = BenchOptions(chosen, between, _between("--steps", steps, problems), seconds)
+    options = BenchOptions(
+        chosen, between, _between("--steps", steps, problems), seconds
+    )
     problems.refuse()
-    return wish
+    return options
 
 
 def _between(

@@ -164,7 +164,7 @@ def command(
 ) -> int:  # fmt: skip
     """Check the start, integrate, write a table and pictures."""
     varied = tuple(x.strip() for x in sensitivities.split(",") if x.strip())
-    wish = RunRequest(
+    request = RunRequest(
         error_bar, table, units, None if no_plots else form, animate, resume, quiet,
         strict, varied, no_limits,
     )  # fmt: skip
@@ -172,11 +172,11 @@ def command(
         from lagsim.cli._several import run_all
 
         return run_all(
-            models, folder or RESULTS, partial(Job, wish), sets, options, jobs,
+            models, folder or RESULTS, partial(Job, request), sets, options, jobs,
             as_json=as_json, quiet=quiet,
         )  # fmt: skip
     documents: list[Any] | None = [] if as_json else None
-    job = Job(wish, folder, documents=documents)
+    job = Job(request, folder, documents=documents)
     # The processor time so far is close to the time of start and imports.
     job.clock.timings["import"] = time.process_time()
     code = job.run(*model_text(models[0]), assignments(sets), options)
@@ -242,13 +242,13 @@ class Job:
 
     def __init__(
         self,
-        wish: RunRequest,
+        request: RunRequest,
         folder: Path | None,
         *,
         documents: list[Any] | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
-        self.wish, self.folder, self.documents = wish, folder, documents
+        self.request, self.folder, self.documents = request, folder, documents
         self.interrupt = interrupt or Interrupt()
         self.clock = Stopwatch()
         self._draw: Draw | None = None
@@ -270,7 +270,7 @@ class Job:
         ------
         InputError, StartError
         """
-        with limits.lifted(really=self.wish.no_limits):
+        with limits.lifted(really=self.request.no_limits):
             return self._read_and_run(text, file, overrides, options)
 
     def _read_and_run(
@@ -280,17 +280,17 @@ class Job:
         overrides: Mapping[str, str],
         options: Mapping[str, str],
     ) -> int:
-        wish = self.wish
-        if wish.table is not TableFormat.CSV:
-            if wish.resume:
+        request = self.request
+        if request.table is not TableFormat.CSV:
+            if request.resume:
                 text = "--resume needs --table csv, which is written row by row"
                 raise unusable(USAGE, text)
-            check_format(wish.table, show_units=wish.show_units)
+            check_format(request.table, show_units=request.show_units)
         self.clock.lap("import")
         with self.interrupt.raised():
             model = read(text, file, overrides, options)
         aside: Any = contextlib.nullcontext()
-        if wish.plots and is_watched():
+        if request.plots and is_watched():
             from lagsim.studies.drawing import artist
 
             aside = artist(model)
@@ -303,33 +303,38 @@ class Job:
                     session = case.ready(clock=self.clock)
             return self._made(session, {**options, "set": {**overrides}})
 
-    def _made(self, session: Session, wishes: Document) -> int:
+    def _made(self, session: Session, inputs: Document) -> int:
         """Open the folder of results, run a session into it, and return the exit code.
 
-        wishes : options of the run and its files as a document, by which `--resume`
+        inputs : options of the run and its files as a document, by which `--resume`
             recognises an equal request.
         """
-        wish, model = self.wish, session.case.model
+        request, model = self.request, session.case.model
         folder = self.folder or RESULTS / model.name
         warning = refuse_without_room(
-            folder, wish.table, session.case.settings, session.columns.table,
+            folder, request.table, session.case.settings, session.columns.table,
             ends=model.until is not None,
         )  # fmt: skip
-        if warning and not wish.quiet:
+        if warning and not request.quiet:
             print_stderr(f"warning: {warning}")
 
         @functools.cache
         def restart() -> Restart:
             from lagsim.studies.restart import Restart
 
-            more = wish.error_bars, wish.show_units, wish.plots, wish.animate
-            options = f"{sorted(wishes.items())} {more}"
+            more = (
+                request.error_bars,
+                request.show_units,
+                request.plots,
+                request.animate,
+            )
+            options = f"{sorted(inputs.items())} {more}"
             identity = {"model text": model.content, "set of options": options}
             return Restart(folder, identity)
 
-        first = restart().rescue if wish.resume else None
+        first = restart().rescue if request.resume else None
         with open_results(folder, first=first) as results:
-            if wish.resume and restart().stand is None and not wish.quiet:
+            if request.resume and restart().stand is None and not request.quiet:
                 print_stderr(f"lagsim: {folder} holds no interrupted run to continue")
             return self._integrate(session, results, restart)
 
@@ -342,14 +347,16 @@ class Job:
 
         restart : creates the storage of checkpoints.
         """
-        wish, interrupt = self.wish, self.interrupt
+        request, interrupt = self.request, self.interrupt
         with interrupt.noted():
             more = self._appended(session)
         columns = session.columns.of_table + (more.names if more else ())
         units = of_table(session.equations, columns)
         try:
-            path = results.part(wish.table.file)
-            writer = table_writer(wish.table, path, units, show_units=wish.show_units)
+            path = results.part(request.table.file)
+            writer = table_writer(
+                request.table, path, units, show_units=request.show_units
+            )
             listed = None
             if session.lists_events:
                 named = bool(session.case.model.events)
@@ -367,16 +374,16 @@ class Job:
                 stack.callback(listed.table.close)
             stack.enter_context(interrupt.noted())
             joined = None
-            if wish.table is TableFormat.CSV:
+            if request.table is TableFormat.CSV:
                 joined = partial(
                     _store_checkpoints, writer=writer, listed=listed, restart=restart,
-                    at_once=wish.resume,
+                    at_once=request.resume,
                 )  # fmt: skip
             found = Attempts(
-                store, interrupt, self.clock, error_bars=wish.error_bars,
-                replaces=wish.error_bars is not ErrorBars.NEVER,
-                thinned=wish.plots is not None, animated=wish.animate,
-                progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
+                store, interrupt, self.clock, error_bars=request.error_bars,
+                replaces=request.error_bars is not ErrorBars.NEVER,
+                thinned=request.plots is not None, animated=request.animate,
+                progress=partial(progress_bar, quiet=request.quiet), joined=joined,
                 appended=more, listed=listed,
             ).best(session)  # fmt: skip
             document, full = self._write(found, results, writer)
@@ -386,13 +393,13 @@ class Job:
     def _appended(self, session: Session) -> Appended | None:
         """Return the columns of sensitivities and standard deviations; None if none."""
         model = session.case.model
-        names = *model.output.sensitivities, *self.wish.varied
+        names = *model.output.sensitivities, *self.request.varied
         uncertain = any(p.uncertainty for p in model.parameters)
         if not names and not uncertain:
             return None
         from lagsim.studies.sensitivities import appended
 
-        with progress_bar("sensitivities", quiet=self.wish.quiet) as progress:
+        with progress_bar("sensitivities", quiet=self.request.quiet) as progress:
             return appended(
                 model, session.case.settings, [*dict.fromkeys(names)],
                 interrupt=self.interrupt, progress=progress,
@@ -409,11 +416,11 @@ class Job:
         results : the folder.
         writer : the writer of the table.
         """
-        wish, lost, full = self.wish, False, found.fault
+        request, lost, full = self.request, False, found.fault
         try:
             writer.finish()
         except OSError as error:
-            results.drop(wish.table.file)
+            results.drop(request.table.file)
             lost, full = True, error
         if not full and (found.session.lists_events or found.sections):
             from lagsim.studies.drawing import event_tables
@@ -435,7 +442,7 @@ class Job:
             before = results.before()
             caution = before and replaced(before, document, results.folder)
             document["warnings"] += [caution.record] if caution else []
-        if not full and (wish.plots or wish.animate):
+        if not full and (request.plots or request.animate):
             full = self._draw_all(found, results, document)
         if full:
             document |= _cut_short(writer, found, full, lost=lost)
@@ -455,7 +462,7 @@ class Job:
         """
         from lagsim.studies.drawing import drawings
 
-        form = (self.wish.plots or PictureFormat.PNG).value
+        form = (self.request.plots or PictureFormat.PNG).value
         made = drawings(found, form, self._draw)
         # If the disk is too full for this, the pictures report it.
         with contextlib.suppress(OSError):
@@ -491,7 +498,7 @@ class Job:
         if not found.trajectory.outcome.complete:
             return 3
         cautions = document["warnings"]
-        if not (self.wish.strict and cautions):
+        if not (self.request.strict and cautions):
             return 0
         model = found.session.case.model
         line = strict_line(model.name, [caution["code"] for caution in cautions])
@@ -506,7 +513,7 @@ class Job:
             print_stderr(f"lagsim: {document['reason']}{numbered}")
             if (folder / RESTART).exists():
                 print_stderr("lagsim: the same command with --resume continues the run")
-        if not self.wish.quiet or self.wish.strict:
+        if not self.request.quiet or self.request.strict:
             for caution in document["warnings"]:
                 print_stderr(f"warning: {caution['text']} [{caution['number']}]")
                 if "line" in caution:
@@ -515,7 +522,7 @@ class Job:
                     print_stderr("\n".join(pointed(at)))
         if self.documents is not None:
             self.documents.append(document)
-        elif not self.wish.quiet:
+        elif not self.request.quiet:
             print_stdout(summary(found, document, folder))
 
 

@@ -73,16 +73,16 @@ def command(
     quiet: bool = quiet(),
 ) -> int:  # fmt: skip
     """Map where each method is stable and where it fails."""
-    wish = _parsed_options(methods, steps, vary)
+    options = _parsed_options(methods, steps, vary)
     read = read_file(model, assignments(sets)).written_out()
     settings = wanted(read, "stability")
-    _check_parameter(read, wish.name)
+    _check_parameter(read, options.name)
     usual = open_case(read, settings)
-    stability.methods_for(usual, wish)
+    stability.methods_for(usual, options)
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         document = stability.measure(
-            usual, wish, interrupt=interrupt, progress=progress
+            usual, options, interrupt=interrupt, progress=progress
         )
 
         def draw() -> bytes:
@@ -90,7 +90,7 @@ def command(
 
             return chart.stability_figure(document, form.value)
 
-        cells = csv(stability.csv_columns(wish.name), document["cells"])
+        cells = csv(stability.csv_columns(options.name), document["cells"])
         summary, picture = partial(_summary, document), f"stability.{form.value}"
         return Measured(document, {TABLE: cells}, picture, draw, summary)
 

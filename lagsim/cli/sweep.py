@@ -52,7 +52,7 @@ from lagsim.studies.sweep.sweeping import (
 )
 from lagsim.studies.sweep.sweeping import EXAMPLE as SAMPLED
 from lagsim.studies.trials import INADMISSIBLE
-from lagsim.studies.workers import Hired, cores, machines, processes
+from lagsim.studies.workers import Workers, cores, machines, processes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -230,13 +230,13 @@ def _measured(
                 journal.begin()
         except IsADirectoryError as error:
             raise Results(folder).unusable(error) from None
-        hired: Hired = processes
+        workers: Workers = processes
         most = jobs or cores()
         if dask is not None:
-            hired, there = stack.enter_context(machines(dask))
+            workers, there = stack.enter_context(machines(dask))
             most = jobs or there
         sweeping.sweep(
-            found, most, wanted=jobs is not None, hired=hired, journal=journal,
+            found, most, wanted=jobs is not None, workers=workers, journal=journal,
             interrupt=interrupt, progress=progress,
         )  # fmt: skip
     if found.missing:

@@ -441,7 +441,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
 
 def wanted(
     model: Model,
-    who: str,
+    caller: str,
     options: Mapping[str, float | str] | None = None,
     hint: str = "add it",
 ) -> Settings:
@@ -449,7 +449,7 @@ def wanted(
 
     Parameters
     ----------
-    who
+    caller
         Name of the command or function that runs the model, for messages.
     options
         Settings that replace the settings of the file.
@@ -466,7 +466,7 @@ def wanted(
     if settings.duration:
         problems = [*unknown_names(settings), *too_frequent(model, settings)]
     else:
-        text = f"{model.file}: `{who}` needs a duration: there is no "
+        text = f"{model.file}: `{caller}` needs a duration: there is no "
         text += "`simulation.duration` (or `end`)"
         problems = [Problem(MISSING_KEY, text, hint=hint)]
     if problems:

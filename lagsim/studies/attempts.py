@@ -484,21 +484,21 @@ class Attempt(Evidence):
 
     fault: OSError | None = None
 
-    def __init__(self, session: Session, wish: Attempts) -> None:
+    def __init__(self, session: Session, attempts: Attempts) -> None:
         super().__init__(session)
-        self.appended = wish.appended
+        self.appended = attempts.appended
         model, names = self.equations.model, session.columns.names
         self.checkpoints = Checkpoints(self.equations, session.case.settings)
-        self.corners = Corners() if wish.cornered or wish.thinned else None
-        self.thin = picture_thinning(model, names) if wish.thinned else None
+        self.corners = Corners() if attempts.cornered or attempts.thinned else None
+        self.thin = picture_thinning(model, names) if attempts.thinned else None
         self.found: Sections | None = None
         if model.output.sections:
             self.found = Sections(model, session.columns.table)
         self.extremes: Extremes | None = None
-        if self.found is not None and wish.thinned:
+        if self.found is not None and attempts.thinned:
             self.extremes = Extremes(session.columns.table)
         self.frames: Frames | None = None
-        if wish.animated:
+        if attempts.animated:
             from lagsim.outputs.animation import frames_of
 
             self.frames = frames_of(self.equations, names)
@@ -808,7 +808,7 @@ class Attempts:
         *,
         always: bool = False,
     ) -> tuple[Evidence, Checkpoints]:
-        """Repeat a run as `other` states; subtract the cost from the allowance.
+        """Repeat a run by the integration `other`; subtract the cost from the budget.
 
         always : whether the repeat may exceed the allowance.
 

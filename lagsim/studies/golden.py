@@ -240,10 +240,9 @@ def _measured(
 
 
 class _Bounds(NamedTuple):
-    """Bounds of errors in each row, as the sum of two parts.
+    """Bounds of errors in each row, as the sum of two arrays, shape (rows, columns).
 
-    `steady` never decreases with time, and `wide` is added in single rows; both have
-    the shape (rows, columns).
+    `steady` never decreases with time. `wide` is 0 except in single rows, near events.
     """
 
     steady: Floats

@@ -272,11 +272,11 @@ class _Surfaces:
                 yield self._caution(k, above=alike[0][k] if alike else None)
 
     def _decides(self, k: int, found: list[tuple[dict[int, bool], _OnSides]]) -> bool:
-        """Whether the equations change only where k is crossed with other surfaces.
+        """Whether the equations change if k is crossed together with other surfaces.
 
-        That is so if no two compared combinations differ in the side of k alone, and a
-        combination above k has other equations than one below it. Such surfaces
-        coincide to first order.
+        True if no two compared combinations differ in the side of k alone, and a
+        combination above k has other equations than a combination below it. Such
+        surfaces coincide to first order.
 
         found : the compared combinations of sides, with their equations.
         """

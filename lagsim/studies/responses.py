@@ -167,10 +167,14 @@ def _starts(case: Case, base: SampledMotion) -> Iterator[tuple[str, float]]:
 def _table(changes: _Changes, table: Table) -> Document:
     """Return the entry of a table in the JSON of a golden.
 
-    Its keys: `points`, the number of points; `changed`, the number of points that were
-    changed in turn; `least`, the detected change with the least ratio of difference to
-    bound; `unseen` and `unresponsive`, the points whose change the comparison does not
-    detect, though the motion responds to it, or since it does not.
+    The keys of the entry:
+
+    - `points`: the number of points of the table;
+    - `changed`: the number of points that were changed, one at a time;
+    - `least`: of the detected changes, the one with the least ratio of difference to
+      bound;
+    - `unseen`: the points whose change alters the motion and is not detected;
+    - `unresponsive`: the points whose change does not alter the motion.
     """
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)

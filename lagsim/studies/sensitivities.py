@@ -280,7 +280,7 @@ class Sensitivities:
         Runs of the model, by default new ones.
     method : str
         The method of all runs; by default that of the run itself.
-    who : str
+    caller : str
         The name of the command, for messages.
     centre : Trial, optional
         The run itself, if it is known.
@@ -299,12 +299,12 @@ class Sensitivities:
         guesses: Collection[str] = (),
         trials: Trials | None = None,
         method: str = "",
-        who: str = "run",
+        caller: str = "run",
         centre: Trial | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
         self.model, self.times, self.interrupt = model, times, interrupt
-        self.trials = trials or Trials(model, options, who)
+        self.trials = trials or Trials(model, options, caller)
         self.values, self.guesses = dict(values or {}), guesses
         self.settings: dict[str, Any] = {"rtol": RTOL}
         if method:
@@ -622,7 +622,7 @@ def appended(
     options: Mapping[str, float | str] | None = None,
     *,
     times: Floats | None = None,
-    who: str = "run",
+    caller: str = "run",
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Appended | None:
@@ -640,7 +640,7 @@ def appended(
         Options that replace settings of the file.
     times : ndarray, shape (k,), optional
         Times of the values, by default the output times and the end of the run.
-    who : str
+    caller : str
         The name of the command, for messages.
     progress : callable, optional
         Called with the part of the names that is done.
@@ -655,7 +655,9 @@ def appended(
     if not varied:
         return None
     times = output_times(settings) if times is None else times
-    study = Sensitivities(model, options, times=times, who=who, interrupt=interrupt)
+    study = Sensitivities(
+        model, options, times=times, caller=caller, interrupt=interrupt
+    )
     square = np.zeros((len(times), len(study.columns)))
     blocks = {name: np.full_like(square, np.nan) for name in names}
     record, cautions, done = dict[str, dict[str, float]](), list[Caution](), 0

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case, Session
-    from lagsim.studies.workers import Hired
+    from lagsim.studies.workers import Workers
 
     # Values of names as expressions; the pickled model, options and the command.
     Texts = Mapping[str, str]
@@ -244,18 +244,18 @@ def tried(
     if times is not None and not len(times):
         return Trial(Outcome.DONE.word, columns=names, rows=np.empty((0, len(names))))
     kept: Keep | Moments = Keep()
-    places, wish = None, interrupt
+    places, request = None, interrupt
     if times is not None:
         different, places = np.unique(times, return_inverse=True)
-        wish = _Ended(interrupt)
-        kept = Moments(different, len(names), wish)
+        request = _Ended(interrupt)
+        kept = Moments(different, len(names), request)
         session = session.with_settings(moments=tuple(different.tolist()))
     if patience is not None:
         patience.begin()
         progress = patience.check
     began = time.perf_counter()
     try:
-        found = session.run([kept], interrupt=wish, progress=progress)
+        found = session.run([kept], interrupt=request, progress=progress)
     except GivenUpError:
         assert patience is not None
         return patience.given_up()
@@ -338,16 +338,20 @@ class Form:
     """
 
     def __init__(
-        self, model: Model, texts: Texts, options: Mapping[str, float | str], who: str
+        self,
+        model: Model,
+        texts: Texts,
+        options: Mapping[str, float | str],
+        caller: str,
     ) -> None:
         # With other values, the form of the equations may depend on other names: on a
         # parameter of an axis, for example, that is 0 in the file and not here.
         self.structure: dict[str, str] = {}
         while (found := structural_values(model, texts)) != self.structure:
             model, self.structure = model.bind(**found), found
-        self.model = suited(model, wanted(model, who, options))
+        self.model = suited(model, wanted(model, caller, options))
         self.equations = equations_of_motion(self.model, gathers=True)
-        self._options, self._who = options, who
+        self._options, self._caller = options, caller
         self.compiled = Compiled()
         self._tried: list[Mapping[str, Any]] = []
 
@@ -372,7 +376,7 @@ class Form:
                 x._replace(guess=x.guess or x.name in guesses) for x in model.initial
             )
             model = replace(model, initial=tuple(initial))
-        given = wanted(model, self._who, self._options)._replace(**settings)
+        given = wanted(model, self._caller, self._options)._replace(**settings)
         case = examined(self.equations, model, given)
         plan = case.plan()
         found = self.compiled.fitting(case, plan)
@@ -406,14 +410,14 @@ class Forms:
         The pickled Model.
     options : mapping of str to float or str
         Options of all runs, as of `lagsim run`.
-    who : str
+    caller : str
         The name of the command, for messages.
     """
 
     def __init__(
-        self, model: bytes, options: Mapping[str, float | str], who: str
+        self, model: bytes, options: Mapping[str, float | str], caller: str
     ) -> None:
-        self._model, self._options, self._who = model, options, who
+        self._model, self._options, self._caller = model, options, caller
         self.known: list[Form] = []
 
     def form(self, texts: Texts) -> Form:
@@ -421,7 +425,7 @@ class Forms:
 
         texts : expressions of values by name.
         """
-        return Form(pickle.loads(self._model), texts, self._options, self._who)
+        return Form(pickle.loads(self._model), texts, self._options, self._caller)
 
     def session(
         self,
@@ -459,7 +463,7 @@ class Trials:
     model : Model
     options : mapping of str to float or str, optional
         Options of all runs, as of `lagsim run`: `rtol`, `method`, `duration` ...
-    who : str
+    caller : str
         The name of the command, for messages on a model that cannot be run.
     """
 
@@ -467,11 +471,11 @@ class Trials:
         self,
         model: Model,
         options: Mapping[str, float | str] | None = None,
-        who: str = "run",
+        caller: str = "run",
     ) -> None:
         content, known = pickle.dumps(model), {**(options or {})}
-        self._key: Key = content, tuple(known.items()), who
-        self._forms = Forms(content, known, who)
+        self._key: Key = content, tuple(known.items()), caller
+        self._forms = Forms(content, known, caller)
 
     def __reduce__(self) -> tuple[Callable[..., Trials], Key]:
         return _again, self._key
@@ -521,7 +525,7 @@ class Trials:
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
-        hired: Hired = processes,
+        workers: Workers = processes,
     ) -> Iterator[tuple[int, Trial]]:
         """Yield the index and the result of each variant, when it is complete.
 
@@ -533,7 +537,7 @@ class Trials:
             The number of processes; None for one on each core, where that saves time.
         progress : callable, optional
             Called with the part of the variants that is done.
-        hired : callable
+        workers : callable
             Function that returns a context manager of a crew of processes, such as
             `workers.processes`. In repeated calls, the function of
             `workers.shared_processes` keeps the processes and their compiled functions.
@@ -542,7 +546,7 @@ class Trials:
         items, done = [*enumerate(variants)], 0
         for found in in_batches(
             self._made, items, jobs or cores(), interrupt, wanted=jobs is not None,
-            hired=hired,
+            workers=workers,
         ):  # fmt: skip
             done += len(found)
             for (number, _), trial in found:
@@ -562,11 +566,11 @@ class Trials:
 
 @functools.lru_cache(maxsize=2)
 def _again(
-    content: bytes, options: tuple[tuple[str, float | str], ...], who: str
+    content: bytes, options: tuple[tuple[str, float | str], ...], caller: str
 ) -> Trials:
     """Return the trials of a pickle, with the sessions compiled in this process.
 
     content : the pickled Model.
-    options, who : see `Trials`.
+    options, caller : see `Trials`.
     """
-    return Trials(pickle.loads(content), dict(options), who)
+    return Trials(pickle.loads(content), dict(options), caller)

@@ -42,7 +42,7 @@ Piece = TypeVar("Piece")
 Found = TypeVar("Found")
 
 # Returns a context manager of a crew of a given size, such as `processes`.
-Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
+Workers: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 
 # Time limits for the orderly end of a piece after a request, in s: of elapsed time, and
 # of processor time in which the worker writes no file, such as during a compilation. A
@@ -151,7 +151,7 @@ def processes(most: int) -> Iterator[Crew]:
 
 
 @contextlib.contextmanager
-def shared_processes(most: int) -> Iterator[Hired]:
+def shared_processes(most: int) -> Iterator[Workers]:
     """Context manager: processes that several studies use in turn.
 
     It yields a function that a study calls in place of `processes` to have a crew. The
@@ -211,7 +211,7 @@ def completed_pieces(
     pieces: Iterable[Piece],
     most: int,
     interrupt: Interrupt,
-    hired: Hired = processes,
+    workers: Workers = processes,
 ) -> Generator[tuple[int, Found | Died], None, None]:
     """Compute all pieces; yield index and result of each when it is complete.
 
@@ -228,11 +228,11 @@ def completed_pieces(
     most : int
         The largest number of pieces at a time; with 1 this process computes them.
     interrupt : Interrupt
-    hired : callable
+    workers : callable
         Function that returns a context manager of a crew of a given size.
     """
     left = deque(enumerate(pieces))
-    if most == 1 and hired is processes:
+    if most == 1 and workers is processes:
         while left and not interrupt.requested:
             number, piece = left.popleft()
             yield number, work(piece, interrupt)
@@ -240,7 +240,7 @@ def completed_pieces(
     out: dict[Future[Found], tuple[int, Piece]] = {}
     lost: set[int] = set()
     stopped = False
-    with hired(min(most, len(left))) as crew:
+    with workers(min(most, len(left))) as crew:
         while out or (left and not interrupt.requested):
             while left and not interrupt.requested and len(out) < crew.most:
                 number, piece = left.popleft()
@@ -272,7 +272,7 @@ def in_batches(
     interrupt: Interrupt,
     *,
     wanted: bool,
-    hired: Hired = processes,
+    workers: Workers = processes,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
     """Compute many short items; yield lists of items with their results.
 
@@ -291,10 +291,10 @@ def in_batches(
     wanted : bool
         Whether this number was requested; else further processes start only if these
         save time.
-    hired : callable
+    workers : callable
         Function that returns a context manager of a crew, such as `processes`.
     """
-    others = 0 if most == 1 and hired is processes else most
+    others = 0 if most == 1 and workers is processes else most
     # The processor time of this process alone.
     done, began, lasted = 0, time.process_time(), 0.0
     for results in made(items, interrupt):
@@ -308,7 +308,7 @@ def in_batches(
     left = items[done:]
     if left and not interrupt.requested:
         size = min(PIECE_SECONDS * done / lasted, len(left) / (PIECES * others))
-        yield from _by_others(made, left, max(1, int(size)), others, interrupt, hired)
+        yield from _by_others(made, left, max(1, int(size)), others, interrupt, workers)
 
 
 def _by_others(
@@ -317,7 +317,7 @@ def _by_others(
     size: int,
     most: int,
     interrupt: Interrupt,
-    hired: Hired,
+    workers: Workers,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
     """Yield items with their results, computed by workers in pieces of `size` items.
 
@@ -326,14 +326,14 @@ def _by_others(
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []
     for k, results in completed_pieces(
-        partial(_listed, made), parts, most, interrupt, hired
+        partial(_listed, made), parts, most, interrupt, workers
     ):
         if isinstance(results, Died):
             lost += parts[k]
         else:
             yield [*zip(parts[k], results, strict=False)]  # fewer after an interrupt
     if size > 1 and lost:
-        yield from _by_others(made, lost, 1, most, interrupt, hired)
+        yield from _by_others(made, lost, 1, most, interrupt, workers)
     elif lost:
         yield [(item, Died()) for item in lost]
 
@@ -345,7 +345,7 @@ def _listed(
 
 
 @contextlib.contextmanager
-def machines(address: str) -> Iterator[tuple[Hired, int]]:
+def machines(address: str) -> Iterator[tuple[Workers, int]]:
     """Context manager: the workers of a Dask scheduler, and their number of cores.
 
     Raises
@@ -366,7 +366,7 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         raise unusable(USAGE, text, hint=hint) from None
 
     @contextlib.contextmanager
-    def hired(most: int) -> Iterator[Crew]:
+    def workers(most: int) -> Iterator[Crew]:
         executor = client.get_executor(pure=False)
         yield Crew(executor.submit, most, partial(executor.shutdown, wait=False))
 
@@ -375,4 +375,4 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
         if not cores:
             text = f"the Dask scheduler at {address} has no workers"
             raise unusable(USAGE, text, hint="begin some: `dask worker`")
-        yield hired, cores
+        yield workers, cores

@@ -178,7 +178,7 @@ def test_a_standing_crew_is_hired_again():
             dict(completed_pieces(number_of_process, range(2), 2, Interrupt(), hired))
             for _ in range(2)
         )
-        found = dict(some.runs(variants, 2, hired=hired))
+        found = dict(some.runs(variants, 2, workers=hired))
     assert {*first.values()} == {*second.values()}
     assert os.getpid() not in first.values()
     alone = dict(some.runs(variants))

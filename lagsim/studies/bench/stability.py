@@ -405,7 +405,7 @@ def csv_columns(name: str | None) -> list[str]:
 
 
 def methods_for(
-    case: Case, wish: MapOptions
+    case: Case, options: MapOptions
 ) -> tuple[list[str], list[str], list[dict[str, str]]]:
     """Return the methods of a map: with fixed steps, with step control, and refused.
 
@@ -422,14 +422,14 @@ def methods_for(
     refused = []
     problems = Problems()
     kind = structure(case.equations)
-    for name in wish.methods or names():
+    for name in options.methods or names():
         adaptive = bool(method_named(name).ADAPTIVE)
         reason = method_refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
             problems.add(METHOD_REFUSED, text)
             refused.append({"method": name, "reason": reason})
-        elif adaptive and wish.name is None:
+        elif adaptive and options.name is None:
             text = (
                 f"`{name}` chooses its steps: it has no stability limit on a given step"
             )
@@ -437,7 +437,7 @@ def methods_for(
             problems.add(ADAPTIVE_METHOD, text, hint=hint)
         else:
             found[adaptive].append(name)
-    if wish.methods is not None and problems:
+    if options.methods is not None and problems:
         raise InputError(problems)
     return found[False], found[True], refused
 
@@ -456,7 +456,7 @@ def spaced(between: tuple[float, float], count: int) -> list[float]:
 
 def measure(
     case: Case,
-    wish: MapOptions,
+    options: MapOptions,
     *,
     interrupt: Interrupt | None = None,
     progress: Progress = None,
@@ -467,7 +467,7 @@ def measure(
     ----------
     case : Case
         The case of the file; the model is bound to other values of the parameter.
-    wish : MapOptions
+    options : MapOptions
         Methods, and ranges of steps and of the parameter.
 
     Returns
@@ -483,7 +483,7 @@ def measure(
     """
     interrupt = interrupt or Interrupt()
     with interrupt.raised():  # there is no result yet that could be lost
-        made = _Map(case, wish, interrupt, progress)
+        made = _Map(case, options, interrupt, progress)
     complete = interrupt.cut(made.run)
     return made.document(complete=complete)
 
@@ -504,15 +504,15 @@ class _Map:
     """
 
     def __init__(
-        self, case: Case, wish: MapOptions, interrupt: Interrupt, progress: Progress
+        self, case: Case, options: MapOptions, interrupt: Interrupt, progress: Progress
     ) -> None:
-        self.wish, self.interrupt = wish, interrupt
+        self.options, self.interrupt = options, interrupt
         self.progress = progress or (lambda _part: None)
         self.subject = Subject(case, interrupt)
-        self.fixed, self.adaptive, self.refused = methods_for(case, wish)
+        self.fixed, self.adaptive, self.refused = methods_for(case, options)
         self.values: list[float | None] = [None]
-        if wish.between is not None:
-            self.values = [*spaced(wish.between, wish.map[1])]
+        if options.between is not None:
+            self.values = [*spaced(options.between, options.map[1])]
         self.steps = self._steps()
         count = len(self.values) * len(self.fixed) * (len(self.steps) + SEARCH)
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
@@ -530,8 +530,8 @@ class _Map:
                     subjects.append(self._at(value))
         lows, highs = zip(*(_range(x, self.fixed) for x in subjects), strict=True)
         high = max(highs)
-        between = self.wish.steps or (max(min(lows), high / WIDEST), high)
-        count = self.wish.strip if self.wish.name is None else self.wish.map[0]
+        between = self.options.steps or (max(min(lows), high / WIDEST), high)
+        count = self.options.strip if self.options.name is None else self.options.map[0]
         return spaced(between, count) if self.fixed else []
 
     def _at(self, value: float) -> Subject:
@@ -539,7 +539,7 @@ class _Map:
 
         The functions compiled before serve the subject too.
         """
-        case = self.subject.case.bind({str(self.wish.name): value})
+        case = self.subject.case.bind({str(self.options.name): value})
         return Subject(case, self.interrupt, self.subject.compiled)
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
@@ -570,7 +570,7 @@ class _Map:
         places = [(value, name) for value in self.values for name in self.cells]
         subject: Subject | str = self.subject
         for done, (value, name) in enumerate(places):
-            varied = {} if value is None else {str(self.wish.name): value}
+            varied = {} if value is None else {str(self.options.name): value}
             if value is not None and name == next(iter(self.cells)):
                 try:
                     subject = self._at(value)
@@ -646,7 +646,7 @@ class _Map:
 
     def document(self, *, complete: bool) -> Document:
         """Return the content of stability.json; `complete` is stored in it."""
-        subject, name = self.subject, self.wish.name
+        subject, name = self.subject, self.options.name
         model = subject.equations.model
         units = {p.name: p.unit for p in model.parameters}
         vary = name and {"name": name, "unit": units[name], "values": self.values}

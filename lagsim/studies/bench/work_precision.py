@@ -597,22 +597,22 @@ def halvings(between: tuple[float, float]) -> list[float]:
 
 def _curves(
     case: Case,
-    wish: BenchOptions,
+    options: BenchOptions,
     reference: Reference,
     chosen: Mapping[Key, list[float]],
     refused: list[Row],
 ) -> Iterator[PrecisionCurve]:
     """Yield the curves of a bench, each with a solver and its settings.
 
-    wish : options of the bench.
+    options : options of the bench.
     reference : the solution for errors.
     chosen : settings that `auto` selects.
     refused : list to which the solvers are added that cannot handle the model.
     """
-    tolerances, settings = decades(wish.tolerances), case.settings
+    tolerances, settings = decades(options.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
-    steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
-    for name in filter(wish.is_requested, names()):
+    steps = halvings(options.steps or (largest, largest / 2**MOST_HALVINGS))
+    for name in filter(options.is_requested, names()):
         solvers, reasons = formulation_solvers(case, name)
         refused += [
             {"method": name, "formulation": formulation, "reason": reason}
@@ -624,7 +624,7 @@ def _curves(
             yield PrecisionCurve(
                 own, sorted({*values, *more}, reverse=True), more, reference
             )
-    wanted = list(filter(wish.is_requested, SCIPY))
+    wanted = list(filter(options.is_requested, SCIPY))
     if not wanted:
         return
     own = index_one(case)
@@ -707,7 +707,7 @@ class PrecisionCurve:
 
 def measure(
     case: Case,
-    wish: BenchOptions,
+    options: BenchOptions,
     *,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -718,7 +718,7 @@ def measure(
     ----------
     case : Case
         The case of the file.
-    wish : BenchOptions
+    options : BenchOptions
         Methods, tolerances, steps and time limit.
 
     Returns
@@ -740,13 +740,13 @@ def measure(
     refused: list[Row] = []
     with interrupt.raised():  # there is no result yet that could be lost
         reference = make_reference(
-            case, OF_REFERENCE * wish.budget, lambda x: report(OF_REFERENCE * x)
+            case, OF_REFERENCE * options.budget, lambda x: report(OF_REFERENCE * x)
         )
-        chosen = chosen_by_auto(case, decades(wish.tolerances))
+        chosen = chosen_by_auto(case, decades(options.tolerances))
         report(OF_REFERENCE)
-        found = list(_curves(case, wish, reference, chosen, refused))
-        most = longest(case, min(wish.tolerances))
-        patience = Patience(min(most, ONE * wish.budget))
+        found = list(_curves(case, options, reference, chosen, refused))
+        most = longest(case, min(options.tolerances))
+        patience = Patience(min(most, ONE * options.budget))
     # Solvers that `auto` selects come first, with more time, since their curves are
     # needed.
     order = sorted(range(len(found)), key=lambda k: not found[k].chosen)
@@ -756,7 +756,7 @@ def measure(
     def solve() -> None:
         for done, k in enumerate(order):
             now = time.perf_counter()
-            share = (began + wish.budget - now) * shares[done] / sum(shares[done:])
+            share = (began + options.budget - now) * shares[done] / sum(shares[done:])
             patience.until = now + max(share, LEAST_SECONDS)
             rows[k] = []
             for part, row in found[k].rows(patience):
@@ -783,7 +783,7 @@ def measure(
         "end": settings.end,
         "output_step": settings.output_step,
         "complete": complete,
-        "budget": {"seconds": wish.budget, "spent": time.perf_counter() - began},
+        "budget": {"seconds": options.budget, "spent": time.perf_counter() - began},
         "reference": reference.record(),
         "curves": [
             {

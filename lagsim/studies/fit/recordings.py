@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
     from lagsim.studies.fit.names import Varied
-    from lagsim.studies.workers import Hired
+    from lagsim.studies.workers import Workers
 
 # Processor time of a Jacobian, in s, above which further processes are started.
 WORTH_SECONDS = 0.5
@@ -169,7 +169,7 @@ class Team:
 
     def __init__(self, jobs: int | None) -> None:
         self.most, self._wanted = jobs or cores(), jobs is not None
-        self._hired: Hired | None = None
+        self._workers: Workers | None = None
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -181,7 +181,7 @@ class Team:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._hired = None
+        self._workers = None
         self._stack.close()
 
     def derivatives(
@@ -197,11 +197,11 @@ class Team:
         known: dict[int, Derivative | LagsimError | Died] = {}
         if self._wanted and self.most > 1 and len(tasks) > 1:
             interrupt = interrupt or Interrupt()
-            self._hired = self._hired or self._stack.enter_context(
+            self._workers = self._workers or self._stack.enter_context(
                 shared_processes(self.most)
             )
             known |= completed_pieces(
-                _differentiated, tasks, self.most, interrupt, self._hired
+                _differentiated, tasks, self.most, interrupt, self._workers
             )
         began, found = time.process_time(), list[Derivative]()
         for k, task in enumerate(tasks):

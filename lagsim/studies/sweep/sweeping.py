@@ -44,7 +44,7 @@ from lagsim.studies.sweep.grid import (
 )
 from lagsim.studies.sweep.runs import runs_of
 from lagsim.studies.trials import DIED
-from lagsim.studies.workers import Died, Hired, in_batches, processes
+from lagsim.studies.workers import Died, Workers, in_batches, processes
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def sweep(
     most: int,
     *,
     wanted: bool,
-    hired: Hired = processes,
+    workers: Workers = processes,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
     journal: Journal | None = None,
@@ -161,7 +161,7 @@ def sweep(
     wanted : bool
         Whether this number was requested; else further processes start only if these
         save time.
-    hired : callable
+    workers : callable
         Function that returns a context manager of a crew, such as `workers.processes`.
     journal : Journal, optional
         Stores the rows on the way.
@@ -170,9 +170,9 @@ def sweep(
     own = runs_of(found.work)
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
-    wanted |= hired is not processes
+    wanted |= workers is not processes
     for results in in_batches(
-        own.made, found.missing, most, interrupt, wanted=wanted, hired=hired
+        own.made, found.missing, most, interrupt, wanted=wanted, workers=workers
     ):
         rows = [
             (k, SweepRow(found.grid.values(k), DIED, reason=x.reason))
