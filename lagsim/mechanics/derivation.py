@@ -343,10 +343,10 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Return the expressions by which definitions and their rates are replaced.
+    """Return the motion of the definitions in `output.reactions` as expressions.
 
-    For each definition x in `output.reactions`: the variables x, x' and x'' -> nodes of
-    t, q, q' and q''.
+    The result maps the variables x, x' and x'' of each such definition to the graph
+    nodes of x, x' and x'' as functions of t, q, q' and q''.
     """
     g = e.graph
     seed = {**e.flow.forward}

@@ -673,9 +673,9 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
 def _is_ambiguous(rows: ContactRows, modes: list[Mode], directions: Floats) -> bool:
     """Whether sliding friction depends on a multiplier that is not unique.
 
-    Then the motion is not unique. It is so where multipliers of held and redundant
-    rows, with the friction that they cause, can change such that none of these rows
-    accelerates, but the forces change.
+    The motion is not unique then. This is tested as follows: there is a change of the
+    multipliers of held and redundant rows, and of the friction that these cause, that
+    accelerates none of these rows and yet changes the forces.
 
     modes : the mode of each row.
     directions : (r,), multipliers at bounds as parts of the bounds.

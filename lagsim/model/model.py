@@ -582,8 +582,9 @@ class Stated(Protocol):
         Raises
         ------
         InputError
-            Where the separated model satisfies a constraint as the root of another
-            relation.
+            If a relation with a multiple root, which is replaced by one with a simple
+            root, has another multiplier in the new model, so that it gives the
+            definitions no reaction.
         """
 
 

@@ -30,8 +30,9 @@ class Content(NamedTuple):
     translation
         The model, and how its symbols are shown.
     document
-        The document of JSON, by the keys of docs/derive.md, with sympy expressions in
-        place of texts; `gauss.a` is a tuple (n,). Each format adds its `conditions`.
+        The content of the JSON output, by the keys of docs/derive.md, with sympy
+        expressions in place of texts. Two keys differ: `gauss.a` is the tuple of the n
+        accelerations, and `conditions` is added by each format.
     """
 
     translation: Translation

@@ -82,11 +82,11 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 def satisfied_part(s: Rank, order: float) -> float:
     """Return the fraction of the last step in which rows need no projection.
 
-    The fraction counts from each end of the step. It is valid if rows are values of
-    polynomials that begin at the nearer end of the step: a residual grows from rounding
-    there to the residual before the projection, as x^order. If the constraints depend
-    on time or velocities, rounding of times and positions adds to the residual, and the
-    fraction is 0.
+    Rows of the output nearer to an end of the step than this fraction need none. It is
+    assumed that the dense output is a polynomial that begins at this end, and that the
+    residual grows as x^order over the step, from rounding to the residual before the
+    projection. If the constraints depend on time or velocities, rounding of times and
+    positions adds to the residual, and the fraction is 0.
     """
     if s.fixed_rows == 0.0:
         return 0.0

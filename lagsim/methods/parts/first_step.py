@@ -66,10 +66,10 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
 
 def start_moving(s: Control, k: Floats, instant: float, first: int) -> int:
-    """Set components at rest in motion at the rates `spare`; return their number.
+    """Move components at rest by an instant at the rates `spare`; return their number.
 
-    The state after the first instant in `work` and the sizes `foreseen` are updated;
-    see `foresee`.
+    This updates the state after the instant, in `work`, and the sizes to be expected,
+    `foreseen`: see `foresee`.
 
     k : (size,), y' at the start.
     instant : the length of the first instant.

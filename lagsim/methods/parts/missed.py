@@ -364,17 +364,15 @@ def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
 def missed_beside(
     s: SearchTable, p: Parameters, k: int, x: float, least: float, way: float
 ) -> float:
-    """Compare y' on one shoulder of the closest approach of signal k.
+    """Search one side of a closest approach for a slope that the dense output misses.
 
-    A shoulder is where the distance of the signal exceeds its least value by more than
-    SHOULDER and less than FOOT.
+    The slope of the dense output is compared with y' of the equations at points where
+    the distance of the signal exceeds its least value by more than SHOULDER and less
+    than FOOT. If they differ at one, return the lesser of x and its fraction; else 0.
 
-    Return the lesser of x and the fraction at which the slope of the dense output and
-    y' of the equations differ; 0 if they agree.
-
-    x, least : the fraction of the closest approach, and the distance of the signal
-        there.
-    way : -1 before x, 1 after it.
+    k : the signal.
+    x, least : the fraction of the step at its closest approach, and the distance there.
+    way : -1 for the side before x, 1 for that after it.
     """
     beside = way * 2.0**-50
     for _ in range(DOUBLINGS):
@@ -519,7 +517,8 @@ def moved_by_rounding(
 ) -> float:
     """Return the change of signal k by rounding of time and state at the stretch's end.
 
-    The state is moved by `tolerances` times its tolerances as well.
+    tolerances : displacement of the state that is added to its rounding, in units of
+        the tolerances of its components.
     """
     z, now, x = s.point, s.values[events(s) :], s.places[2]
     most, t = 0.0, s.step_t + x * s.step_h

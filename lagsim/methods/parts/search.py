@@ -273,9 +273,10 @@ def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
 def find_end(s: Crossings, p: Parameters) -> None:
     """Search the last step for its first event, and end the step there.
 
-    s.switched becomes the index of the surface or law, or s.event that of the
-    condition, from 1. A condition that is true is followed until it is false, and is
-    armed from there on: located when it becomes true again.
+    On return s.switched is the index, from 1, of the surface or law whose mode has
+    ended, or s.event is the index, from 1, of the condition that has become true. A
+    condition that is true at the start of the step can be located only after it has
+    become false.
     """
     t = s.t
     if UNTIL:

@@ -664,10 +664,12 @@ def _of(family: Family, name: str, member: Member, offset: int) -> Value:
 
 
 def _referred(family: Family, token: Token, args: list[Value]) -> Value:
-    """Return the tree of a member whose subscripts contain indices of a long sum.
+    """Return the tree of a member of a family in a long sum over its subscripts.
 
-    For a family of vectors, a tuple with the tree of each component.
+    The subscripts are trees, which contain the indices of the sum. For a family of
+    vectors, return a tuple with the tree of each component.
 
+    family : the family.
     token : the name in the text.
     args : the subscripts.
     """

@@ -490,10 +490,12 @@ def read_scene(found: Fields, x: Expressions) -> Scene:
 
 
 class _SceneReader:
-    """Reader of a scene: `points` has the sound points, `named` the names of all.
+    """Reader of a scene.
 
-    `points` maps a name to the graph nodes of the coordinates. `whole`: all names of
-    points were readable, so that another name is a fault.
+    points : the graph nodes of the coordinates of each point without faults, by name.
+    named : the names of all points.
+    whole : whether all names of points were readable, so that any other name is a
+        fault.
     """
 
     def __init__(self, found: Fields, x: Expressions) -> None:

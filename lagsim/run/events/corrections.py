@@ -106,11 +106,11 @@ def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:
 
 
 def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
-    """Set the velocities in y that laws hold from now on to exact values, in place.
+    """Set the velocities in y at which laws hold from now on to exact values, in place.
 
-    The velocities set are those that a single law determines: a switch at 0 of such a
-    velocity is decided by 0, and not by the rounding of the time at which the velocity
-    stopped.
+    This is done for laws whose row has a single entry, so that the law determines one
+    component of the velocity. A switch of the model at velocity 0 is then decided by
+    exactly 0, and not by the rounding error of the time at which the motion stopped.
 
     Parameters
     ----------

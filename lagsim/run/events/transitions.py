@@ -261,9 +261,10 @@ class Transitions(Source):
         self, arc: Arc, impulse: Floats, corners: CornerSides | None,
         y: Floats | None = None,
     ) -> tuple[Floats, JumpImpulses, float]:  # fmt: skip
-        """Return the state after an impulse, the impulses of rows, and the energy.
+        """Return the state after an impulse, the impulses of rows, and the work done.
 
-        The energy is that which the impulse brings; the state contains it as work.
+        The work is the energy that the impulse adds to the model. The state returned
+        includes it.
 
         Parameters
         ----------
