@@ -47,8 +47,8 @@ from lagsim.run.settle import (
     Deciders,
     due_before,
     equalities_may_jump,
+    first_record,
     may_strike,
-    met_at,
     new_record,
     settle,
     settle_start,
@@ -455,7 +455,7 @@ class Run:
             arc.runner.update_relations(arc.state)
         decision = self._decision(code)
         located = NOWHERE if decision is None else decision.located
-        now, settles = met_at(self.arc, self.record, located), False
+        now, settles = first_record(self.arc, self.record, located), False
         if code in INSTANTS:
             now = due_before(now, self.deciders)
             settles = now.due != NOTHING or self._is_at_break()

@@ -133,7 +133,7 @@ def phase(
 # --- The record of an instant
 
 
-def met_at(arc: Arc, last: InstantRecord, located: Located) -> InstantRecord:
+def first_record(arc: Arc, last: InstantRecord, located: Located) -> InstantRecord:
     """Return the record with which an instant begins, at the end of an arc.
 
     Parameters
@@ -149,16 +149,16 @@ def met_at(arc: Arc, last: InstantRecord, located: Located) -> InstantRecord:
     alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
     if last.t != arc.t:
         return new_record(
-            arc, located=located, surfaces=surfaces_met(NO_SURFACES, located),
+            arc, located=located, surfaces=with_located_surface(NO_SURFACES, located),
             stale=not alone,
         )  # fmt: skip
     return last.but(
-        arc=arc, located=located, surfaces=surfaces_met(last.surfaces, located),
+        arc=arc, located=located, surfaces=with_located_surface(last.surfaces, located),
         stale=not alone, impacts=False, shown=None, rows=(), events=(), cautions=(),
     )  # fmt: skip
 
 
-def surfaces_met(surfaces: SurfacesAt, located: Located) -> SurfacesAt:
+def with_located_surface(surfaces: SurfacesAt, located: Located) -> SurfacesAt:
     """Return the surfaces at an instant, with the surface just located."""
     if located.surface < 0:
         return surfaces

@@ -143,11 +143,12 @@ def laws_at_values(
 def _with_limits(
     found: SequenceType[Constraint | None], readers: SequenceType[_ConstraintReader]
 ) -> tuple[Constraint, ...]:
-    """Return constraints with the bounds of their multipliers, held and sliding.
+    """Return constraints with the static and the sliding bounds of their multipliers.
 
-    Two relations that share a limit have a slip of two components.
+    Constraints that are None, after a fault, are left out.
 
-    found, readers : each constraint, or None after a fault, and its reader.
+    found, readers : the constraints, and their readers. Two neighbouring relations
+        that share a limit are the two components of one slip.
     """
     done: list[Constraint] = []
     rates = _held_rates(found, readers[0].x) if readers else []

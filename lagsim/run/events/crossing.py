@@ -296,13 +296,13 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether the sides of the open surfaces determine the side of surface k.
 
-        Each combination of sides of the open surfaces is examined, and the state at
-        their levels, where laws may hold the motion. The result is false if
+        All combinations of sides of the open surfaces are examined, and the combination
+        of all their levels, at which laws may hold the motion. The result is false
 
-        - in one of these, the expression of k is at a level with the rate 0 (unless
-          it is constant there, or k is parallel to an open surface);
-        - in all, it is at one level, and its rate has one sign: the side of k does not
-          then depend on the open surfaces.
+        - if, for one combination, the expression of k is at a level with the rate 0
+          (unless it is constant there, or k is parallel to an open surface);
+        - if it is at the same level, with a rate of the same sign, for all
+          combinations: then the side of k does not depend on the open surfaces.
         """
         modes, arc = self.modes, self.modes.arc
         self.levels.pop(k, None)

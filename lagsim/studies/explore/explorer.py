@@ -731,9 +731,9 @@ def _around(x: Slider, values: Floats, *, angle: bool) -> tuple[float, float]:
     Parameters
     ----------
     values : ndarray, shape (rows,)
-        The values in a motion from this start.
+        The values of the coordinate, or of its rate, in the motion from this start.
     angle : bool
-        Whether the value is an angle, after a whole turn of which the motion is equal.
+        Whether the value is an angle of period 2 pi.
     """
     middle, reach = x.value, math.pi
     if angle:
