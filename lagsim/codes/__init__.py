@@ -153,8 +153,8 @@ RETIRED = (
     Retired("W322", "mixed-friction",
         "Constraints and switches, such as `sign` of a velocity, held a body by forces "
         "that were not unique.",
-        "their friction holds a body together, and it slips when no sharing of the "
-        "load holds it"),
+        "friction of several constraints and switches holds a body together; the body "
+        "slips when they cannot hold it, however the load is divided among them"),
 )  # fmt: skip
 
 

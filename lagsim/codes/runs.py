@@ -352,7 +352,7 @@ initial: {x: 0, a: 0, b: 0, x_dot: 1}
     # E8xx: the command line.
     MessageRow("E801", "usage",
         "An argument or an option is wrong.",
-        "The command has such arguments and options, and their values are of the "
+        "The command has the arguments and options given, and their values are of the "
         "right type, such as --set m=2.",
         "`lagsim COMMAND --help` lists arguments and options",
         commands=("lagsim check pendulum.yaml --set m",)),

@@ -174,7 +174,8 @@ ROWS = (
         "add the small gaps, or the springs, that the real bodies have",
         commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",)),
     warning("W312", "impact-energy",
-        "An impact increased the energy, which restitution with friction can.",
+        "An impact increased the energy: restitution together with friction can do "
+        "this.",
         "reduce restitution or friction there",
         """\
 parameters: {a: 0.5}
