@@ -24,6 +24,7 @@ simulation: {{duration: 0.8, output_step: 0.03, {options}}}
 ON_CURVE = 'constraints: {path: "u = l - l*theta^2"}'
 TWICE = 'constraints: {path: "u = l - l*theta^2", again: "2*u + 2*l*theta^2 = 2*l"}'
 STEERED = 'constraints: {blade: "u_dot*cos(theta + 5*u) = l*theta_dot*sin(theta)"}'
+PASSED = 'until: "y <= -0.1"'
 UNTIL = 'until: "theta <= 0.3"'
 # The first is true at the start, and counts once it has become false.
 EVENTS = """
@@ -44,6 +45,19 @@ forces: {{y: 3*cos(4*t)}}
 {constraints}
 initial: {{x: 1, y: 0}}
 simulation: {{duration: 0.8, output_step: 0.03, {options}}}
+"""
+# Sections, strobes and conditions: some of each within a step, and events.
+WATCHED = """
+modes: {m: 0}
+events:
+  high: {at: x >= 1.2, set: {m: 1}}
+  low: {at: y = -7, set: {m: 2}}
+output:
+  sections:
+    down: {at: x = 0.5, direction: down}
+    both: {at: x_dot + y_dot = -3, direction: both}
+    fast: {every: 0.007}
+    slow: {every: 0.3}
 """
 ON_CIRCLE = 'constraints: {ring: "x^2 + (y + sin(t)/9)^2 = 1"}'
 
@@ -81,11 +95,19 @@ CASES = {
     "taylor": ("", "method: taylor, rtol: 1e-9"),
     "taylor held until": (ON_CURVE, f"method: taylor, rtol: 1e-9, {UNTIL}"),
 }
+WATCHING = (
+    "euler", "rk4", "verlet", "kahan-li6", "kahan-li8", "midpoint", "gauss4",
+    "generalized-alpha", "rattle",
+)  # fmt: skip
+for _name in WATCHING:
+    CASES[f"{_name} watched"] = (WATCHED, f"method: {_name}, step: 0.02, {PASSED}")
+for _name in ("dop853", "dopri5", "radau", "taylor"):
+    CASES[f"{_name} watched"] = (WATCHED, f"method: {_name}, rtol: 1e-5, {PASSED}")
 
 
 def linked_system(case):
     constraints, options = CASES[case]
-    free = any(name in case for name in ("verlet", "kahan-li", "rattle"))
+    free = any(name in case for name in ("verlet", "kahan-li", "rattle", "watched"))
     text = SEPARABLE if free else SPRING
     text = text.format(constraints=constraints, options=options)
     session = ready(text, formulation="full")
