@@ -6,5 +6,6 @@ scenes that are written twice, for lagsim and for the referee; `hybrid` integrat
 from event to event, `hybrid_verdict` compares. `instants` makes models of nested
 switches, tables, limits, events and sections as `trees`; `flights` and `instants_run`
 follow them by Taylor `series` from instant to instant, `instants_verdict` compares.
-Only `lagsim_runs` uses lagsim, as a command.
+`fixed_steps` runs scenes of the last three by methods with fixed steps. Only
+`lagsim_runs` uses lagsim, as a command.
 """

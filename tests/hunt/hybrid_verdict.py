@@ -69,10 +69,10 @@ def truth(told):
     return first, known, size
 
 
-def _beside(path):
+def _beside(path, near=BESIDE):
     times = np.array([row[0] for row in path.rows])
     turns = [*path.impacts, *(t for t, _, _ in path.events), np.inf]
-    return np.min(np.abs(times[:, None] - np.array(turns)), axis=1) < BESIDE
+    return np.min(np.abs(times[:, None] - np.array(turns)), axis=1) < near
 
 
 def tried(told, lagsim, *options):
@@ -85,8 +85,31 @@ def tried(told, lagsim, *options):
     return broken(answer) or judged(told, lagsim, answer, *exact)
 
 
-def judged(told, lagsim, answer, path, known, size):
-    """Compare rows, modes, events and sections; the energy less the work stays."""
+def _names(path):
+    """Return the referee's names of coordinates, velocities and states."""
+    o = path.e.o
+    return [x.name for x in (*o.q, *o.v, *o.s)]
+
+
+def _near(known):
+    """Return the permitted difference of times; known : as a part of sizes."""
+    return 1e-8 + 1e3 * float(np.max(known))
+
+
+def states(told, path, answer):
+    """Return the states (rows, columns) of a run at the times of the truth."""
+    times = np.array([row[0] for row in path.rows])
+    t = (answer.column("t") - told.shift) * told.scale
+    at = np.searchsorted(t, times + told.near, side="right") - 1
+    columns = [answer.column(told.names[name])[at] for name in _names(path)]
+    return np.stack(columns, axis=1)
+
+
+def judged(told, lagsim, answer, path, known, size, error=0.0):
+    """Compare rows, modes, events and sections; the energy less the work stays.
+
+    error : (rows, columns) the error permitted to a method with fixed steps, in sizes
+    """
     record, times = answer.record, np.array([row[0] for row in path.rows])
     warned = tuple(w["code"] for w in record["warnings"])
     if record["outcome"] != ("until" if path.armed.get("done") else "done"):
@@ -95,11 +118,13 @@ def judged(told, lagsim, answer, path, known, size):
     at = np.searchsorted(t, times + told.near, side="right") - 1
     if np.any(np.abs(t[at] - times) > told.near):
         return Verdict("wrong-rows", f"rows at {t[-1]!r}, truth {times[-1]!r}")
-    o = path.e.o
-    names = [x.name for x in (*o.q, *o.v, *o.s)]
+    names = _names(path)
     rows = np.array([row[1] for row in path.rows])
     found = np.stack([answer.column(told.names[name])[at] for name in names], axis=1)
     beside, rounding = _beside(path), 2.0**-52 * told.rounding
+    if np.any(error):
+        known = known + error / GAIN
+        beside = _beside(path, max(BESIDE, _near(known)))
     grain = GRANTED + GAIN * known * (1.0 + 10.0 * rounding / NUDGE)
     grain = grain + 1e3 * rounding / size
     over = np.where(beside[:, None], 0.0, np.abs(found - rows) / size / grain)
@@ -119,14 +144,14 @@ def judged(told, lagsim, answer, path, known, size):
         if over[k, i] < most:
             return Verdict("uncounted", text, None, warned)
         return Verdict("wrong", text, float(over[k, i]), warned)
-    if fault := _others(told, lagsim, answer, path, beside, at, known):
+    if fault := _others(told, lagsim, answer, path, beside, at, known, error):
         return Verdict(fault[0], f"{fault[1]}; {text}", None, warned)
     return Verdict("fine", text, float(over[k, i]), warned)
 
 
-def _others(told, lagsim, answer, path, beside, at, known):
+def _others(told, lagsim, answer, path, beside, at, known, error):
     """Return texts on wrong modes, events, sections or energy balance."""
-    near = 1e-8 + 1e3 * float(np.max(known))
+    near = _near(known)
     for k, mode in enumerate(path.e.modes):
         values = np.array([row[2][k] for row in path.rows])
         off = np.abs(answer.column(mode)[at] - values)
@@ -149,7 +174,8 @@ def _others(told, lagsim, answer, path, beside, at, known):
         if not _alike(pairs, truth, 10 * near):
             return "wrong-section", f"{name}: {pairs}, truth {truth}"
     drift, energy = answer.record["energy_drift"], answer.column("energy")
-    most = math.inf if told.rounding else 3e-8 * (1 + np.max(np.abs(energy)))
+    part = math.inf if told.rounding else 3e-8 + 100.0 * float(np.max(error))
+    most = part * (1 + np.max(np.abs(energy)))
     if drift is not None and drift > most:
         return "wrong-balance", f"energy - work moves by {drift:.1e}"
     return None

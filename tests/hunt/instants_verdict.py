@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from copy import copy
 
 import numpy as np
 
@@ -36,10 +37,11 @@ class Truth:
     """A motion of a model. known : (rows, columns) how far the nudged one is off.
 
     script : the ways taken where the model leaves open how it moves on
+    error : (rows, columns) the error permitted to a method with fixed steps
     """
 
     def __init__(self, model, script):
-        self.made, self.open = model, False
+        self.made, self.open, self.error = model, False, 0.0
         self.first = _run(model, 0.0, script)
         faults = []
         for nudge, part in NUDGES:
@@ -50,6 +52,14 @@ class Truth:
             else:
                 return
         raise faults[0]
+
+    def permitting(self, error):
+        """Return the motion with another permitted error, and the rows beside it."""
+        new = copy(self)
+        new.error = error
+        near = max(BESIDE, _near(new))
+        new.beside = _beside(self.times, self.first.instants, near)
+        return new
 
     def _compare(self, model, other, part):
         both = (self.first, other)
@@ -114,10 +124,10 @@ def truths(model):
     return found
 
 
-def _beside(times, instants):
+def _beside(times, instants, near=BESIDE):
     """Return marks of the rows beside an instant that not only clocks made."""
     turns = np.array([t for t, clocked in instants if not clocked] + [math.inf])
-    return np.min(np.abs(times[:, None] - turns), axis=1) < BESIDE
+    return np.min(np.abs(times[:, None] - turns), axis=1) < near
 
 
 def tried(seed, lagsim, *options):
@@ -192,7 +202,7 @@ def _times(truth, answer):
 def _grain(truth):
     """Return the permitted differences (rows, columns), in the model's own units."""
     w, n = truth.made.words, truth.made.model.n
-    grain = GRANTED * truth.size + GAIN * truth.known
+    grain = GRANTED * truth.size + GAIN * truth.known + truth.error
     if w.far:
         # Places are multiples of the rounding of x, and speeds follow.
         ulp = 2.0**-52 * abs(w.far)
@@ -202,18 +212,24 @@ def _grain(truth):
     return grain
 
 
-def _rows(truth, answer, _folder):
+def states(truth, answer):
+    """Return the states (rows, columns) of a run at the times of the truth."""
     m, w = truth.made.model, truth.made.words
+    columns = [answer.column(f"x{i + 1}") / w.length - w.far for i in range(m.n)]
+    columns += [answer.column(f"x{i + 1}_dot") * w.time / w.length for i in range(m.n)]
+    columns += [answer.column(z) for z in m.states]
+    _, at = _times(truth, answer)
+    return np.stack(columns, axis=1)[at]
+
+
+def _rows(truth, answer, _folder):
     t, at = _times(truth, answer)
     off = np.abs(t[at] - truth.times)
     if truth.first.done:
         off[-1] = max(0.0, off[-1] - _near(truth))
     if np.any(off > 1e-7 * truth.made.step + 1e-12):
         return "wrong-rows", f"rows end at {t[-1]!r}, truth {truth.times[-1]!r}"
-    columns = [answer.column(f"x{i + 1}") / w.length - w.far for i in range(m.n)]
-    columns += [answer.column(f"x{i + 1}_dot") * w.time / w.length for i in range(m.n)]
-    columns += [answer.column(z) for z in m.states]
-    found = np.stack(columns, axis=1)[at]
+    found = states(truth, answer)
     off = np.where(truth.beside[:, None], 0.0, np.abs(found - truth.rows))
     if truth.first.done:
         off[-1] = 0.0
@@ -246,12 +262,14 @@ def _shown(truth, answer, _folder):
     """Compare definitions, and accelerations, off the instants."""
     m, w = truth.made.model, truth.made.words
     _, at = _times(truth, answer)
-    clear = _beside(truth.times, [(t, False) for t, _ in truth.first.instants])
+    near = max(BESIDE, _near(truth)) if np.any(truth.error) else BESIDE
+    clear = _beside(truth.times, [(t, False) for t, _ in truth.first.instants], near)
     clear |= truth.times == truth.times[0]
     rows = truth.first.rows
     if abs(w.far) > 1e5:
         return None
     loose = 1e-6 + 10.0 * float(np.max(truth.known / truth.size)) * 1e2
+    loose += 100.0 * float(np.max(truth.error / truth.size))
     for name in m.shown:
         right = np.array([row[4].get(name, math.nan) for row in rows])
         found = answer.column(name)[at]
@@ -276,7 +294,8 @@ def _shown(truth, answer, _folder):
 
 
 def _near(truth):
-    return 1e-7 + 1e3 * float(np.max(truth.known, initial=0.0))
+    near = 1e-7 + 1e3 * float(np.max(truth.known, initial=0.0))
+    return near + 30.0 * float(np.max(truth.error, initial=0.0))
 
 
 def _events(truth, answer, _folder):
@@ -324,6 +343,7 @@ def _balance(truth, answer, _folder):
         return None
     if any(x.kind in JUMPS for v in truth.made.model.potentials for x in v.nodes()):
         return None  # The energy jumps, and nothing else does.
-    if drift > 1e-7 * (size + truth.made.words.force * truth.made.words.length):
+    part = 1e-7 + 100.0 * float(np.max(truth.error / truth.size, initial=0.0))
+    if drift > part * (size + truth.made.words.force * truth.made.words.length):
         return "wrong-balance", f"energy - work moves by {drift:.1e} of {size:.1e}"
     return None

@@ -1,10 +1,11 @@
 """lagsim against the referees: a few scenes slowly, three hundred nightly.
 
-HUNT_SEED, HUNT_SCENES, HUNT_CONTACTS, HUNT_FEATURES and HUNT_INSTANTS set the seed and
-the numbers of scenes of a night, HUNT_FOLDER the folder of its failures. A scene takes
-0.6 s of one core, others a little more. All but smooth scenes, whose reported errors
-are judged, run without the repeat that estimates the error: the first integration must
-be right. Of smooth scenes a repeat that has replaced the run is a fault.
+HUNT_SEED, HUNT_SCENES, HUNT_CONTACTS, HUNT_FEATURES, HUNT_INSTANTS and HUNT_STEPS set
+the seed and the numbers of scenes of a night, HUNT_FOLDER the folder of its failures. A
+scene takes 0.6 s of one core, others a little more. All but smooth scenes, whose
+reported errors are judged, run without the repeat that estimates the error: the first
+integration must be right. Of smooth scenes a repeat that has replaced the run is a
+fault.
 """
 
 import itertools
@@ -15,7 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from tests.hunt import grammar, hybrid_verdict, instants_verdict, verdict
+from tests.hunt import (
+    fixed_steps,
+    grammar,
+    hybrid_verdict,
+    instants_verdict,
+    verdict,
+)
 from tests.hunt.contacts import contact_scene
 from tests.hunt.features import feature_scene
 from tests.hunt.integrator import NoTruthError
@@ -64,6 +71,10 @@ def tried_instant(seed, lagsim):
     return instants_verdict.tried(seed, lagsim, *ONCE)
 
 
+def tried_steps(seed, lagsim):
+    return fixed_steps.tried(seed, lagsim, *ONCE)
+
+
 class Hunt(NamedTuple):
     """How scenes are tried: a few slowly, many nightly; how few have no truth then."""
 
@@ -78,6 +89,7 @@ HUNTS = {
     "contacts": Hunt(tried_contact, 8, 60, 1),
     "features": Hunt(tried_feature, 5, 60, 1),
     "instants": Hunt(tried_instant, 6, 80, 1 / 20),
+    "steps": Hunt(tried_steps, 4, 60, 1),
 }
 
 

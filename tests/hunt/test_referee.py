@@ -7,13 +7,14 @@ import pytest
 import yaml
 
 from tests.hunt.contacts import ContactScene
+from tests.hunt.fixed_steps import Runs
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.hybrid import Equations, Hybrid, Plain
 from tests.hunt.hybrid_verdict import truth as hybrid_truth
 from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
 from tests.hunt.scene import Item, Law, Scene
-from tests.hunt.verdict import judge, truth
+from tests.hunt.verdict import Verdict, judge, truth
 
 Long = np.longdouble
 # What two ways of computing in long double may differ by after a few thousand steps.
@@ -217,6 +218,40 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
     assert verdict(0.0, 1e-12, code=3).kind == "refused-3"
     assert verdict(0.0, 1e-12, code=-1).kind == "hang"
     assert verdict(0.0, 1e-12, choice="repeated: radau").kind == "repeated"
+
+
+class OneNumber:
+    """A program whose run has one number, by its step; other methods are refused."""
+
+    def __init__(self, numbers):
+        self.numbers = iter(numbers)
+
+    def run(self, _text, _option, method, *_steps):
+        if method != "rk4":
+            return Answer(2, f"{method} cannot handle this model [E402]")
+        return Answer(
+            0, "", {"complete": True}, ["x"], np.array([[next(self.numbers)]])
+        )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "magnified", "kind"),
+    [
+        ([1 + 1e-4, 1 + 1e-5], 1.0, "fine"),
+        ([1 + 1e-2, 1 + 1e-3, 1 + 1e-4], 1.0, "fine"),
+        ([2 + 1e-4, 2 + 1e-5], 1.0, "wrong"),
+        ([1 + 1e-5, 1 + 1e-5], 1.0, "wrong"),
+        ([1.4, 0.8, 1.2], 1.0, "unsettled"),
+        ([1.4, 0.8, 1.2], 100.0, "uncounted"),
+    ],
+)
+def test_runs_with_fixed_steps_may_be_off_by_their_distance(numbers, magnified, kind):
+    def judged(answer, apart):
+        return Verdict("fine" if abs(answer.rows[0, 0] - 1) < apart else "wrong")
+
+    runs = Runs(OneNumber(numbers), ["verlet", "rk4"], ())
+    found = runs.verdict("", 1.0, lambda x: x.rows, magnified, judged)
+    assert (found.kind, found.text[:4]) == (kind, "rk4:")
 
 
 def test_scenes_follow_from_their_seed():
