@@ -23,6 +23,7 @@ from lagsim.methods.parts import newton
 from lagsim.methods.parts.constraints import largest_part
 from lagsim.methods.parts.fixed import Fixed, conclude, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
+from lagsim.methods.parts.missed import next_end
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NEWTON_FAILED, derivative, jacobian
 from lagsim.native.layout import array, option
@@ -143,9 +144,12 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     The time of `a` differs from the start by alpha_m - alpha_f steps; the acceleration
     at the start would reduce the order of the first step by one (Arnold and Bruels,
     section 3). Its change in this time is added, from a second evaluation, except for
-    components whose fast motion the step does not resolve.
+    components whose fast motion the step does not resolve. The first step may be
+    shorter than the others: on a short stretch between two points of a table a force
+    may be steep.
     """
-    n, y, k, z, h = s.n, s.y, s.k, s.new, s.fixed_step
+    n, y, k, z = s.n, s.y, s.k, s.new
+    h = min(s.fixed_step, next_end(s, p) - s.t)
     radius = s.spectral_radius
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h

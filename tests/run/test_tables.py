@@ -110,6 +110,29 @@ def test_every_method_goes_through_kinks(name):
     assert found["x"] == pytest.approx(exact["x"], abs=near)
 
 
+@pytest.mark.parametrize(
+    "name", [n for n in names() if method(n).ORDER > 1 and not method(n).ADAPTIVE]
+)
+def test_a_steep_stretch_of_a_table_of_t_is_exact_by_fixed_steps(name):
+    """The stretch is much shorter than a step; beside it the force is constant.
+
+    A parabola is exact for each of these methods, and the velocity after a linear
+    force, too. The position on the stretch is off by at most its length squared.
+    """
+    a, b, end = 0.37, 0.3701, 3.0
+    points = [[0, 1], [a, 1], [b, -1], [end, -1]]
+    text = scene(
+        {"f": {"points": points}}, {"x": "f(t)"}, {"x": 0, "x_dot": 1}, duration=end
+    )
+    found = simulate(text, method=name, step=0.1)
+    speed = 1.0 + a
+    final = speed - (end - b)
+    assert found["x_dot"][-1] == pytest.approx(final, abs=1e-13)
+    assert found["work"][-1] == pytest.approx((final**2 - 1.0) / 2.0, abs=1e-12)
+    place = a + a**2 / 2 + speed * (b - a) + speed * (end - b) - (end - b) ** 2 / 2
+    assert found["x"][-1] == pytest.approx(place, abs=(b - a) ** 2)
+
+
 def test_a_kink_of_a_potential_is_a_jump_of_the_force():
     """In the notch |x| the energy falls as exp(-2 t/3): two thirds of it are |x|."""
     notch = {"points": [[-1, 1], [0, 0], [1, 1]], "outside": "extend"}
