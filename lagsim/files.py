@@ -189,7 +189,7 @@ def write(handle: int, content: bytes) -> None:
     os.fsync(handle)
 
 
-def pour(path: Path | str, content: bytes) -> None:
+def write_irregular(path: Path | str, content: bytes) -> None:
     """Write to a file that is not regular: a pipe with a reader, or a terminal.
 
     Raises

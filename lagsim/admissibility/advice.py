@@ -281,7 +281,7 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
             many = "s" * (len(others) > 1)
             text = f"`{name}` and {len(others)} other member{many} of `{stem}` are"
         yield Caution(UNUSED_PARAMETER, f"{text} given and used nowhere")
-    for text in model.idle:
+    for text in model.unused_keys:
         yield Caution(NO_EFFECT, text)
     yield from about_angles(model)
     for one in model.stated.mismatches(model):

@@ -102,7 +102,7 @@ def alone(
 
     An unforeseen exception becomes a result, so that it does not end the other models.
 
-    work, file, documents, as_json : see `heard`.
+    work, file, documents, as_json : see `captured`.
     """
 
     def guarded() -> int:
@@ -115,13 +115,13 @@ def alone(
         except Exception:  # noqa: BLE001  the results of other models are of use
             return unforeseen()
 
-    found = heard(guarded, file, documents, as_json=as_json)
+    found = captured(guarded, file, documents, as_json=as_json)
     if not gc.isenabled():  # see `cli.entry`
         gc.collect()
     return found
 
 
-def heard(
+def captured(
     work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
 ) -> Done:
     """Call `work`; return its exit code, its documents, and the text printed on stderr.
@@ -231,7 +231,7 @@ def run_all(
             pieces[k] = PendingRun(text, file, into, overrides, options, job, as_json)
             return 0
 
-        fault = heard(prepare, path, [], as_json=as_json)
+        fault = captured(prepare, path, [], as_json=as_json)
         if fault.code:
             pieces[k] = fault
         elif names[k] in first:

@@ -289,8 +289,8 @@ def _answer(task: _Task) -> _Answer:
     lines += [f"  note: {note}" for note in verdict.notes]
     known = summary(stored)
     if known is not None:
-        found["unseen"] = known.blind
-        lines += [f"  note: {_unseen(known)}"] if known.blind else []
+        found["unseen"] = known.undetected
+        lines += [f"  note: {_unseen(known)}"] if known.undetected else []
     lines += differing(verdict)
     if not verdict.passed and task.plots is not None:
         path = task.plots / f"{model.name}.png"
@@ -336,13 +336,13 @@ def _store(case: Case, folder: Path) -> _Answer:
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
     lines = [f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"]
     lines.append(
-        f"  it detects changes of {counted(known.seen, 'number')} of the model"
+        f"  it detects changes of {counted(known.detected, 'number')} of the model"
     )
     if known.unresponsive:
         names = several(known.unresponsive, 8)
         lines.append(f"  the motion does not respond to: {names}")
     found |= {"pass": True, "stored": True, "horizon": golden.horizon}
-    found |= {"rows": len(golden.rows), "unseen": known.blind}
+    found |= {"rows": len(golden.rows), "unseen": known.undetected}
     found |= {"warnings": [c.record for c in cautions]} if cautions else {}
     return _Answer(0, found, lines)
 
@@ -362,7 +362,7 @@ def _horizon(golden: Golden) -> str:
 
 
 def _unseen(known: Summary) -> str:
-    names = several(known.blind, 8)
+    names = several(known.undetected, 8)
     return f"small changes that alter the motion, but would not be detected: {names}"
 
 
@@ -379,7 +379,7 @@ def _doubts(golden: Golden, known: Summary) -> list[Caution]:
                 f": past t = {golden.horizon:.4g} the motion is that of rounding errors"
             )
         found.append(Caution(FEW_ROWS, text))
-    if known.blind:
+    if known.undetected:
         found.append(Caution(CHANGE_UNSEEN, f"{model}: {_unseen(known)}"))
     return found
 

@@ -49,7 +49,7 @@ from lagsim.methods import names
 from lagsim.model.loading import model_text
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
-from lagsim.native.link.ahead import helped
+from lagsim.native.link.ahead import second_processes
 from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.results import (
@@ -298,7 +298,7 @@ class Job:
             with self.interrupt.raised():
                 settings = wanted(model, "run", hint="add it, or give --duration")
                 self.clock.lap("read")
-                with helped() if is_watched() else contextlib.nullcontext():
+                with second_processes() if is_watched() else contextlib.nullcontext():
                     case = open_case(model, settings, clock=self.clock)
                     session = case.ready(clock=self.clock)
             return self._made(session, {**options, "set": {**overrides}})
@@ -332,7 +332,7 @@ class Job:
             identity = {"model text": model.content, "set of options": options}
             return Restart(folder, identity)
 
-        first = restart().rescue if request.resume else None
+        first = restart().load_checkpoint if request.resume else None
         with open_results(folder, first=first) as results:
             if request.resume and restart().stand is None and not request.quiet:
                 print_stderr(f"lagsim: {folder} holds no interrupted run to continue")

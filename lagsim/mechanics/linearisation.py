@@ -93,7 +93,7 @@ class Eigenmodes(NamedTuple):
         found /= np.maximum(np.max(found, axis=0, initial=0.0), TINY)
         return found
 
-    def swing(self, part: float) -> Flags:
+    def are_slowly_damped(self, part: float) -> Flags:
         """Return a mask (k,) of the modes that decay slowly beside their |eigenvalue|.
 
         part : the largest rate of decay, as a part of |eigenvalue|.

@@ -562,7 +562,7 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
         return RowModes(tuple(modes), directions * parts, p0, paradox=False)
     slides = Mode.SLIDING in modes
     h, own = c + closed.D @ p0, closed.D.diagonal()
-    p, jams = p0.copy(), slides and _jams(rows, E, held)
+    p, paradox = p0.copy(), slides and _has_no_effective_mass(rows, E, held)
     alone = [k for k in held if k in rows.alone]
     p[alone] = -h[alone] / own[alone]
     for group in rows.groups:
@@ -570,7 +570,9 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
         if some:
             x, ratio = _solved_together(rows, E, h, some)
             p += E[:, some] @ x
-            jams |= slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
+            paradox |= (
+                slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
+            )
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
     for k in rows.one_sided:
         if least < p[k] < 0.0:
@@ -578,7 +580,7 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
     is_open = (
         slides and Mode.REDUNDANT in modes and _is_ambiguous(rows, modes, directions)
     )
-    return RowModes(tuple(modes), directions * parts, p, jams, is_open)
+    return RowModes(tuple(modes), directions * parts, p, paradox, is_open)
 
 
 def _solved_together(
@@ -696,7 +698,7 @@ def _is_ambiguous(rows: ContactRows, modes: list[Mode], directions: Floats) -> b
     return bool((np.linalg.norm(F @ free.T, axis=0) > SOLVED_LAWS).any())
 
 
-def _jams(rows: ContactRows, E: Floats, held: list[int]) -> bool:
+def _has_no_effective_mass(rows: ContactRows, E: Floats, held: list[int]) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
     A force on such a contact does not separate it. Each contact is tested alone; the

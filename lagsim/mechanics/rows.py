@@ -95,7 +95,7 @@ class RowTable:
         return len(self.low)
 
     @cached_property
-    def beside(self) -> list[list[int]]:
+    def coupled_rows(self) -> list[list[int]]:
         """For each row, the indices of rows that its bounds or a disc couple with it.
 
         They are the contact of a slip, the slips of a contact, and the other row of a

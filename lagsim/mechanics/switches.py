@@ -500,7 +500,7 @@ class Switches:
         return [done[n] for n in nodes]
 
 
-def prevailing(
+def values_by_majority(
     value: Callable[[float], Sequence[float]], start: float, end: float
 ) -> list[float]:
     """Return the values of step functions on an interval in which none of them steps.

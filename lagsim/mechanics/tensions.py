@@ -468,7 +468,7 @@ def accelerations(e: Equations) -> list[int] | None:
     if laws is None or not has_masses(e):
         return None
     moving = frozenset(e.moving)
-    reduced, leaders = _led(g, laws, n)
+    reduced, leaders = _without_massless(g, laws, n)
     free = {*range(n), *laws.sums} - reduced.sums.keys()
     links = joints(
         g, reduced, sorted(free - reduced.masses.keys() - leaders.keys()), moving
@@ -483,7 +483,9 @@ def accelerations(e: Equations) -> list[int] | None:
     return [found[j] for j in range(n)]
 
 
-def _led(g: Graph, laws: NewtonsLaws, size: int) -> tuple[NewtonsLaws, dict[int, int]]:
+def _without_massless(
+    g: Graph, laws: NewtonsLaws, size: int
+) -> tuple[NewtonsLaws, dict[int, int]]:
     """Eliminate massless velocities that occur in one sum each.
 
     The sums replace these velocities as unknowns. Return the laws without these sums,

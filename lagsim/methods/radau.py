@@ -342,7 +342,7 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
         constraints.note_directions(s, p, s.t + h, s.new)
         removed = constraints.forget_removed(s, p, h, errors)
         left = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
-        error = constraints.bent(s, removed, left)
+        error = constraints.curved_error(s, removed, left)
     return float(error)
 
 

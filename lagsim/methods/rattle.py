@@ -143,7 +143,7 @@ def move_onto(s: Rattle, p: Parameters, after: float, h: float) -> int:
         previous = residual
         moved = s.history[made * n :]
         along_old(s, p, h, moved)
-        learn(n, made, s.masses, s.history)
+        improve_by_broyden(n, made, s.masses, s.history)
         v[:n] += moved[:n]
         new[:n] = s.y[:n] + h * v[:n]
     return 0
@@ -166,7 +166,7 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     moved[:n] = -work[:n]
 
 
-def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
+def improve_by_broyden(n: int, made: int, masses: Floats, steps: Floats) -> None:
     """Replace the last of `steps` (made + 1, n), a plain step, by Broyden's step.
 
     The `made` steps before it, of the same iteration, give the correction.

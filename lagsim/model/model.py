@@ -729,7 +729,7 @@ class Model:
         Frames in space, parents first.
     quaternions : frozenset of str
         Names of the constraints on the lengths of quaternions.
-    idle : tuple of str
+    unused_keys : tuple of str
         Texts on parts of the file without effect.
     tables : tuple of Table
     hidden : tuple of Definition
@@ -765,7 +765,7 @@ class Model:
     gimbals: tuple[Gimbal, ...] = ()
     frames: tuple[TurningFrame, ...] = field(default=(), repr=False)
     quaternions: frozenset[str] = frozenset()
-    idle: tuple[str, ...] = ()
+    unused_keys: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     hidden: tuple[Definition, ...] = field(default=(), repr=False)
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)

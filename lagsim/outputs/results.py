@@ -442,7 +442,7 @@ def write_atomically(path: Path, content: bytes, *, locked: bool = False) -> Non
     import secrets
 
     if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
-        files.pour(path, content)
+        files.write_irregular(path, content)
         return
     for old in () if locked else path.parent.glob(NEW.format("*")):
         with contextlib.suppress(OSError):

@@ -36,10 +36,10 @@ from lagsim.program import mass
 from lagsim.program.laws import (
     clear_open_rows,
     correct,
-    drive,
     factor_held,
     own_place,
     respond,
+    store_sliding_forces,
 )
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
@@ -248,7 +248,7 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     x[k + 1 : n] -= along * row[k + 1 : n]
 
 
-def impress(p: Parameters, rank: int) -> None:
+def store_row_forces(p: Parameters, rank: int) -> None:
     """Store in p.u (n,) the scaled constraint forces, L^-1 A^T lambda = Q w.
 
     On entry p.w (rank,) is the right side of R^T w = p.w, which is solved in place.
@@ -653,7 +653,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
     if LAWS:
         correct(p)
     else:
-        impress(p, int(p.ranked))
+        store_row_forces(p, int(p.ranked))
     mass.backward_mass(p, p.u, out)
     out[p.n] = largest
 
@@ -664,7 +664,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
     if p.augmented > 0.0:
         mass.augment_force(p)
     if LAWS:
-        drive(t, p)
+        store_sliding_forces(t, p)
     solve_terms(p)
 
 
@@ -682,7 +682,7 @@ def solve_terms(p: Parameters) -> None:
     for k in range(p.m):
         p.w[k] = p.scales[k] * mass.missing(p, int(p.order[k]))
     rank = int(p.ranked)
-    impress(p, rank)
+    store_row_forces(p, rank)
     multipliers(p, rank)
     p.u[:] += p.v
     mass.backward_mass(p, p.u, p.motion)

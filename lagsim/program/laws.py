@@ -253,7 +253,7 @@ def slide_along(p: Parameters, i: int) -> None:
         k += 1
 
 
-def impress(p: Parameters) -> None:
+def add_row_forces(p: Parameters) -> None:
     """Add Z p.w to p.u (n,): L^-1 times the forces of the rows that hold."""
     n = p.n
     for k in range(int(p.ranked)):
@@ -379,7 +379,7 @@ def products(p: Parameters) -> int:
     n, laws = p.n, p.laws
     rows = p.A[(p.m - laws) * n :]
     count = 0
-    weigh(p)
+    store_weights(p)
     for k in range(laws):
         if p.law_mode[k] == HELD and shares(p, k):
             for i in range(laws):
@@ -494,7 +494,7 @@ def share_slope(p: Parameters, k: int, change: Floats) -> float:
     return float(found - part * p.share_target[k] * along / (size * size))
 
 
-def weigh(p: Parameters) -> None:
+def store_weights(p: Parameters) -> None:
     """Store in p.u (n,) the weights of the inner product `inner`.
 
     The weight of coordinate j is 1 / a^2, with a the largest |A_ij| of the laws that
@@ -575,7 +575,7 @@ def correct(p: Parameters) -> None:
     """
     solve_rows(p, 0)
     p.u[:] = 0.0
-    impress(p)
+    add_row_forces(p)
 
 
 def factor_held(p: Parameters) -> None:
@@ -703,7 +703,7 @@ def way(t: float, p: Parameters, k: int) -> float:
     return float(p.law_direction[k] + turn)
 
 
-def drive(t: float, p: Parameters) -> None:
+def store_sliding_forces(t: float, p: Parameters) -> None:
     """Store the coefficients c of sliding rows in p.law_part (laws,).
 
     c is the friction coefficient with the sign that opposes the slip, or the limit of a
@@ -747,7 +747,7 @@ def respond(p: Parameters) -> None:
             p.w[k] = mass.missing(p, i)
     solve_rows(p, 1)
     p.u[:] = p.v
-    impress(p)
+    add_row_forces(p)
     mass.backward_mass(p, p.u, p.motion)
     set_exact_accelerations(p)
     if p.least_pivot < REFINED:
@@ -774,7 +774,7 @@ def refine(p: Parameters) -> None:
             p.w[k] = mass.missing(p, int(p.order[k]))
         solve_rows(p, 1)
         p.u[:] = 0.0
-        impress(p)
+        add_row_forces(p)
         mass.backward_mass(p, p.u, p.v)
         p.motion[: p.n] += p.v[: p.n]
         set_exact_accelerations(p)
@@ -839,7 +839,7 @@ def hold_margin(p: Parameters, k: int) -> float:
     """Return the event function of held law k, the margin of lambda to its bound."""
     if is_one_sided(p, k):
         return float(p.multipliers[p.m - p.laws + k])
-    return grip(p, k) if is_bounded(p, k) else ENDLESS
+    return sticking_margin(p, k) if is_bounded(p, k) else ENDLESS
 
 
 def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
@@ -873,7 +873,7 @@ def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
     return float(min(speed - p.law_still[k], ahead - TURNED * speed))
 
 
-def grip(p: Parameters, k: int) -> float:
+def sticking_margin(p: Parameters, k: int) -> float:
     """Return the event function of sticking law k: its bound less |lambda|.
 
     Two slips on a disc have one event function, stored for the first.

@@ -217,7 +217,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
         return
     width = p.size + p.m
     combine(t, y, p)
-    weigh(p)
+    store_gradient_norms(p)
     far = distance(p)
     p.former[p.dynamic] = y[p.dynamic]
     for j in range(sliding):
@@ -229,7 +229,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
         y[p.dynamic] = p.former[p.dynamic]
 
 
-def weigh(p: Parameters) -> None:
+def store_gradient_norms(p: Parameters) -> None:
     """Store the 1-norm of the gradient of each followed surface in p.B (surfaces,).
 
     Elements of surfaces that are not followed are 0.

@@ -585,7 +585,7 @@ class Run:
         """
         if self.record.after is not None:
             self.recorder.hand_on(self.record.after)
-            self.record = self.record.but(after=None)
+            self.record = self.record.replaced(after=None)
             p = self.arc.system.p
             p.impulses[:] = p.row_impulses[:] = 0.0
 

@@ -507,7 +507,7 @@ def _fastest_motion(arc: Arc) -> Fast | None:
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Amplitudes of y', the rate of the state along each eigenvector.
     rates = arc.rates(arc.t, arc.y)[arc.state.dynamic]
-    swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
+    swinging = np.abs(modes.amplitudes(rates)) * modes.are_slowly_damped(OSCILLATING)
     moving = np.abs(modes.right[:n]) @ swinging
     rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)

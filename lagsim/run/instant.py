@@ -89,7 +89,7 @@ class InstantRecord:
     cautions: tuple[Caution, ...] = ()
     ending: Ending | None = None
 
-    def but(self, **changes: Any) -> InstantRecord:
+    def replaced(self, **changes: Any) -> InstantRecord:
         """Return a copy of the record in which some fields have other values."""
         record = object.__new__(InstantRecord)
         fields = record.__dict__

@@ -125,7 +125,7 @@ def phase(
         if now.ending is not None:
             return now
         found = decided(now, by)
-        return now.but(ending=found) if isinstance(found, Ending) else found
+        return now.replaced(ending=found) if isinstance(found, Ending) else found
 
     return guarded
 
@@ -152,7 +152,7 @@ def first_record(arc: Arc, last: InstantRecord, located: Located) -> InstantReco
             arc, located=located, surfaces=with_located_surface(NO_SURFACES, located),
             stale=not alone,
         )  # fmt: skip
-    return last.but(
+    return last.replaced(
         arc=arc, located=located, surfaces=with_located_surface(last.surfaces, located),
         stale=not alone, impacts=False, shown=None, rows=(), events=(), cautions=(),
     )  # fmt: skip
@@ -225,10 +225,10 @@ def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
         decided = sides(now, by)
         now = velocities(decided, by)
         if now.after is decided.after or now.ending is not None:
-            return now if now.before is None else now.but(before=None)
+            return now if now.before is None else now.replaced(before=None)
     late = now.events[-STUCK:]
     about = quoted(x for e in late if (x := e.constraint or e.switch))
-    return now.but(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
+    return now.replaced(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
 
 
 @phase
@@ -244,7 +244,7 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     by : the parts of the run that decide.
     """
     if by.jumping and now.before is None and (now.stale or now.due.acts):
-        now = now.but(before=before_event(now.arc))
+        now = now.replaced(before=before_event(now.arc))
     if by.transitions is None or not now.due.acts:
         return now
     arc = now.arc
@@ -303,7 +303,7 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
             found = by.switching.select_at(arc, now.surfaces, now.laws, located.surface)
         else:
             found = by.switching.select(arc, now.surfaces, now.laws)
-    now = now.but(located=NOWHERE, admissible=None)
+    now = now.replaced(located=NOWHERE, admissible=None)
     return carried_out(
         now, found.decision, modes=trial.found, surfaces=found.surfaces, laws=found.laws
     )
@@ -321,7 +321,7 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     law = now.located.law
     if law >= 0:
-        return laws_struck(now.but(located=NOWHERE), by, law=law, decided=False)
+        return laws_struck(now.replaced(located=NOWHERE), by, law=law, decided=False)
     if now.before is None or not may_strike(now.arc, by):
         return now
     return laws_struck(now, by, decided=False)
@@ -340,7 +340,7 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     ending = end_of_table(now.arc) if by.switches else None
     if ending is not None:
-        return now.but(ending=ending)
+        return now.replaced(ending=ending)
     projected = GO_ON
     if now.before is not None:
         now, projected = equalities_struck(now, by, now.before)
@@ -363,7 +363,7 @@ def equalities_struck(
     """
     with TrialModes(now.arc) as trial:
         found, surfaces = inelastic_impact(now.arc, before, by.switching, now.surfaces)
-    now = now.but(before=before._replace(compared=True))
+    now = now.replaced(before=before._replace(compared=True))
     if found is GO_ON:
         return now, found
     jump = Decision(rows=found.rows, impulses=found.impulses)
@@ -402,7 +402,7 @@ def laws_struck(
         if corners is not None:
             corners.restore()
     if corners is not None and corners.is_decided:
-        now = now.but(surfaces=now.surfaces._replace(stopped=corners.stopped))
+        now = now.replaced(surfaces=now.surfaces._replace(stopped=corners.stopped))
     decision = found.decision(arc).after(projected)
     if decision.ending is None and law >= 0:
         decision = decision._replace(ending=by.contacts.accumulate())
@@ -443,7 +443,7 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     by : the parts of the run that decide.
     """
     if by.transitions is None or now.acts.is_over:
-        return now if now.due is NOTHING else now.but(due=NOTHING)
+        return now if now.due is NOTHING else now.replaced(due=NOTHING)
     struck, acted = now.impacts, now.acts
     with TrialModes(now.arc) as trial:
         due = by.transitions.due_after(
@@ -461,9 +461,9 @@ def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Return the record with the row after the last jump, and the end by `until`."""
     now.arc.system.p.settled[:] = now.arc.t
     if now.after is not None:
-        now = now.but(after=now.arc.runner.tabulate(now.arc.row()))
+        now = now.replaced(after=now.arc.runner.tabulate(now.arc.row()))
     if by.transitions is not None and now.acts.is_over:
-        now = now.but(ending=Ending(Outcome.UNTIL))
+        now = now.replaced(ending=Ending(Outcome.UNTIL))
     return now
 
 
@@ -494,7 +494,7 @@ def carried_out(
     if modes is not None:
         write(arc, modes)
     if found is GO_ON:
-        return now.but(**others)
+        return now.replaced(**others)
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
     if found.y is not None:
@@ -503,7 +503,7 @@ def carried_out(
         others["events"] = now.events + found.events
     if found.cautions:
         others["cautions"] = now.cautions + found.cautions
-    now = now.but(ending=now.ending or found.ending, **others)
+    now = now.replaced(ending=now.ending or found.ending, **others)
     return now if found.rows is None else jumped(now, found.rows, found.impulses)
 
 
@@ -529,7 +529,7 @@ def jumped(
         p.row_impulses[:] += given.rows
     after = arc.runner.tabulate(arc.row())
     arc.pass_shown()
-    return now.but(rows=rows, after=after, shown=None, impacts=True)
+    return now.replaced(rows=rows, after=after, shown=None, impacts=True)
 
 
 # --- The events that are due, just before an instant and at the start
@@ -604,7 +604,7 @@ def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
         found = transitions.start(arc, corners_at(at_rest, by) if kicked else None)
         if kicked and by.switching is not None:
             by.switching.release(arc)
-    return carried_out(now.but(ending=at_rest.ending), found, modes=trial.found)
+    return carried_out(now.replaced(ending=at_rest.ending), found, modes=trial.found)
 
 
 def may_strike(arc: Arc, by: Deciders) -> bool:

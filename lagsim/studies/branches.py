@@ -89,7 +89,7 @@ class BranchPoint(NamedTuple):
     stable: bool | None
 
     @property
-    def whirls(self) -> bool:
+    def has_growing_oscillation(self) -> bool:
         """Whether a mode that oscillates grows, as past a Hopf point."""
         found = self.steady.spectrum
         return bool(np.any(found.growing & (np.abs(found.values.imag) > found.errors)))
@@ -460,7 +460,7 @@ class RestCurve:
         tests: list[tuple[str, Callable[[BranchPoint], bool]]] = [
             (FOLD, lambda x: x.tangent[-1] > 0.0),
             (BRANCH, lambda x: x.sign > 0.0),
-            (HOPF, lambda x: x.whirls),
+            (HOPF, lambda x: x.has_growing_oscillation),
         ]
         for kind, test in tests:
             if test(here) is not test(there):

@@ -194,7 +194,7 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     """
     gc.freeze()  # loaded objects are never collected
     data: PlotData = pickle.loads(content)
-    with ahead.helped():
+    with ahead.second_processes():
         for name, picture in drawn_here(data, model):
             if isinstance(picture, Caution):
                 # The calling process draws it again, and reports the failure.

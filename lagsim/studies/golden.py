@@ -465,16 +465,16 @@ class Summary(NamedTuple):
 
     Attributes
     ----------
-    seen : int
+    detected : int
         The count of numbers whose change makes the golden fail.
-    blind : list of str
+    undetected : list of str
         Numbers whose change alters the motion, but passes the golden.
     unresponsive : list of str
         Numbers whose change does not alter the motion.
     """
 
-    seen: int
-    blind: list[str]
+    detected: int
+    undetected: list[str]
     unresponsive: list[str]
 
 
@@ -483,22 +483,22 @@ def summary(golden: Golden) -> Summary | None:
     found = golden.about.get(CHANGES)
     if not found:
         return None
-    count, blind, unresponsive = 0, [], []
+    count, undetected, unresponsive = 0, [], []
     for name, x in (found["parameters"] | found["initial"]).items():
         if "response" not in x:
             count += 1
         elif x["response"] > SAFETY:
-            blind.append(name)
+            undetected.append(name)
         else:
             unresponsive.append(name)
     for name, x in found.get("tables", {}).items():
         unseen, still = (x.get(word, ()) for word in ("unseen", "unresponsive"))
         count += x["changed"] - len(unseen) - len(still)
-        for names, points in ((blind, unseen), (unresponsive, still)):
+        for names, points in ((undetected, unseen), (unresponsive, still)):
             if points:
                 noun = "point" if len(points) == 1 else "points"
                 names.append(f"{name}, {noun} {several(map(str, points), 8)}")
-    return Summary(count, blind, unresponsive)
+    return Summary(count, undetected, unresponsive)
 
 
 # Files.

@@ -70,14 +70,14 @@ class Response(NamedTuple):
     response: float = math.inf
 
     @property
-    def seen(self) -> bool:
+    def is_detected(self) -> bool:
         """Whether the changed model fails the comparison with the golden."""
         return bool(self.refused) or self.ratio > 1.0
 
     @property
-    def blind(self) -> bool:
+    def is_undetected(self) -> bool:
         """Whether the comparison passes although the motion responds to the change."""
-        return not self.seen and self.response > SAFETY
+        return not self.is_detected and self.response > SAFETY
 
     @property
     def record(self) -> Document:
@@ -86,7 +86,7 @@ class Response(NamedTuple):
         if self.refused:
             return found | {"refused": self.refused}
         found["ratio"] = float(f"{self.ratio:.3g}")
-        if not self.seen:
+        if not self.is_detected:
             found["response"] = float(f"{self.response:.3g}")
         return found
 
@@ -179,14 +179,17 @@ def _table(changes: _Changes, table: Table) -> Document:
     count = math.prod(int(axis.numbers[0]) + 1 for axis in table.axes)
     points = _evenly(count, MOST_POINTS)
     found = {k: changes.of_point(table.name, k) for k in points}
-    seen = {k: r for k, r in found.items() if r.seen}
-    least = min(seen, key=lambda k: seen[k].ratio, default=None)
+    detected = {k: r for k, r in found.items() if r.is_detected}
+    least = min(detected, key=lambda k: detected[k].ratio, default=None)
     entry: Document = {"points": count, "changed": len(found)}
     if least is not None:
-        entry |= {"least": seen[least].record | {"point": least + 1}}
+        entry |= {"least": detected[least].record | {"point": least + 1}}
     for word, some in (
-        ("unseen", {k: r for k, r in found.items() if r.blind}),
-        ("unresponsive", {k: r for k, r in found.items() if not (r.seen or r.blind)}),
+        ("unseen", {k: r for k, r in found.items() if r.is_undetected}),
+        (
+            "unresponsive",
+            {k: r for k, r in found.items() if not (r.is_detected or r.is_undetected)},
+        ),
     ):
         if some:
             worst = max(r.response for r in some.values())

@@ -135,13 +135,13 @@ def setting_of(model: Model) -> Setting:
         If energies or forces are not finite at the start.
     """
     settings, model = model.settings(), model.written_out()
-    still = _standing(model, settings.start)
+    still = _frozen(model, settings.start)
     equations, report = after_start_events(equations_of_motion(still), settings)
     off = out_of_force(equations, settings.start)
     return Setting(model, with_timed(equations, off), report, off)
 
 
-def _standing(model: Model, time: float) -> Model:
+def _frozen(model: Model, time: float) -> Model:
     """Return the model with moving constraints frozen at a time."""
     g = model.graph
     nodes = [c.relation.node for c in model.constraints]

@@ -167,7 +167,7 @@ class Restart:
 
     # Loading of a checkpoint
 
-    def rescue(self) -> None:
+    def load_checkpoint(self) -> None:
         """Load the checkpoint of the folder, if there is one, and save its tables.
 
         The tables are moved to places where the new run does not overwrite them.

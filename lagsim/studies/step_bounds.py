@@ -248,7 +248,7 @@ def _analysed(
     # v = 2 Re(c x e^(L t)) of a pair, whose kinetic energy is |2 c x|^2/2 at most.
     amplitudes = np.abs(modes.amplitudes(rates))
     energies = 2.0 * amplitudes**2 * np.sum(np.abs(moved) ** 2, axis=0)
-    energies *= modes.swing(OSCILLATING) * (modes.values.imag > 0.0)
+    energies *= modes.are_slowly_damped(OSCILLATING) * (modes.values.imag > 0.0)
     shapes = modes.parts(linear.Zh @ moved, np.diag(G), len(first))
     return LinearisedState(t, modes.values, shapes, energies)
 

@@ -52,7 +52,7 @@ def test_a_motion_is_measured_not_to_respond_against_rounding():
     golden, _ = measured(SILENT)
     found = golden.about[CHANGES]
     known = summary(golden)
-    assert known.blind == []
+    assert known.undetected == []
     assert known.unresponsive == ["drawn", "cancels"]
     for name in known.unresponsive:
         assert found["parameters"][name]["response"] <= 10.0
@@ -65,7 +65,7 @@ def test_a_motion_is_measured_not_to_respond_against_rounding():
     }  # fmt: skip
     # The start values that are in the file, and are no guesses.
     assert list(found["initial"]) == ["x", "y"]
-    assert known.seen == 5
+    assert known.detected == 5
 
 
 # Data at every second row, as measured loads have: (0, 0), (0.02, y_1), ...
@@ -170,7 +170,7 @@ def test_the_golden_of_a_shipped_model_sees_each_number(name):
         x.name for x in model.initial if x.text and not x.guess
     ]
     assert "untried" not in changes
-    assert known.blind == []
+    assert known.undetected == []
     silent = [x for x in known.unresponsive if not x.startswith("road")]
     assert silent == UNFELT.get(name, [])
     # At 20 m/s the front axle comes to 82.87 m in 4 s, which is knot 415; a cubic

@@ -25,9 +25,9 @@ def test_oscillators(most, count):
     assert found == pytest.approx(expected, abs=1e-11)
     # Those which decay by less than a part of their rate: their damping ratio.
     slow = np.abs(modes.values) < 10.0
-    assert not modes.swing(0.01).any()
-    assert (modes.swing(0.3) == slow).all()
-    assert modes.swing(0.6).all()
+    assert not modes.are_slowly_damped(0.01).any()
+    assert (modes.are_slowly_damped(0.3) == slow).all()
+    assert modes.are_slowly_damped(0.6).all()
     # A motion is the sum of its modes; that of the first oscillator of its own alone.
     rates = np.array([0.3, -1.2, 2.5, 7.0]) * np.tile(np.arange(2) < count, 2)
     assert modes.right @ modes.amplitudes(rates) == pytest.approx(rates, abs=1e-11)

@@ -21,7 +21,7 @@ def number():
 
 def test_another_process_makes_it_where_others_may_be_sent():
     first = number()
-    with ahead.helped():
+    with ahead.second_processes():
         assert ahead.start(number)() != first
     assert ahead.start(number)() == first
 
@@ -35,7 +35,7 @@ def test_nobody_is_left_behind(tmp_path):
             time.sleep(60)
         return b"late"
 
-    with ahead.helped():
+    with ahead.second_processes():
         late = ahead.start(make)
         while not made.exists() or not made.read_bytes():
             time.sleep(1e-3)
@@ -54,7 +54,7 @@ def test_signals_to_it_are_not_those_of_the_first():
 
     before = signal.signal(signal.SIGTERM, lambda *_: heard.append(1))
     try:
-        with ahead.helped():
+        with ahead.second_processes():
             assert ahead.start(killed)() == b"made"
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -69,7 +69,7 @@ def test_what_it_brings_is_whole_or_made_by_the_first():
             os.kill(os.getpid(), signal.SIGKILL)
         return b"made"
 
-    with ahead.helped():
+    with ahead.second_processes():
         assert ahead.start(lambda: content)() == content
         assert ahead.start(killed)() == b"made"
 

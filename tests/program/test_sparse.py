@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.rod_chain import rod_chain
 from lagsim.mechanics.ldl import BUDGET
-from lagsim.mechanics.switches import prevailing
+from lagsim.mechanics.switches import values_by_majority
 from lagsim.native.graph import tapes
 from lagsim.program.system import System
 from lagsim.run.events.breaks import Values
@@ -63,7 +63,7 @@ def motion(e, plan, y, t):
         parameters = {p.name: p.value for p in e.model.parameters}
         discrete = [mode.discrete for mode in system.switches.modes]
         value = Values(e.graph, discrete, parameters)
-        system.set_modes(prevailing(value, t, t + 1e-9))
+        system.set_modes(values_by_majority(value, t, t + 1e-9))
     runner.prepare()
     names = system.columns.names
     wanted = [names.index(name) for name in (*e.accelerations, *e.multipliers)]

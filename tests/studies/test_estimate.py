@@ -6,9 +6,9 @@ import pytest
 from lagsim.studies.fit.estimate import (
     LOSSES,
     determined,
+    next_step_length,
     robust_factor,
     undetermined,
-    unspent,
 )
 
 # The derivatives of the losses rho by the squares z of residuals.
@@ -51,7 +51,7 @@ def test_the_length_of_the_step_that_is_left(loss):
     roots = np.sqrt(weights)
     step = np.linalg.lstsq(roots[:, None] * J, -roots * r, rcond=None)[0]
     length = float(np.linalg.norm(roots * (J @ step)))
-    assert unspent(J, r, loss) == pytest.approx(length, rel=1e-9)
+    assert next_step_length(J, r, loss) == pytest.approx(length, rel=1e-9)
 
 
 @pytest.mark.parametrize("loss", LOSSES[1:])

@@ -452,7 +452,7 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
     return float(min(energy, 2.0 * s.energy))
 
 
-def bent(s: Rank, removed: float, left: float) -> float:
+def curved_error(s: Rank, removed: float, left: float) -> float:
     """Return the error of a step in tolerances, raised by the constraints' curvature.
 
     left : the error in tolerances after the part off the constraints is removed.

@@ -34,11 +34,11 @@ from lagsim.methods.parts.search_table import (
     NEXT,
     POINTS,
     SearchTable,
-    dip,
     end_of,
     error_of_state,
     jumps,
     lowest,
+    minimum_in_half,
     relations,
     reuse_ends,
     same_time,
@@ -219,7 +219,7 @@ def bracket(s: Crossings, p: Parameters, j: int, half: int) -> None:
     k, low, x = relations(s) + j, s.places[half], s.places[half + 1]
     a, b = sampled(s, k, half), sampled(s, k, half + 1)
     s.beyond[j] = x
-    least = dip(CROSSING, s, p, k, half, 0.0)
+    least = minimum_in_half(CROSSING, s, p, k, half, 0.0)
     if least < x and value_at(CROSSING, s, p, k, least) < min(b, 0.0):
         s.beyond[j] = least
     if b >= 0.0 and s.beyond[j] == x:

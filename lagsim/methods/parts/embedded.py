@@ -242,7 +242,7 @@ def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -
     removed = h * h * constraints.forget_removed(s, p, h, errors)
     if PAIR.combines:
         constraints.forget_removed(s, p, h, errors[s.size :])
-    return constraints.bent(s, removed, error_norm(s, h, errors))
+    return constraints.curved_error(s, removed, error_norm(s, h, errors))
 
 
 def make_stages(s: Embedded, p: Parameters, t: float, y: Floats, h: float) -> None:

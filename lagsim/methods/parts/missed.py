@@ -35,8 +35,8 @@ from lagsim.methods.parts.search_table import (
     SMALL,
     THIRD,
     SearchTable,
-    away,
     distance,
+    distance_from_activity,
     error_between,
     events,
     least_allowed,
@@ -240,9 +240,9 @@ def may_approach(s: SearchTable, k: int) -> bool:
         largest = max(a, m, b, abs(on_left), abs(on_right))
         if power * (largest - least) <= APPROACH * least:
             return False
-    first = away(s, k, s.starts)
-    middle = away(s, k, s.middles)
-    last = away(s, k, s.ends)
+    first = distance_from_activity(s, k, s.starts)
+    middle = distance_from_activity(s, k, s.middles)
+    last = distance_from_activity(s, k, s.ends)
     left = distance(kind, power, on_left)
     right = distance(kind, power, on_right)
     dip = min(first, max(middle, right, last)) - left
@@ -342,7 +342,7 @@ def missed_within(s: SearchTable, p: Parameters) -> float:
                     expect(s, p, found)
                     return found
                 s.farthest[own] = value_at(SIGNAL, s, p, k, x)
-        s.farthest[own] = max(s.farthest[own], away(s, k, s.ends))
+        s.farthest[own] = max(s.farthest[own], distance_from_activity(s, k, s.ends))
     return 0.0
 
 

@@ -43,8 +43,7 @@ from lagsim.methods.parts.search_table import (
     RANK,
     SIGNAL,
     SearchTable,
-    away,
-    dip,
+    distance_from_activity,
     end_of,
     error_between,
     events,
@@ -52,6 +51,7 @@ from lagsim.methods.parts.search_table import (
     jumps,
     least_allowed,
     least_of,
+    minimum_in_half,
     relations,
     row_is_known,
     rows,
@@ -259,9 +259,9 @@ def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
         return float(s.places[2])
     high = s.places[1]
     if not s.middles[k] < 0.0:
-        high = dip(EVENT, s, p, k, 0, 0.0)
+        high = minimum_in_half(EVENT, s, p, k, 0, 0.0)
     if not value_at(EVENT, s, p, k, high) < 0.0:
-        high = dip(EVENT, s, p, k, 1, 0.0)
+        high = minimum_in_half(EVENT, s, p, k, 1, 0.0)
     if not value_at(EVENT, s, p, k, high) < 0.0:
         return float(s.places[2])
     return end_of(EVENT, s, p, k, 0.0, s.places[0], high)
@@ -496,7 +496,7 @@ def end_within(s: SearchTable, p: Parameters, half: int) -> float:
         if ends(s, p, k, sampled(s, k, half + 1), x):
             high = x
     for k in range(events(s)):
-        least = dip(EVENT, s, p, k, half, least_allowed(EVENT, s, p, k))
+        least = minimum_in_half(EVENT, s, p, k, half, least_allowed(EVENT, s, p, k))
         if least < x and ends(s, p, k, value_at(EVENT, s, p, k, least), least):
             high = least if high == 0.0 else min(high, least)
     if high > 0.0:
@@ -632,7 +632,7 @@ def missed_feature(s: Crossings, p: Parameters) -> float:
     """
     rows_at(SIGNAL, s, p, 0.0)
     for k in range(s.signals):
-        s.farthest[k] = away(s, events(s) + k, s.values)
+        s.farthest[k] = distance_from_activity(s, events(s) + k, s.values)
     return search(SIGNAL, s, p, 0.0, 1.0)
 
 

@@ -310,7 +310,7 @@ def value_at(kind: Static, s: SearchTable, p: Parameters, k: int, x: float) -> f
     """
     rows_at(kind, s, p, x)
     if kind == SIGNAL:
-        return away(s, k, s.values)
+        return distance_from_activity(s, k, s.values)
     return float(s.values[k])
 
 
@@ -333,7 +333,7 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
-def away(s: SearchTable, k: int, at_point: Floats) -> float:
+def distance_from_activity(s: SearchTable, k: int, at_point: Floats) -> float:
     """Return the distance of signal k from the activity of its localized term.
 
     at_point : (R,), the values of all rows of the table at one point of the step.
@@ -477,7 +477,7 @@ def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) ->
 # --- location of minima and zeros
 
 
-def dip(
+def minimum_in_half(
     kind: Static, s: SearchTable, p: Parameters, k: int, half: int, least: float
 ) -> float:
     """Return the fraction of a minimum of row k in half of the stretch.

@@ -149,7 +149,7 @@ class Expansion:
         self.moving: dict[str, Scalar] = {}
         self.drawn: list[Drawn] = []
         self.points: dict[str, Family] = {}
-        self.idle: list[str] = []
+        self.unused_keys: list[str] = []
         self.broken: set[str] = set()
         self.complete = True
         self.plain = MemberReading(self.scope, {})
@@ -266,7 +266,7 @@ class Expansion:
             if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):
                 reading = MemberReading(self.scope, {"bodies": tree})
                 found[k] = key, self.bound(value, reading)
-        self.idle = bodies.idle()
+        self.unused_keys = bodies.unused_keys()
         return found
 
     def members(self, key: Scalar, label: str) -> tuple[Key, Members] | None:

@@ -220,7 +220,7 @@ class Bodies(SectionReader):
             self.report(MISSING_KEY, text, node, "such as gravity: [0, 0, -g]")
         return total(self._energies[key])
 
-    def idle(self) -> list[str]:
+    def unused_keys(self) -> list[str]:
         """Return texts, for warnings, on keys of the section that have no effect."""
         found = []
         if self._given and "kinetic" not in self._said:

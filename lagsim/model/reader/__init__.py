@@ -346,7 +346,7 @@ class File:
             ),
             frames=_frames(made.turned, x) if made else (),
             quaternions=frozenset(key.text for key, _ in (made.units if made else ())),
-            idle=tuple(made.idle) if made else (),
+            unused_keys=tuple(made.unused_keys) if made else (),
             places={**self.names.places, **places},
             coordinates=coordinates,
             states=states,

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from multiprocessing.connection import Connection
 
-# Second processes at work within each `helped`; empty outside.
+# Second processes at work within each `second_processes`; empty outside.
 _helpers: list[list[Helper]] = []
 
 
 @contextlib.contextmanager
-def helped() -> Iterator[None]:
+def second_processes() -> Iterator[None]:
     """Context manager: within it `start` may start second processes, where possible.
 
     Only for a process with a single thread: a fork copies locks, but not the threads

@@ -158,7 +158,7 @@ class Accumulation:
         self.recent.append((time, row))
         self.of(row).times.append(time)
 
-    def lately(self, least: int = 1) -> list[int]:
+    def recent_rows(self, least: int = 1) -> list[int]:
         """Return rows, sorted, with at least `least` events in the last two windows."""
         some = [k for _, k in list(self.recent)[-2 * self.window :]]
         return sorted(k for k in set(some) if some.count(k) >= least)

@@ -51,7 +51,7 @@ from lagsim.language.functions import CHOOSING, OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
 from lagsim.language.tables import cell_of, knots_between
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
-from lagsim.mechanics.switches import prevailing
+from lagsim.mechanics.switches import values_by_majority
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -459,7 +459,7 @@ def break_times(
     times = heapq.merge(*(_times_of(g, d, values, start, end) for d in discrete))
     before: list[float] | None = None
     for this, following in pairwise(_clusters(times, start, end)):
-        after = prevailing(value, this.last, following.first)
+        after = values_by_majority(value, this.last, following.first)
         if before is not None and (this.pause or repr(after) != repr(before)):
             yield this.first
         before = after

@@ -216,7 +216,7 @@ class Contacts(Source):
         restless = self.sequence.restless()
         if not (restless or self.sequence.is_stuck()):
             return None
-        about = self._names(restless or self.sequence.lately())
+        about = self._names(restless or self.sequence.recent_rows())
         return Ending(Outcome.SWITCHES_ACCUMULATE, about)
 
     def _report(
@@ -401,7 +401,7 @@ class Contacts(Source):
         here : all laws at the state reached.
         """
         table = here.table
-        has_friction = any(table.slips[i] for i in (k, *table.beside[k]))
+        has_friction = any(table.slips[i] for i in (k, *table.coupled_rows[k]))
         return not (has_friction or table.equal[k] or self.laws[k].slider)
 
     def _jumping(self, here: Kinematics, closed: list[bool]) -> list[str]:
@@ -482,10 +482,10 @@ class Contacts(Source):
         # A contact whose series ends is held as an equality; a slip has the friction of
         # the impulses that remain in its series.
         equalities = [i for i, k in enumerate(some) if k in ends] if stopped else []
-        blow = _blow(here, some, e, equalities)
+        solution = _solve_impact(here, some, e, equalities)
         if corners is not None and corners.corners:
-            blow = _blow_beside(corners, here, some, e, equalities)
-        here, problem, rates, result, y = blow
+            solution = _solve_impact_beside(corners, here, some, e, equalities)
+        here, problem, rates, result, y = solution
         # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
         deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
@@ -558,7 +558,7 @@ class Contacts(Source):
             self._report(found, IMPACT_ENERGY, some, t=here.t, gained=result.energy)
 
 
-class Blow(NamedTuple):
+class ImpactSolution(NamedTuple):
     """The impulses of r laws at a state, and the state after.
 
     Attributes
@@ -582,10 +582,10 @@ class Blow(NamedTuple):
     y: Floats
 
 
-def _blow(
+def _solve_impact(
     here: Kinematics, some: list[int], e: Floats, equalities: list[int],
     stopped: Collection[int] = (),
-) -> Blow:  # fmt: skip
+) -> ImpactSolution:  # fmt: skip
     """Compute the impulses of r laws at a state, and the state after.
 
     Parameters
@@ -609,26 +609,26 @@ def _blow(
     rates, y = here.rates[some], here.y.copy()
     result = impact(problem, rates, here.still[some])
     y[here.arc.velocities] += response @ result.impulses
-    return Blow(here, problem, rates, result, y)
+    return ImpactSolution(here, problem, rates, result, y)
 
 
-def _blow_beside(
+def _solve_impact_beside(
     corners: CornerSides,
     here: Kinematics,
     some: list[int],
     e: Floats,
     equalities: list[int],
-) -> Blow:
+) -> ImpactSolution:
     """Compute impulses at corners of equalities, on the sides onto which they lead.
 
-    The sides remain in the memory of the arc. Arguments: see `_blow`.
+    The sides remain in the memory of the arc. Arguments: see `_solve_impact`.
     """
-    found: list[Blow] = []
+    found: list[ImpactSolution] = []
 
     def jump(stopped: frozenset[int]) -> Floats:
         y = here.y.copy()
         corners.project(y, stopped)
-        found.append(_blow(here.at(y), some, e, equalities, stopped))
+        found.append(_solve_impact(here.at(y), some, e, equalities, stopped))
         return found[-1].y
 
     corners.after(jump)

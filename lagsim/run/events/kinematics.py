@@ -500,7 +500,7 @@ class Kinematics:
         for k in also:
             if table.is_one_sided[k] and self.in_force[k] and k not in self.grazing:
                 closed[k] = True
-                for i in table.beside[k]:
+                for i in table.coupled_rows[k]:
                     closed[i] = True
         return closed
 
@@ -528,7 +528,7 @@ class Kinematics:
         while queue:
             k = queue.pop()
             found.append(k)
-            for j in (*self.shape.linked(k), *self.table.beside[k]):
+            for j in (*self.shape.linked(k), *self.table.coupled_rows[k]):
                 if j in left:
                     left.remove(j)
                     queue.append(j)

@@ -518,7 +518,7 @@ class Switching(Source):
         if found.decision.ending or not self.sequence.is_stuck():
             return found
         ending = Ending(
-            Outcome.SWITCHES_ACCUMULATE, self._names(self.sequence.lately())
+            Outcome.SWITCHES_ACCUMULATE, self._names(self.sequence.recent_rows())
         )
         return found._replace(decision=found.decision._replace(ending=ending))
 
@@ -534,8 +534,8 @@ class Switching(Source):
         limit = self.sequence.limit()
         if limit is None:
             return None
-        near, often = self._near(limit - arc.t), self.sequence.lately(2)
-        located = [i for i in self.sequence.lately() if i == k or i in near]
+        near, often = self._near(limit - arc.t), self.sequence.recent_rows(2)
+        located = [i for i in self.sequence.recent_rows() if i == k or i in near]
         # A surface that a fast motion passes once is no part of the accumulation.
         again = [i for i in located if i in often]
         still, recent = arc.system.p.law_still.copy(), self.sequence.recent.copy()

@@ -17,7 +17,7 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.tables import at_ends, is_smooth
-from lagsim.mechanics.switches import prevailing
+from lagsim.mechanics.switches import values_by_majority
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
 from lagsim.methods.parts.search_table import distance
@@ -152,7 +152,7 @@ class KnotTimes(_Ahead):
                 discrete = [arc.system.switches.modes[k].discrete]
                 value = Values(arc.equations.graph, discrete, self._values)
                 first, *_ = next(self._of(k, clock), (arc.settings.end,))
-                arc.system.set_modes(prevailing(value, arc.t, first), [k])
+                arc.system.set_modes(values_by_majority(value, arc.t, first), [k])
             self._fill(arc)
         if arc.t < arc.settings.end:  # a table may end where the run does
             pass_knots(p, arc.t + p.apart)
@@ -257,7 +257,7 @@ class TimeBreaks(_Ahead):
                 nodes = self._nodes(arc)[: len(self._own)]
                 self._discrete = Values(arc.equations.graph, nodes, self._values)
             end = min(self._next, arc.settings.end)
-            branches = prevailing(self._discrete, arc.t, end)
+            branches = values_by_majority(self._discrete, arc.t, end)
             arc.system.set_modes(branches, self._own)
         return found
 
@@ -288,7 +288,9 @@ class TimeBreaks(_Ahead):
         """
         if self._smooth and self._discrete is not None:
             before = arc.system.p.branches[self._own]
-            after = prevailing(self._discrete, arc.t, min(self._next, arc.settings.end))
+            after = values_by_majority(
+                self._discrete, arc.t, min(self._next, arc.settings.end)
+            )
             changes = zip(self._own, before, after, strict=True)
             levels = {k: max(x, y) for k, x, y in changes if x != y}
             modes = arc.system.switches.modes

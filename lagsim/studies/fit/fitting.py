@@ -39,9 +39,9 @@ from lagsim.studies.fit.estimate import (
     SPENT_ROWS,
     determined,
     estimated,
+    next_step_length,
     robust_factor,
     undetermined,
-    unspent,
 )
 from lagsim.studies.fit.names import (
     CLOCK,
@@ -603,7 +603,7 @@ class Fit:
         r = self.raw(x) * per_row
         free = [one.label not in self._active(x) for one in self.names]
         J = self.jacobian(x, ACCURATE).J * per_row[:, None]
-        left = unspent(J[:, free], r, self.loss)
+        left = next_step_length(J[:, free], r, self.loss)
         size = float(np.linalg.norm(r)) / math.sqrt(len(r))
         if left <= max(
             LEFT * size, LEFT_OF_DATA * float(np.linalg.norm(self.data * per_row))
