@@ -64,6 +64,14 @@ ENOUGH = 1e-10
 # row is not differentiable, by the highest order. Low orders are for rough derivatives,
 # and have a truncation error if the step changes the phase of the motion much.
 MOST_APART = {8: 1e-6, 4: 1e-2}
+# Rows that are not differentiable at the best step are computed again at a step smaller
+# by FACTOR**NEAR, by differences of order NEAR_ORDER at most. There the difference of
+# two orders may be larger: where only the second derivative jumps (a knot of a linear
+# table of a parameter), it is in proportion to the step.
+NEAR, NEAR_ORDER, NEAR_APART = -4, 6, 1e-4
+# The error of order 6 at a jump of the second derivative, in differences of orders 6
+# and 4: 9 where the jump is at the value itself.
+NEAR_ERROR = 12.0
 # Number of runs of the first step, of each further one at most, and of all steps of a
 # name on average.
 FIRST_RUNS, MORE_RUNS, MOST_RUNS = 8, 6, 14
@@ -132,14 +140,23 @@ class _Difference(NamedTuple):
     ----------
     values : ndarray, shape (k, columns)
         The derivatives; nan in rows marked in `lost`.
+    best : ndarray, shape (k, columns)
+        The differences of the highest order in all rows.
     lost : ndarray of bool, shape (k,)
         Rows that are not differentiable.
+    apart : ndarray, shape (k, columns)
+        Differences of the two highest orders.
+    unsure : ndarray of bool, shape (k, columns)
+        Cells at which these differ by more than a differentiable motion does.
     truncation, rounding : ndarray, shape (columns,)
         Errors of each column, relative to its largest value.
     """
 
     values: Floats
+    best: Floats
     lost: Flags
+    apart: Floats
+    unsure: Flags
     # By column, relative: errors by truncation and by rounding.
     truncation: Floats
     rounding: Floats
@@ -256,7 +273,9 @@ def _judged(
     noise = (scale <= floor) | (slow & (scale <= AMPLIFIED * floor))
     size = np.where(noise & (e1 >= NOISE * scale), np.inf, scale)
     values = np.where(lost[:, np.newaxis], np.nan, best)
-    return _Difference(values, lost, e1 * falls / size, ROUNDING * beyond / size)
+    errors = e1 * falls / size, ROUNDING * beyond / size
+    unsure = large | ~np.isfinite(best)
+    return _Difference(values, best, lost, first, unsure, *errors)
 
 
 class Sensitivities:
@@ -493,14 +512,9 @@ class _StepSearch:
 
     def __init__(self, runs: _Runs, sides: tuple[bool, bool]) -> None:
         self.runs, self.sides = runs, sides
-        self.found, self._power = self._at(0), 0
+        self.found, self._power = _difference(runs, sides, 0), 0
         # Steps are divided by FACTOR as long as this helps, then multiplied by it.
         self._left = [-1, 1]
-
-    def _at(self, power: int) -> _Difference:
-        if all(self.sides):
-            return _central(self.runs, power)
-        return _aside(self.runs, power, self.sides)
 
     @property
     def count(self) -> int:
@@ -519,7 +533,7 @@ class _StepSearch:
     def improve(self) -> None:
         """Try the next step of the difference; keep the result if its error is less."""
         power = self._power + self._left[0]
-        other = self._at(power)
+        other = _difference(self.runs, self.sides, power)
         if other.score >= self.found.score:
             self._left.pop(0)
         else:
@@ -528,9 +542,14 @@ class _StepSearch:
     def derivative(self) -> Derivative:
         """Return the derivatives from the best difference so far, with step and error.
 
+        Rows that are not differentiable are computed again at a far smaller step.
         Rows that the run does not reach are nan in `values`, and False in `lost`.
         """
-        runs, found = self.runs, self.found
+        runs = self.runs
+        if np.any(self.found.lost & runs.study.reached):
+            near = _difference(runs, self.sides, self._power + NEAR, NEAR_ORDER)
+            self.found = _filled(self.found, near)
+        found = self.found
         return Derivative(
             runs.name, found.values, found.lost & runs.study.reached,
             runs.unit * FACTOR**self._power, found.error, self.count,
@@ -541,27 +560,72 @@ def _truncated(found: _Difference) -> bool:
     return bool(np.max(found.truncation) > np.max(found.rounding))
 
 
-def _central(runs: _Runs, power: int) -> _Difference:
-    """Return the derivatives by central differences, step unit * FACTOR**power."""
+def _filled(found: _Difference, near: _Difference) -> _Difference:
+    """Return a difference, with the rows that it lacks from one at a smaller step."""
+    unsure = found.unsure & found.lost[:, np.newaxis]
+    lost = found.lost & np.any(unsure & near.unsure, axis=1)
+    new = unsure & ~lost[:, np.newaxis]
+    if not new.any():
+        return found
+    values = np.where(new, near.best, found.best)
+    values[lost] = np.nan
+    size = np.max(np.abs(values[~lost]), axis=0)
+    error = NEAR_ERROR * np.max(np.where(new, near.apart, 0.0), axis=0)
+    relative = np.divide(error, size, out=np.zeros_like(size), where=size > 0.0)
+    worst = np.maximum(found.truncation, relative)
+    return found._replace(values=values, lost=lost, truncation=worst)
+
+
+def _difference(
+    runs: _Runs, sides: tuple[bool, bool], power: int, most: int = 8
+) -> _Difference:
+    """Return the derivatives by differences of the step unit * FACTOR**power.
+
+    Central differences, or differences on the side that can be used, of order 6 at
+    most.
+
+    Parameters
+    ----------
+    sides : tuple of bool
+        Whether runs above, and below, can be used.
+    most : int
+        The highest order of central differences.
+    """
+    order = min(most, runs.order)
+    apart_at = max(MOST_APART[runs.order], NEAR_APART * (power <= NEAR))
+    if all(sides):
+        return _central(runs, power, order, apart_at)
+    return _aside(runs, power, sides, apart_at)
+
+
+def _central(runs: _Runs, power: int, most: int, apart_at: float) -> _Difference:
+    """Return the derivatives by central differences, step unit * FACTOR**power.
+
+    most : the highest order.
+    apart_at : see `_judged`.
+    """
     h = runs.unit * FACTOR**power
-    offsets = range(1, runs.order // 2 + 1)
+    offsets = range(1, most // 2 + 1)
     above, below = (runs.rows([s * j for j in offsets], power) for s in (1, -1))
     odd = (above - below) / (2.0 * h)
     estimates = [
         np.tensordot(weights, odd[: order // 2], axes=1)
         for order, weights in CENTRAL.items()
-        if order <= runs.order
+        if order <= most
     ]
-    return _judged(estimates, [*above, *below], h, MOST_APART[runs.order])
+    return _judged(estimates, [*above, *below], h, apart_at)
 
 
-def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
+def _aside(
+    runs: _Runs, power: int, sides: tuple[bool, bool], apart_at: float
+) -> _Difference:
     """Return the derivatives by differences on the side that can be used.
 
     The order is 6, or that of the central differences if lower.
 
     sides : whether runs above, and below, can be used.
     power : see `_Runs.trial`.
+    apart_at : see `_judged`.
     """
     side = 1 if sides[0] else -1
     h = side * runs.unit * FACTOR**power
@@ -571,7 +635,7 @@ def _aside(runs: _Runs, power: int, sides: tuple[bool, bool]) -> _Difference:
         np.tensordot(weights, rows[: order + 1], axes=1) / h
         for order, weights in used.items()
     ]
-    return _judged(estimates, [*rows], h, MOST_APART[runs.order])
+    return _judged(estimates, [*rows], h, apart_at)
 
 
 def _not_free(name: str, trial: Trial) -> LagsimError:

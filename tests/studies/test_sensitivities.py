@@ -134,6 +134,51 @@ def test_at_the_end_of_the_domain_a_difference_is_one_sided():
     assert honest(found, error)
 
 
+def test_rows_at_a_knot_of_a_table_have_their_derivatives():
+    """x_ddot = F(s t): by s, x_ddot alone has a jump where s t = 1 and 3."""
+    text = """
+parameters: {s: 1}
+coordinates: {x: {}}
+tables: {F: {interpolation: linear, outside: hold, points: [[0, 0], [1, 1], [3, 0]]}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: F(s*t)}
+initial: {x: 0, x_dot: 0}
+simulation: {duration: 4}
+"""
+    times = np.linspace(0.0, 4.0, 41)
+    found = study(text, times).by("s")
+    # x_dot = G(s t)/s and x = H(s t)/s^2, with H'' = G' = F.
+    up, down, after = (np.clip(times - a, 0, b) for a, b in ((0, 1), (1, 2), (3, 9)))
+    F = np.interp(times, [0, 1, 3], [0, 1, 0])
+    G = up**2 / 2 + down - down**2 / 4
+    H = up**3 / 6 + down / 2 + down**2 / 2 - down**3 / 12 + 1.5 * after
+    exact = np.array([G * times - 2 * H, F * times - G]).T
+    assert not found.lost.any()
+    error = np.max(np.abs(found.values - exact) / np.max(np.abs(exact), axis=0))
+    assert error < 1e-5  # half of the small step, 1e-3 of s divided by 81
+    assert honest(found, error)
+
+
+def test_an_event_that_never_acts_takes_no_rows():
+    """At rates of 0.1 % more it would act."""
+    text = """
+parameters: {v: 1}
+coordinates: {x: {}}
+modes: {a: 0}
+energy: {kinetic: x_dot^2/2, potential: x^2/2}
+forces: {x: a}
+events: {push: {at: x_dot <= -1.001, set: {a: 1}}}
+initial: {x: 0, x_dot: v}
+simulation: {duration: 6}
+"""
+    times = np.linspace(0.0, 6.0, 61)
+    found = study(text, times, ("x",)).by("v")
+    assert not found.lost.any()
+    error = worst(found, np.sin(times))
+    assert error < 1e-8
+    assert honest(found, error)
+
+
 def test_a_row_between_the_impacts_of_two_runs_is_not_differentiable():
     times = np.array([0.2, math.sqrt(2 / 9.81), 0.6])
     found = study(BALL, times, ("y_dot",)).by("h")
