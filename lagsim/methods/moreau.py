@@ -212,8 +212,8 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
         p.struck[i] = h * s.y[first + k]
         before = rate(p, k, s.z[s.velocities])
         forced = abs(rate(p, k, s.w) - before)
-        felt = max(forced, SLIP_AT_REST * p.reaches[i])
-        if p.row_gapped[k] > 0.0 and -before > felt:
+        speed_scale = max(forced, SLIP_AT_REST * p.reaches[i])
+        if p.row_gapped[k] > 0.0 and -before > speed_scale:
             s.struck = 1.0
             s.coarse = h
     s.leap = 0.5 * s.struck

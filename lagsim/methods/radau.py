@@ -534,9 +534,9 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
             error_factor = rate / (1.0 - rate) if rate < 0.99 else OVERFLOW
             ahead = MOST - 2 - iteration
             coming = error_factor * size * rate**ahead / limit
-            hopeless = coming >= 1.0 and error_factor * size > limit
+            diverges = coming >= 1.0 and error_factor * size > limit
             # Quotients alternate if the errors of J do: a single quotient is no rate.
-            if hopeless and (iteration > 1 or rate >= 0.99):
+            if diverges and (iteration > 1 or rate >= 0.99):
                 if is_rounding(s, p, h):
                     apply_step(s)
                     s.iterations = iteration + 1

@@ -149,21 +149,21 @@ def move_onto(s: Rattle, p: Parameters, after: float, h: float) -> int:
     return 0
 
 
-def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
+def along_old(s: Rattle, p: Parameters, h: float, projection: Floats) -> None:
     """Project a correction of the positions onto the span of the old gradients.
 
     The gradients are those of the constraints at the start of the step, multiplied by
     M^-1. The correction (n,) is in `change`, which is overwritten.
 
     h : the length of the step.
-    moved : (n,), on return the projection divided by h.
+    projection : (n,), on return the projection divided by h.
     """
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
     probe[s.velocities] = s.y[s.velocities] + work[:n] / h
     # The old velocities are tangent: the removed part is the solution.
     velocity_step(s.t, probe, p, work)
-    moved[:n] = -work[:n]
+    projection[:n] = -work[:n]
 
 
 def improve_by_broyden(n: int, made: int, masses: Floats, steps: Floats) -> None:

@@ -398,23 +398,23 @@ def buffer(size: int, which: float) -> int:
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
-def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
+def reach(s: Taylor, c: Floats, compensation: Floats, h: float, out: Floats) -> None:
     """Evaluate the series c at a time h after its start; write the state to out.
 
     The roundoff is stored in `remainder`. At the end of the step this is the new state
     to the last bit, so that both are on one side of a switch.
 
     out : (size,).
-    lost : (size,), the compensation at the start, which is added.
+    compensation : (size,), the compensation at the start, which is added.
     """
     if s.rtol >= control.TIGHT:
-        reached(h, c, lost, out, s.remainder)
+        reached(h, c, compensation, out, s.remainder)
         return
     size, remainder = s.size, s.remainder
     bend(h, c, remainder)
     control.add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
     control.add_drift(s, s.drift, h)
-    s.remainder[:] += lost[:size]
+    s.remainder[:] += compensation[:size]
     control.add_compensated(size, out, remainder, out, remainder)
 
 

@@ -195,13 +195,17 @@ def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     t : the time of these positions.
     """
     n, new = s.n, s.new
-    v, lost, a = new[s.velocities], s.compensation[s.velocities], s.slope[s.velocities]
+    v, compensation, a = (
+        new[s.velocities],
+        s.compensation[s.velocities],
+        s.slope[s.velocities],
+    )
     if s.size > s.quadratures.start:
         work, rate = new[s.quadratures], s.slope[s.quadratures]
-        add(n, v, lost, 0.5 * h, a)
+        add(n, v, compensation, 0.5 * h, a)
         power(t, new, p, rate)
         count = s.size - s.quadratures.start
         add(count, work, s.compensation[s.quadratures], h, rate)
-        add(n, v, lost, 0.5 * h, a)
+        add(n, v, compensation, 0.5 * h, a)
     else:
-        add(n, v, lost, h, a)
+        add(n, v, compensation, h, a)

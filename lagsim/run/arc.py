@@ -186,7 +186,7 @@ class Arc(NamedTuple):
         return self.state.sizes
 
     @property
-    def seen(self) -> Floats:
+    def magnitudes(self) -> Floats:
         """Largest magnitudes (size,) so far, including the current state."""
         return np.maximum(np.abs(self.y), self.sizes)
 
@@ -356,7 +356,7 @@ class Arc(NamedTuple):
 
         The largest magnitudes and the ranges still include the former state.
         """
-        self.sizes[:] = self.seen
+        self.sizes[:] = self.magnitudes
         np.minimum(self.state.low, self.y, out=self.state.low)
         np.maximum(self.state.high, self.y, out=self.state.high)
         self.y[:] = y

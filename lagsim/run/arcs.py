@@ -168,14 +168,14 @@ class Recorder:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
         of = attrgetter("constraint", "switch", "name")
-        late = [e for e in self.events if any(of(e))][-LATELY:]
-        wheres = Counter(next(filter(None, of(e))) for e in late)
+        recent = [e for e in self.events if any(of(e))][-LATELY:]
+        wheres = Counter(next(filter(None, of(e))) for e in recent)
         where, often = wheres.most_common(1)[0]
         text = (
             f"only the first {MOST_EVENTS} events are listed in run.json and in "
             f"pictures (all in events.csv): from t = {self.full:.9g} "
-            f"on there were {kinds} more; {often} of the last {len(late)} listed are "
-            f"at `{where}`, within {self.full - late[0].time:.3g} of time"
+            f"on there were {kinds} more; {often} of the last {len(recent)} listed "
+            f"are at `{where}`, within {self.full - recent[0].time:.3g} of time"
         )
         return [Caution(EVENTS_UNLISTED, text)]
 
@@ -190,8 +190,8 @@ class Recorder:
             self._since = time.monotonic()
         self._pool.append(rows)
         self._pooled += count
-        late = time.monotonic() - self._since > POOLED_SECONDS
-        if late or self._pooled >= POOLED_ROWS:
+        is_due = time.monotonic() - self._since > POOLED_SECONDS
+        if is_due or self._pooled >= POOLED_ROWS:
             self.pass_on()
 
     def pass_on(self) -> None:
@@ -429,12 +429,12 @@ class Run:
             arc.state.t = self.record.t
             return
         known = [time for source in self.timed for time in source.times(arc)]
-        soon, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
-        near = soon < ahead <= SAME_STEP * settings.duration
+        span, ahead = width(settings, arc.t), min(known, default=math.inf) - arc.t
+        near = span < ahead <= SAME_STEP * settings.duration
         if near and code == at.EVENT_FOUND:
-            soon = max(soon, located_within(arc))
+            span = max(span, located_within(arc))
         arc.state.t = instant(
-            settings, [t for t in known if t <= arc.t + soon] or [arc.t]
+            settings, [t for t in known if t <= arc.t + span] or [arc.t]
         )
 
     def _decide(self, code: int) -> Ending | None:

@@ -543,9 +543,9 @@ def _is_excited(
     ratios = np.divide(
         roots[:, None], roots, out=np.full((n, n), inf), where=roots > 0.0
     )
-    moved = np.where(depends > 0.0, ratios * depends, 0.0)
+    coupling = np.where(depends > 0.0, ratios * depends, 0.0)
     # Part of a body's energy in another body that follows it quasi-statically.
-    linked = np.minimum(FOLLOWS / EXCITED * np.maximum(moved, moved.T) ** 2, 1.0)
+    linked = np.minimum(FOLLOWS / EXCITED * np.maximum(coupling, coupling.T) ** 2, 1.0)
     linked = np.maximum(linked, np.eye(n))
     for _ in range(n.bit_length()):
         linked = np.minimum(linked @ linked, 1.0)

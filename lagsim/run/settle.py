@@ -226,8 +226,8 @@ def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
         now = velocities(decided, by)
         if now.after is decided.after or now.ending is not None:
             return now if now.before is None else now.replaced(before=None)
-    late = now.events[-STUCK:]
-    about = quoted(x for e in late if (x := e.constraint or e.switch))
+    last_events = now.events[-STUCK:]
+    about = quoted(x for e in last_events if (x := e.constraint or e.switch))
     return now.replaced(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
 
 

@@ -800,13 +800,13 @@ def drop_compensation(s: Control) -> None:
     s.compensation[:] = 0.0
 
 
-def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
+def add(n: int, y: Floats, compensation: Floats, h: float, rate: Floats) -> None:
     """Add h * rate to y (n,) by compensated summation.
 
-    lost : (n,), the compensation of y, which is updated.
+    compensation : (n,), the compensation of y, which is updated.
     """
-    lost[:n] += h * rate[:n]
-    add_compensated(n, y, lost, y, lost)
+    compensation[:n] += h * rate[:n]
+    add_compensated(n, y, compensation, y, compensation)
 
 
 def add_compensated(

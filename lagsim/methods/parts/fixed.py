@@ -81,7 +81,7 @@ def next_time(s: State, end: float) -> float:
 
 def judge(
     s: Fixed, p: Parameters, h: float, v: Floats, change: Floats,
-    iteration: int, moved: float, previous: float,
+    iteration: int, largest_change: float, previous: float,
 ) -> int:  # fmt: skip
     """Return the state of Newton's iteration: GO_ON, RENEW, SOLVED or LOST.
 
@@ -91,13 +91,13 @@ def judge(
     v, change : (n,), the velocities and their last change.
     h : the length of the step.
     iteration : its number, from 0.
-    moved : the largest ratio of a change to the size of its component.
+    largest_change : the largest ratio of a change to the size of its component.
     previous : the ratio of the iteration before.
     """
-    state = progress(iteration, moved, previous)
-    if state == SOLVED or iteration == 0 or not moved < OVERFLOW:
+    state = progress(iteration, largest_change, previous)
+    if state == SOLVED or iteration == 0 or not largest_change < OVERFLOW:
         return state
-    if moved >= 0.5 * previous and is_rounding(s, p, h, v, change):
+    if largest_change >= 0.5 * previous and is_rounding(s, p, h, v, change):
         return SOLVED
     return state
 

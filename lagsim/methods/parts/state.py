@@ -190,11 +190,13 @@ def bend(h: float, c: Floats, out: Floats) -> None:
 
 
 @external
-def reached(h: float, c: Floats, lost: Floats, out: Floats, left: Floats) -> None:
+def reached(
+    h: float, c: Floats, compensation: Floats, out: Floats, left: Floats
+) -> None:
     """Write the value at time h, sum_k y_k h^k (size,), of a series to out.
 
     c : the series, its order K, then its coefficients y_0 ... y_K.
-    lost : (size,), the roundoff of y_0, which is added.
+    compensation : (size,), the roundoff of y_0, which is added.
     left : (size,), on return the roundoff of the value.
     """
 

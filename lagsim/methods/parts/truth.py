@@ -231,17 +231,21 @@ def wait(s: SearchTable, p: Parameters) -> int:
     s.met_first = float(found)
     evaluate_with_bounds(s, p, found)
     mark(s)
-    late = 0.0
+    delay = 0.0
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
             if not abs(s.worth[k]) <= s.zero[k] or s.leeway[k] > 0.0:
                 return 0  # true by a jump at an exact time, or after a wait
-            late = max(late, error_of_time(s, k))
+            delay = max(delay, error_of_time(s, k))
     waits = 0
     for k in range(s.conditions):
         side = s.orientation[k]
         comes = side != 0.0 and s.trend[k] * side < 0.0
-        if comes and s.marked[k] == 0.0 and s.worth[k] * side <= late * abs(s.trend[k]):
+        if (
+            comes
+            and s.marked[k] == 0.0
+            and s.worth[k] * side <= delay * abs(s.trend[k])
+        ):
             waits = 1
     if waits == 0:
         return 0

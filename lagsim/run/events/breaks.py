@@ -268,8 +268,8 @@ class Division:
         if lo[0] == rough[1]:
             beside = np.append(True, lo[1:] == hi[:-1])
             beside = np.logical_and.accumulate(beside & split)
-            swallowed = (rough[1] - rough[0]) / GROWTH
-            least = np.where(beside, np.maximum(least, swallowed), least)
+            narrow = (rough[1] - rough[0]) / GROWTH
+            least = np.where(beside, np.maximum(least, narrow), least)
         cells["task"][split & (hi - lo <= least)] = _READY
 
     def _enclose(self, cells: Cells) -> None:
@@ -358,10 +358,10 @@ def _enclosed(
         s.part(slice(k * n, (k + 1) * n)) for k in range(5)
     )
     slopes, slope = slope, slope.part(slice(n))
-    tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
+    is_smooth = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
     steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
     reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + TERM_ROUNDOFF)
-    reach = np.where(tame, reach, math.inf)
+    reach = np.where(is_smooth, reach, math.inf)
     # By the mean value theorem: its error is of second order in the width of the cell.
     refined = Interval(
         np.fmax(cell.lo, np.nextafter(at_middle.lo - reach, -math.inf)),
@@ -374,8 +374,8 @@ def _enclosed(
     samples = [at_lo, at_hi, at_middle, beside]
     verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
     # Monotone, with known values at both ends: constant if these are equal.
-    steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
-    monotone = steep & at_lo.single & at_hi.single
+    has_one_sign = is_smooth & ((slope.lo > 0.0) | (slope.hi < 0.0))
+    monotone = has_one_sign & at_lo.single & at_hi.single
     equal = monotone & (at_lo.lo == at_hi.lo)
     known = interval(
         np.where(equal, at_lo.lo, verdict.lo),
@@ -386,7 +386,7 @@ def _enclosed(
     # Further division is of no use: rounding errors hide the step.
     error = np.minimum(at_middle.width, beside.width)
     about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
-    hidden = tame & ~_steps(op, about).single
+    hidden = is_smooth & ~_steps(op, about).single
     # Errors grow with t (a phase): they are compared only within a factor of 2 in t.
     hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
     most = np.where(slope.jumps, KINKED, SMOOTH)

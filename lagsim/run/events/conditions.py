@@ -52,11 +52,11 @@ def rounding_of_start(arc: Arc) -> Floats:
     expressions that define the start values.
     """
     errors = {x.name: x.error for x in arc.equations.model.initial}
-    moved = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
+    start_errors = np.array([errors.get(x, 0.0) for x in arc.system.equations.moving])
     slopes = arc.state.condition_slopes[len(arc.state.worth) :]
-    slopes = np.abs(slopes.reshape(-1, len(moved)))
-    known = np.isfinite(slopes) & (moved > 0.0)
-    return np.asarray(2.0 * np.where(known, slopes, 0.0) @ moved)
+    slopes = np.abs(slopes.reshape(-1, len(start_errors)))
+    known = np.isfinite(slopes) & (start_errors > 0.0)
+    return np.asarray(2.0 * np.where(known, slopes, 0.0) @ start_errors)
 
 
 class Truth:
@@ -135,8 +135,8 @@ class Truth:
         state, arc = self.state, self.arc
         if arc.steps:
             return np.zeros(len(state.ahead), dtype=bool)
-        now, late = arc.located(arc.t, arc.y), SOON * arc.settings.output_step
-        soon, sooner = self._located_after(late, 1.0), self._located_after(late, PART)
+        now, delay = arc.located(arc.t, arc.y), SOON * arc.settings.output_step
+        soon, sooner = self._located_after(delay, 1.0), self._located_after(delay, PART)
         true = (sooner >= 0.0) & (soon >= 0.0)
         true &= np.isfinite(sooner - now)
         true &= np.abs(sooner - now) > np.abs(soon - now) / 2.0
@@ -144,11 +144,11 @@ class Truth:
         state.ahead[:] = np.where(true, sooner - now, 0.0)
         return true
 
-    def _located_after(self, late: float, part: float) -> Floats:
+    def _located_after(self, delay: float, part: float) -> Floats:
         """Return the values (C,) of the conditions shortly after the start.
 
-        The time after the start is `part` times `late`; time and state move by at least
-        some units in the last place.
+        The time after the start is `part` times `delay`; time and state move by at
+        least some units in the last place.
         """
         arc, places = self.arc, PLACES * part / PART
         rates = np.zeros(len(arc.y))
@@ -156,12 +156,12 @@ class Truth:
             rates = arc.rates(arc.t, arc.y)
         # Positions to second order, so that two points that begin together with one
         # velocity separate.
-        middle = late * part / 2.0
+        middle = delay * part / 2.0
         rates[arc.state.positions] = (arc.y + middle * rates)[arc.velocities]
-        moved = arc.later(np.zeros(len(arc.y)), rates, late * part)
-        moved += np.sign(moved) * places * np.spacing(np.abs(arc.y))
-        time = arc.t + max(late * part, places * float(np.spacing(abs(arc.t))))
-        return arc.located(time, arc.y + moved)
+        displaced = arc.later(np.zeros(len(arc.y)), rates, delay * part)
+        displaced += np.sign(displaced) * places * np.spacing(np.abs(arc.y))
+        time = arc.t + max(delay * part, places * float(np.spacing(abs(arc.t))))
+        return arc.located(time, arc.y + displaced)
 
     def decide_before(self, found: int = -1) -> None:
         """Decide all conditions at the state just before an instant; store their truth.
@@ -267,7 +267,7 @@ def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:
     which : ndarray of bool, shape (C,)
         The conditions whose leeway is raised.
     """
-    state, sizes = arc.state, arc.seen.copy()
+    state, sizes = arc.state, arc.magnitudes.copy()
     speeds = sizes[state.positions] / arc.settings.duration
     sizes[state.velocities] = np.maximum(sizes[state.velocities], speeds)
     scale = np.zeros(len(values))

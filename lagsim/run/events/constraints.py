@@ -220,16 +220,18 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
         The jump of the velocities, and their error before it.
     """
     n, size = arc.system.n, arc.system.size
-    seen = arc.seen.copy()
-    seen[arc.velocities] += arc.state.step_h * arc.state.parts[:n]
+    magnitudes = arc.magnitudes.copy()
+    magnitudes[arc.velocities] += arc.state.step_h * arc.state.parts[:n]
     steps = arc.runner.function("velocity_step")
     roundoff = np.zeros(n)
     for sign in (1.0, -1.0):
         moment = RESIDUAL_ROUNDOFF * max(abs(arc.t), arc.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
-        moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
-        roundoff = np.fmax(roundoff, np.abs(moved - off - step))
-    roundoff += RESIDUAL_ROUNDOFF * seen[arc.velocities]
+        displaced = steps(
+            arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * magnitudes
+        )[:n]
+        roundoff = np.fmax(roundoff, np.abs(displaced - off - step))
+    roundoff += RESIDUAL_ROUNDOFF * magnitudes[arc.velocities]
     most = SATISFIED * 1e-3 * arc.ranges[arc.velocities] + CLEAR_OF_ROUNDING * roundoff
     return bool(np.any(np.abs(step) > most))
 

@@ -213,10 +213,10 @@ class Contacts(Source):
 
     def accumulate(self) -> Ending | None:
         """Return the ending of a run whose laws' modes end too often, or None."""
-        restless = self.sequence.restless()
-        if not (restless or self.sequence.is_stuck()):
+        stuck_members = self.sequence.restless()
+        if not (stuck_members or self.sequence.is_stuck()):
             return None
-        about = self._names(restless or self.sequence.recent_rows())
+        about = self._names(stuck_members or self.sequence.recent_rows())
         return Ending(Outcome.SWITCHES_ACCUMULATE, about)
 
     def _report(

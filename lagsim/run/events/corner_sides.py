@@ -327,9 +327,9 @@ class CornerSides:
         off = self.off
         stops = [k for k, side in zip(some, sides, strict=True) if side == SLIDING]
         y = jump(frozenset(stops).difference(off))
-        rows, seen = modes.rows(y), np.abs(y[arc.velocities])
-        seen = np.maximum(seen, arc.seen[arc.velocities])
-        least = np.abs(rows.J[some, : arc.system.n]) @ seen
+        rows, magnitudes = modes.rows(y), np.abs(y[arc.velocities])
+        magnitudes = np.maximum(magnitudes, arc.magnitudes[arc.velocities])
+        least = np.abs(rows.J[some, : arc.system.n]) @ magnitudes
         least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
         ways = np.array([modes.way(k, self.corners[k]) for k in some])
         found = ways * rows.rates[some] / np.maximum(least, TINY)

@@ -64,7 +64,7 @@ def _is_stopping(here: Kinematics, k: int) -> bool:
     if pair[1] < 0 or p.law_mode[k] != kept.SLIDING:
         return False
     speed = float(np.linalg.norm(here.rates[pair]))
-    places = here.shape.slopes[pair] @ here.seen[here.arc.state.positions]
+    places = here.shape.slopes[pair] @ here.magnitudes[here.arc.state.positions]
     back = float(np.linalg.norm(here.present[pair]))
     short = speed**2 <= 2.0 * back * SUM_ROUNDOFF * float(places.max())
     return short and speed > p.law_still[k]

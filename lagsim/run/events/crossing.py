@@ -193,7 +193,7 @@ class Crossing:
         """
         modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
-        speeds = np.abs(J) @ modes.arc.seen[modes.arc.state.driven]
+        speeds = np.abs(J) @ modes.arc.magnitudes[modes.arc.state.driven]
         # the expression of one surface depends on the side of another
         nested = any(modes.depends)
         for k, level in self.levels.items():
@@ -235,8 +235,8 @@ class Crossing:
         """
         modes = self.modes
         rows = self.rows
-        hangs = not modes.depends[k].isdisjoint([*self.open, *self.loose])
-        if hangs:
+        is_hanging = not modes.depends[k].isdisjoint([*self.open, *self.loose])
+        if is_hanging:
             if self._follows(k):
                 self.loose.append(k)
                 return
@@ -257,7 +257,7 @@ class Crossing:
         elif self._parallel(rows, k):
             self.loose.append(k)
         else:
-            self.hanging += [k] * hangs
+            self.hanging += [k] * is_hanging
             self.open.append(k)
 
     def _rest_if_constant(self, some: Collection[int]) -> None:
@@ -289,7 +289,7 @@ class Crossing:
             return 0.0
         v = arc.y[arc.state.driven]
         rate = float(rows.rates[k])
-        terms = np.abs(rows.J[k]) @ arc.seen[arc.state.driven]
+        terms = np.abs(rows.J[k]) @ arc.magnitudes[arc.state.driven]
         terms += abs(rate - float(rows.J[k] @ v))
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 

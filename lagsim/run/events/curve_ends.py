@@ -140,8 +140,8 @@ def _rests(
     size = sizes[k]
     aside = RESIDUAL_ROUNDOFF * size
     if moving:
-        size = float(np.abs(by_q) @ arc.seen[positions])
-        aside = SLOW * float(np.abs(J) @ arc.seen[arc.state.driven])
+        size = float(np.abs(by_q) @ arc.magnitudes[positions])
+        aside = SLOW * float(np.abs(J) @ arc.magnitudes[arc.state.driven])
     part, along = (arc.state.driven, J) if moving else (positions, by_q)
     rest = arc.y.copy()
     if not moving:
@@ -204,11 +204,11 @@ def _stay(
         See `come_to_rest`.
     """
     arc = modes.arc
-    soon = min(SOON * arc.settings.duration, arc.settings.end - arc.t)
+    short = min(SOON * arc.settings.duration, arc.settings.end - arc.t)
     for values in sides.values():
         modes.value[:] = values
         modes.write()
-        after = modes.values(arc.t + soon, rest + soon * rates)
+        after = modes.values(arc.t + short, rest + short * rates)
         if any(abs(after[j] - levels[j]) > APART * sizes[j] for j in others):
             return False
     return True

@@ -168,7 +168,7 @@ class Kinematics:
         Bounds of the rounding errors of `gaps`.
     still : ndarray, shape (L,)
         Bounds of the rounding errors of `rates`.
-    seen : ndarray, shape (size,)
+    magnitudes : ndarray, shape (size,)
         The largest magnitude of each component of the state so far.
     in_force : list of bool, length L
         Whether the condition `when` of each law is true.
@@ -213,21 +213,23 @@ class Kinematics:
         slopes = self.shape.slopes
         places, speeds = self.levels = arc.state.positions, arc.state.velocities
         if near is not None and near.shape is self.shape:
-            self.seen: Floats = near.seen
+            self.magnitudes: Floats = near.magnitudes
             self.reach: tuple[Floats, Floats] = near.reach
             self.fastest: Floats = near.fastest
         else:
-            self.seen, ranges = arc.seen, arc.ranges
+            self.magnitudes, ranges = arc.magnitudes, arc.ranges
             self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
-            self.fastest = slopes @ self.seen[speeds]
-        seen, sizes = self.seen, np.maximum(rate_scales, self.fastest)
+            self.fastest = slopes @ self.magnitudes[speeds]
+        magnitudes, sizes = self.magnitudes, np.maximum(rate_scales, self.fastest)
         v = y[speeds]
         # A coordinate that has not moved yet has the size that it will have soon.
-        soon = seen[:n] + arc.settings.output_step * np.abs(v)
-        position_scales = np.maximum(gap_scales, slopes @ soon)
+        expected = magnitudes[:n] + arc.settings.output_step * np.abs(v)
+        position_scales = np.maximum(gap_scales, slopes @ expected)
         # Within the rounding of the time a gap changes by its rate and by terms of t.
-        moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
-        self.slack = SUM_ROUNDOFF * position_scales + SAME_TIME * math.ulp(t) * moved
+        speeds_of_terms = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
+        self.slack = (
+            SUM_ROUNDOFF * position_scales + SAME_TIME * math.ulp(t) * speeds_of_terms
+        )
         self.grazing: dict[int, float] = {} if near is None else near.grazing
         self.closed = self._closed()
         self.scales = position_scales, sizes
@@ -282,8 +284,8 @@ class Kinematics:
         """Bounds (L,) of the errors of `accelerations` by rounding."""
         free, b, *_ = self._beside(self.t)
         a = self.rows @ free[self.levels[1]] - b
-        stirred = np.abs(a - self.accelerations) / PROBE
-        return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
+        changes = np.abs(a - self.accelerations) / PROBE
+        return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, changes))
 
     def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Return (y', b, bounds, statics), see `_free`, at a state slightly off `y`.
@@ -374,8 +376,8 @@ class Kinematics:
         least, arc = self._bound_roundoff[k], self.arc
         if self.bounds[k] < -least or k not in located or not self.t < arc.settings.end:
             return bool(self.bounds[k] < -least)
-        soon = arc.later(self.y, self.free, arc.short_time)
-        return bool(self._free(self.t + arc.short_time, soon)[2][k] < -least)
+        later = arc.later(self.y, self.free, arc.short_time)
+        return bool(self._free(self.t + arc.short_time, later)[2][k] < -least)
 
     @cached_property
     def _bound_roundoff(self) -> Floats:
@@ -401,7 +403,7 @@ class Kinematics:
         change of the component by its magnitude changes the row by the size of these
         terms. For positions, rows of velocities do not count.
         """
-        sizes, slopes = self.seen.copy(), self.shape.slopes
+        sizes, slopes = self.magnitudes.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
         position_scales, rate_scales = self.scales

@@ -393,7 +393,9 @@ def _set_slack_of_slider(here: Kinematics, k: int, size: Floats, band: Floats) -
     """
     arc, slider = here.arc, here.laws[k].slider
     assert slider is not None
-    size[k] = band[k] = SUM_ROUNDOFF * here.seen[arc.velocities][slider.coordinate]
+    size[k] = band[k] = (
+        SUM_ROUNDOFF * here.magnitudes[arc.velocities][slider.coordinate]
+    )
     if arc.system.p.law_direction[k] == 0.0:
         size[k], band[k] = np.array([SUM_ROUNDOFF, at_edge(arc)]) * here.bounds[k]
 

@@ -43,13 +43,13 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
     modes.write()
     former, rtol = modes.p.least_root.copy(), modes.arc.state.rtol
     pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
-    seen = _largest_values(modes, pushed)
-    sizes = np.where(seen > 0.0, seen, pushed)
+    largest = _largest_values(modes, pushed)
+    sizes = np.where(largest > 0.0, largest, pushed)
     # A surface without a size and without a force has the largest size of all.
     sizes = np.where(sizes > 0.0, sizes, np.max(sizes))
     floors = np.where(rooted, rtol * np.where(sizes > 0.0, sizes, 1.0), 0.0)
     modes.store(floor=floors, least_root=floors)
-    for k in np.flatnonzero(rooted & ~(seen > 0.0)).tolist():
+    for k in np.flatnonzero(rooted & ~(largest > 0.0)).tolist():
         floors[k] = min(floors[k], rtol * _kept_up(modes, k, floors))
         if former[k] > 0.0 and (slipping or k != hit):
             part = FARTHER if k == hit else 1.0
@@ -70,9 +70,9 @@ def _largest_values(modes: SurfaceModes, pushed: Floats) -> Floats:
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of terms that cancel is not counted.
-    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[arc.state.driven])
-    moved = slopes @ arc.ranges[arc.state.driven]
-    found = np.maximum(np.where(here > least, here, 0.0), moved)
+    least = ACCELERATION_ROUNDOFF * (slopes @ arc.magnitudes[arc.state.driven])
+    change = slopes @ arc.ranges[arc.state.driven]
+    found = np.maximum(np.where(here > least, here, 0.0), change)
     # Magnitudes within the floor, or within the rounding of forces, are not counted.
     least = np.maximum(modes.p.least_root, ACCELERATION_ROUNDOFF * pushed)
     return np.where(found > least, found, 0.0)

@@ -258,13 +258,13 @@ class _Sliders:
             stiffness = np.zeros((len(some), len(some)))
             for i, j in enumerate(own):
                 aside = self.y.copy()
-                aside[j] += ASIDE * (sticks.seen[j] or 1.0)
+                aside[j] += ASIDE * (sticks.magnitudes[j] or 1.0)
                 step = aside[j] - self.y[j]
                 stiffness[:, i] = (self._forces(aside)[of] - forces) / step
             stiffness = stiffness @ np.linalg.inv(S)
             most = np.linalg.norm(stiffness, 2)
-            firm = stiffness + STIFFER * most * np.eye(len(some))
-            D: Floats = np.asarray(np.linalg.inv(firm), float)
+            stiffened = stiffness + STIFFER * most * np.eye(len(some))
+            D: Floats = np.asarray(np.linalg.inv(stiffened), float)
             high = np.array([sticks.bounds[some], np.zeros(len(some))])
             c = S @ (positions[own] - before) - D @ forces
             p = solve(

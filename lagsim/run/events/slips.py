@@ -166,7 +166,7 @@ def _collocated(
     pushed = np.abs(here.delassus_of_forces.response[:, pairs.ravel()]) @ np.repeat(
         friction, 2
     )
-    rounding = SUM_ROUNDOFF * here.seen
+    rounding = SUM_ROUNDOFF * here.magnitudes
     rounding[arc.velocities] += SUM_ROUNDOFF * lasts * pushed
     rounding[arc.state.positions] += SUM_ROUNDOFF * lasts**2 * pushed
     for _ in range(SWEEPS):

@@ -349,11 +349,13 @@ class SurfaceModes:
 
         part : factor of the distance from the present state and time.
         """
-        arc, seen, reach = self.arc, self.arc.seen, self.arc.ranges
+        arc, magnitudes, reach = self.arc, self.arc.magnitudes, self.arc.ranges
         reach = np.where(
-            reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
+            reach > 0.0,
+            np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * magnitudes),
+            magnitudes,
         )
-        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
+        parts = ASIDE + ASIDE**2 * np.arange(len(magnitudes))
         aside = parts * np.where(reach > 0.0, reach, 1.0)
         later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
         return arc.y + part * aside, later
@@ -463,11 +465,11 @@ class SurfaceModes:
         reach, time = arc.ranges, t - arc.t
         for _ in range(len(arc.y)):
             rates = np.abs(self.rates(t, arc.y + parts * reach))
-            moved = time * np.where(np.isfinite(rates), rates, 0.0)
-            moved[state.positions] += time * moved[state.velocities]
-            if not np.any(moved[reach == 0.0]):
+            displacement = time * np.where(np.isfinite(rates), rates, 0.0)
+            displacement[state.positions] += time * displacement[state.velocities]
+            if not np.any(displacement[reach == 0.0]):
                 break
-            reach = np.where(reach == 0.0, moved, reach)
+            reach = np.where(reach == 0.0, displacement, reach)
         return np.asarray(arc.y + parts * reach)
 
     def _roundoff_of_rates(self, y: Floats, t: float | None = None) -> Floats:
@@ -521,10 +523,10 @@ class SurfaceModes:
 
         rows : the rows of the surfaces at the state.
         """
-        arc, seen = self.arc, self.arc.seen
-        slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()
-        moved[: arc.system.n] = seen[arc.state.positions]
-        levels = (slopes @ x for x in (seen[arc.state.driven], moved))
+        arc, magnitudes = self.arc, self.arc.magnitudes
+        slopes, moved = np.abs(rows.J), magnitudes[arc.state.driven].copy()
+        moved[: arc.system.n] = magnitudes[arc.state.positions]
+        levels = (slopes @ x for x in (magnitudes[arc.state.driven], moved))
         terms = np.where(self.on_rates, *levels)
         moved = self._moved_by([*self.asides(), *self._asides_along()])
         return np.fmax(np.maximum(rows.scales, terms), moved / RESIDUAL_ROUNDOFF)
@@ -550,7 +552,7 @@ class SurfaceModes:
         A row gives a coordinate the rounding of other coordinates, however small its
         own value is, as y at the kink of y = abs(x - 1e5).
         """
-        found = self.arc.seen
+        found = self.arc.magnitudes
         for aside in self._asides_along():
             off = np.abs(aside - self.arc.y)
             found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
@@ -581,7 +583,7 @@ class SurfaceModes:
         Each component is changed by its rounding plus `reach`, a number or an array
         (size,).
         """
-        step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
+        step = RESIDUAL_ROUNDOFF * self.arc.magnitudes + reach
         i = np.arange(len(step))
         for k in range(DIRECTIONS):
             yield self.arc.y + np.where(i >> k & 1, -step, step)

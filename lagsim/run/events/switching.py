@@ -324,12 +324,12 @@ class Switching(Source):
 
         y[:] = sides.after(jump, selected=True)
         stopped = {*sides.stopped}
-        sizes, seen = modes.sizes(modes.rows(y)), arc.seen[arc.velocities]
+        sizes, magnitudes = modes.sizes(modes.rows(y)), arc.magnitudes[arc.velocities]
         while True:
             rows = modes.rows(y)
             ways = np.array([modes.way(k, x) for k, x in enumerate(modes.levels)])
             speeds, back = ways * rows.rates, -ways * modes.forced(y)
-            least = np.abs(rows.J[:, : arc.system.n]) @ seen
+            least = np.abs(rows.J[:, : arc.system.n]) @ magnitudes
             least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
             short = speeds**2 <= SHORT * RESIDUAL_ROUNDOFF * sizes * back
             left = [k for k in sides.corners if k not in {*stopped, *sides.off}]
@@ -383,7 +383,7 @@ class Switching(Source):
         for part in (arc.state.positions, arc.velocities):
             change = y[part] - former[part]
             reach = self._reach(y)[part]
-            far = shift(masses, change, reach, arc.seen[part])
+            far = shift(masses, change, reach, arc.magnitudes[part])
             if not far <= most:
                 sizes = self.modes.sizes_along_rows()
                 far = shift(masses, change, reach, sizes[part])
@@ -457,9 +457,9 @@ class Switching(Source):
                 if k != crossing.hit and event_functions[k] == 0.0:
                     slack[k] = 0.0
                 slack[k] = max(slack[k], LARGER * modes.roundoff_around(k))
-        led = [*modes.watched, *modes.carried]
-        if led and arc.system.m:
-            slack[led] += modes.drifts()[led]
+        followed = [*modes.watched, *modes.carried]
+        if followed and arc.system.m:
+            slack[followed] += modes.drifts()[followed]
         # Changes of the expressions by errors within the tolerance: where a coordinate
         # hardly moves their sign is arbitrary. The tolerance has a floor, see
         # `methods.parts.control`; within the floor of a surface its roots coincide.
@@ -574,11 +574,11 @@ class Switching(Source):
         off = [abs(x - modes.level(k, x)) for k, x in enumerate(values.tolist())]
         speeds = np.where(self.on_rates, off, np.abs(rows.rates))
         far = left * (speeds + left * (J[:, :n] @ state.parts[:n]))
-        ranges, seen = (
+        ranges, magnitudes = (
             np.append(x[state.positions], x[state.first_order])
-            for x in (arc.ranges_to(arc.y), arc.seen)
+            for x in (arc.ranges_to(arc.y), arc.magnitudes)
         )
-        least = arc.plan.tolerance * (J @ ranges) + RESIDUAL_ROUNDOFF * (J @ seen)
+        least = arc.plan.tolerance * (J @ ranges) + RESIDUAL_ROUNDOFF * (J @ magnitudes)
         return bool(np.all((far <= least)[[*some]]))
 
     def _near(self, within: float) -> list[int]:

@@ -165,8 +165,8 @@ class KnotTimes(_Ahead):
         at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
         ends = self._start, self._arc.settings.end
         x, a = (max(map(abs, pair)) for pair in zip(*map(at, ends), strict=True))
-        moved = NEIGHBOURS * math.ulp(x) / a if a > 0.0 else 0.0
-        return NEIGHBOURS * math.ulp(max(map(abs, ends))) + moved
+        by_argument = NEIGHBOURS * math.ulp(x) / a if a > 0.0 else 0.0
+        return NEIGHBOURS * math.ulp(max(map(abs, ends))) + by_argument
 
     def _fill(self, arc: Arc) -> None:
         """Write the next knots to the memory of the kernel."""
@@ -380,9 +380,9 @@ def _pushed(arc: Arc, time: float) -> Floats:
     """
     state, velocities = arc.state, arc.velocities
     width = FORESEEN * (arc.end - arc.t) / SAMPLES
-    push = width * np.abs(arc.rates(time, arc.y)[velocities])
-    moved = arc.y.copy()
-    moved[velocities] += push  # forces do no work on a body at rest
-    change = width * np.abs(arc.rates(time, moved))
-    change[state.positions], change[velocities] = width * push, push
+    displacement = width * np.abs(arc.rates(time, arc.y)[velocities])
+    displaced = arc.y.copy()
+    displaced[velocities] += displacement  # forces do no work on a body at rest
+    change = width * np.abs(arc.rates(time, displaced))
+    change[state.positions], change[velocities] = width * displacement, displacement
     return change if np.isfinite(change).all() else np.zeros(len(change))

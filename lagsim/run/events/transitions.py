@@ -132,8 +132,8 @@ class Transitions(Source):
         comes_to_rest : function of the arc, whether a law or a surface may hold a rate
             at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
         """
-        soon = arc.t + width(arc.settings, arc.t)
-        periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= soon)
+        limit = arc.t + width(arc.settings, arc.t)
+        periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= limit)
         if not len(arc.state.orientation):
             return Due(periodic)
         truth = self._truth(arc)
@@ -250,7 +250,7 @@ class Transitions(Source):
         if due.periodic or any(events[k].once for k in own):
             return acts._replace(visits=()), None
         names, v = tuple(events[k].name for k in sorted(own)), arc.y[arc.velocities]
-        least = SOLUTION_ROUNDOFF * arc.seen[arc.velocities]
+        least = SOLUTION_ROUNDOFF * arc.magnitudes[arc.velocities]
         earlier, now = acts.visits, (names, arc.modes, v.copy())
         for k, (some, modes, w) in enumerate(earlier):
             if some == names and modes == now[1] and (np.abs(w - v) <= least).all():
@@ -331,10 +331,10 @@ def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
     from another.
     """
     *earlier, (_, before, _) = rounds
-    seen, now = [modes for _, modes, _ in earlier], arc.modes
-    if now == before or now not in seen:
+    earlier_modes, now = [modes for _, modes, _ in earlier], arc.modes
+    if now == before or now not in earlier_modes:
         return None
-    return _chatter(rounds[seen.index(now) :])
+    return _chatter(rounds[earlier_modes.index(now) :])
 
 
 def _chatter(rounds: Sequence[Round]) -> Ending:

@@ -167,8 +167,8 @@ class _Sample:
         """
         total = self._seen + len(rows)
         while True:
-            begun = min(POINTS, -(-total // self.stride))
-            stretch = np.arange(self._kept, begun)
+            stored = min(POINTS, -(-total // self.stride))
+            stretch = np.arange(self._kept, stored)
             shift = (stretch * _GOLDEN % 1.0 * self.stride).astype(np.int64)
             index = stretch * self.stride + shift
             index = index[index < total]
