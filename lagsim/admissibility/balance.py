@@ -103,18 +103,18 @@ class Rest(Relations):
         nodes += [(rate_of(e.states[j].name), e.states[j].rate) for j in self.states]
         own = {j: k for k, j in enumerate(self.positions)}
         self.stated = [*implied_conditions(self.rows, velocities=False), *stated]
-        wanted = [
+        conditions = [
             x._replace(A={own[j]: s for j, s in x.A.items() if j in own})
             for x in self.stated
         ]
-        self.relations = len(wanted) + len(pinned)
+        self.relations = len(conditions) + len(pinned)
         for name, node in (*pinned.items(), *nodes):
             found = slopes(g, node, frozenset(place))
             A = {place[x]: slope for x, slope in found.items()}
-            wanted.append(Condition(name, node, A, scale_of(g, node, (), {})))
+            conditions.append(Condition(name, node, A, scale_of(g, node, (), {})))
         self.names = names
         self._set_conditions(
-            point, wanted, {k: k for k in place.values()}, velocities=False
+            point, conditions, {k: k for k in place.values()}, velocities=False
         )
         self._x0 = self.first(point)
 
@@ -267,16 +267,16 @@ def _downhill(rest: Rest) -> Floats | None:
     farthest = FAR * np.max(lengths[np.isfinite(lengths)], initial=0.0) or math.inf
     for _ in range(MOST_STEPS):
         r, J = rest(x)
-        push, slope = rest.at(x).array(f).reshape(2, k)
+        forces, slope = rest.at(x).array(f).reshape(2, k)
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
             return None
-        if np.any(np.abs(push + slope) > SAME_RESULT * np.max(np.abs(push))):
+        if np.any(np.abs(forces + slope) > SAME_RESULT * np.max(np.abs(forces))):
             return None  # the forces have no potential
         Y, lengths = rows_of_length_one(J[:m, :k] / sizes, np.eye(k))
         H, N = -J[own, :k] / sizes / sizes[:, None], null_space(Y)
         back = least_squares(Y, -r[:m] / lengths)
         w, U = np.linalg.eigh(N.T @ (H + H.T) @ N / 2.0)
-        along = U.T @ (N.T @ (push / sizes - H @ back))
+        along = U.T @ (N.T @ (forces / sizes - H @ back))
         w = np.maximum(np.abs(w), FLAT * np.max(np.abs(w), initial=0.0))
         w = np.maximum(w, np.linalg.norm(along) / farthest)
         if not np.all(w):
@@ -285,9 +285,9 @@ def _downhill(rest: Rest) -> Floats | None:
         step = np.pad((back + down) / sizes, (0, len(x) - k))
         if np.linalg.norm(sizes * step[:k]) <= SAME_RESULT * moved:
             return x
-        held = np.abs(least_squares(Y.T, push / sizes)) / lengths
+        held = np.abs(least_squares(Y.T, forces / sizes)) / lengths
         weights = np.maximum(weights, 2.0 * held)
-        gain = float(push @ step[:k] + weights @ np.abs(r[:m]))
+        gain = float(forces @ step[:k] + weights @ np.abs(r[:m]))
         part = _part(rest, x, step, weights, gain)
         if not part:
             return x

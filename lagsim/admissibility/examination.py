@@ -418,10 +418,10 @@ class _Examiner:
         # Contacts that touch imply no equation for the rate: an impact decides it.
         touching = self.touching.values()
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
-        wanted = implied_conditions(rows, velocities=velocities)
+        conditions = implied_conditions(rows, velocities=velocities)
         if definitions:
-            wanted += defined_conditions(point, velocities=velocities)
-        return Relations(point, wanted, free, velocities=velocities)
+            conditions += defined_conditions(point, velocities=velocities)
+        return Relations(point, conditions, free, velocities=velocities)
 
     def _metric(self, relations: Relations) -> Floats:
         """Return the metric (k, k) in which changes of the unknowns are measured.
@@ -441,7 +441,7 @@ class _Examiner:
         far : whether other first iterates are tried, too.
         """
         free = relations.free
-        if not relations.wanted:
+        if not relations.conditions:
             return NewtonResult(relations.x0, converged=True)
         large = len(free) >= Point.LARGE and relations.block < 2
         if large and self.stated.is_safely_positive:
@@ -454,12 +454,12 @@ class _Examiner:
     def _solved(self, relations: Relations) -> NewtonResult:
         """Solve relations for guesses; add texts on a failure or on a special root."""
         found = self._nearest(relations)
-        if not relations.wanted:
+        if not relations.conditions:
             return found
         where = _listed(relations.names, found.x)
         residual, J = relations(found.x)
         worst = int(np.argmax(np.abs(residual)))
-        name = relations.wanted[worst].name
+        name = relations.conditions[worst].name
         if found.converged:
             if found.trouble is Trouble.DOUBLE_ROOT:
                 self.double |= not relations.velocities
@@ -476,7 +476,7 @@ class _Examiner:
             lengths[lengths == 0] = 1.0
             far = np.abs(residual) / lengths
             shared = zip(
-                relations.wanted, far > HALF_OF_DIGITS * np.max(far), strict=True
+                relations.conditions, far > HALF_OF_DIGITS * np.max(far), strict=True
             )
             named = [f"`{x.name}`" for x, is_in in shared if is_in]
             together = " together" if len(named) > 1 else ""
@@ -596,14 +596,14 @@ class _Examiner:
         e, g, free = self.e, self.e.graph, self.free[block]
         if block < 2:
             return self._relations(point, free, velocities=block > 0)
-        wanted, every = [], [g.variable(x.name) for x in e.states]
+        conditions, every = [], [g.variable(x.name) for x in e.states]
         for k in free:
             name, slope = e.states[k][:2]
             A = dict(enumerate(gradient(g, slope, every)))
             A = {j: a for j, a in A.items() if a != g.zero}
             size = scale_of(g, slope, (), {})
-            wanted.append(Condition(rate_of(name), slope, A, size, 0.0, 0.0))
-        return Relations(point, wanted, free, velocities=True, states=True)
+            conditions.append(Condition(rate_of(name), slope, A, size, 0.0, 0.0))
+        return Relations(point, conditions, free, velocities=True, states=True)
 
     def _guesses(self, relations: Relations) -> NewtonResult:
         """Solve relations for guesses; of several roots select the nearest, and warn.
@@ -617,7 +617,7 @@ class _Examiner:
         named = {k for row in relations.slopes for k in row}
         unnamed = [x for k, x in enumerate(names) if k not in named]
         self._undetermined(unnamed, "nothing determines")
-        if not relations.wanted:
+        if not relations.conditions:
             return found
         found = self._closest_root(relations, found)
         flat, still = (
@@ -811,7 +811,7 @@ def _spread(relations: Relations, x: Floats) -> Floats:
     """Return distances (k,) from a root x within which further roots are searched."""
     if relations.velocities:  # the exact value 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
-    lengths = Lengths(relations.at(x), relations.wanted)
+    lengths = Lengths(relations.at(x), relations.conditions)
     return np.asarray(lengths.spread[relations.free])
 
 

@@ -117,7 +117,7 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
         later = point.t + SPREAD * abs(random.standard_normal())
         near = point.at(q + SPREAD * spread * random.standard_normal(len(q)), t=later)
         relations = relations_of(near, rows, velocities=False)
-        if relations.wanted:
+        if relations.conditions:
             reached = reach(relations, near.q, metric)
             if not reached.converged:
                 continue

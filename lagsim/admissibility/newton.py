@@ -57,7 +57,7 @@ class Relations:
     ----------
     point : Point
         The state, whose other values are fixed.
-    wanted : sequence of Condition
+    conditions : sequence of Condition
         Equations for positions or, with `velocities`, for velocities.
     free : sequence of int
         Indices of the unknowns among positions, velocities or first-order states.
@@ -70,7 +70,7 @@ class Relations:
     def __init__(
         self,
         point: Point,
-        wanted: Sequence[Condition],
+        conditions: Sequence[Condition],
         free: Sequence[int],
         *,
         velocities: bool,
@@ -81,22 +81,22 @@ class Relations:
         names = (e.q, e.velocities, [x.name for x in e.states])[self.block]
         self.names = [names[j] for j in self.free]
         place = {j: k for k, j in enumerate(self.free)}
-        self._set_conditions(point, wanted, place, velocities=velocities)
+        self._set_conditions(point, conditions, place, velocities=velocities)
 
     def _set_conditions(
         self,
         point: Point,
-        wanted: Sequence[Condition],
+        conditions: Sequence[Condition],
         place: Mapping[int, int],
         *,
         velocities: bool,
     ) -> None:
-        self.point, self.wanted, self.velocities = point, wanted, velocities
-        self.nodes = [x.node for x in wanted]
-        self.targets = np.array([x.target for x in wanted])
+        self.point, self.conditions, self.velocities = point, conditions, velocities
+        self.nodes = [x.node for x in conditions]
+        self.targets = np.array([x.target for x in conditions])
         # Derivatives of each node: index of an unknown -> node.
         self.slopes = [
-            {place[j]: s for j, s in x.A.items() if j in place} for x in wanted
+            {place[j]: s for j, s in x.A.items() if j in place} for x in conditions
         ]
 
     @property
@@ -209,7 +209,7 @@ class Relations:
         errors : error bounds (k,) of x.
         """
         point = self.at(x, errors)
-        scale = np.abs(point.array([x.scale for x in self.wanted]))
+        scale = np.abs(point.array([x.scale for x in self.conditions]))
         small = CONVERGED * np.maximum(scale, np.abs(self.targets))
         return point, np.abs(point.array(self.nodes) - self.targets), small
 
@@ -220,7 +220,7 @@ class Relations:
         """
         rows = range(len(self.nodes)) if rows is None else rows
         found = point.rounding([self.nodes[i] for i in rows])
-        return np.asarray(found + [self.wanted[i].error for i in rows])
+        return np.asarray(found + [self.conditions[i].error for i in rows])
 
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
@@ -228,8 +228,8 @@ def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Rela
 
     velocities : whether the unknowns are velocities.
     """
-    wanted = implied_conditions(rows, velocities=velocities)
-    return Relations(point, wanted, range(point.n), velocities=velocities)
+    conditions = implied_conditions(rows, velocities=velocities)
+    return Relations(point, conditions, range(point.n), velocities=velocities)
 
 
 # --- Divergence: relations that are satisfied by rounding alone, at ever larger values
@@ -268,24 +268,24 @@ def diverges(
     errors : ndarray, shape (k,)
         Error bounds of x.
     """
-    moved = x - x0
-    if not np.any(moved):
+    change = x - x0
+    if not np.any(change):
         return False
-    back = x - BACKWARD * moved
+    back = x - BACKWARD * change
     r, J = at(x)
     first, slopes = at(x0)
-    linear = np.abs(J @ moved)
+    linear = np.abs(J @ change)
     if not np.all(np.isfinite(linear)):
         return False
     rounding = np.maximum(np.abs(r), relations.rounding(relations.at(x, errors)))
-    rounding = np.maximum(rounding, TERM_ROUNDOFF * (abs(slopes) @ np.abs(moved)))
+    rounding = np.maximum(rounding, TERM_ROUNDOFF * (abs(slopes) @ np.abs(change)))
     rounding = np.maximum(rounding, TERM_ROUNDOFF * np.abs(first))
-    gone = ~(linear > LEVEL * rounding)
-    if not np.any(gone):
+    is_off = ~(linear > LEVEL * rounding)
+    if not np.any(is_off):
         return False
-    begun = np.abs(first) > LEVEL * relations.rounding(relations.at(x0, errors))
-    begun &= relations.violated(x0, errors)
-    return bool(np.any(gone & begun & ~relations.violated(back, errors)))
+    was_off = np.abs(first) > LEVEL * relations.rounding(relations.at(x0, errors))
+    was_off &= relations.violated(x0, errors)
+    return bool(np.any(is_off & was_off & ~relations.violated(back, errors)))
 
 
 # --- Newton's method, and the minimum
@@ -415,12 +415,12 @@ def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
         # shorter.
         length = float(np.sqrt(step @ (M @ step)))
         if np.all(np.abs(step) <= CONVERGED * np.abs(x)) or length > SHORTER * last:
-            moved = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
-            errors = STATE_ROUNDOFF * (np.abs(x) + moved)
-            gone = diverges(relations, relations.sparse, x0, x, errors)
+            distance = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
+            errors = STATE_ROUNDOFF * (np.abs(x) + distance)
+            is_off = diverges(relations, relations.sparse, x0, x, errors)
             return (
                 NewtonResult(x, converged=True)
-                if relations.are_satisfied(x, errors) and not gone
+                if relations.are_satisfied(x, errors) and not is_off
                 else None
             )
         last = length

@@ -346,7 +346,7 @@ def defined_conditions(point: Point, *, velocities: bool) -> list[Condition]:
     velocities : whether these are equations for velocities, or for positions.
     """
     e, g, n = point.e, point.g, point.n
-    wanted = []
+    found = []
     for x in e.model.initial:
         if x.node is None:
             continue
@@ -358,8 +358,8 @@ def defined_conditions(point: Point, *, velocities: bool) -> list[Condition]:
                 if (j >= n) is velocities
             }
             size, name = g.call("abs", x.node), f"{x.name}: {x.text}"
-            wanted.append(Condition(name, x.node, A, size, x.value, x.error))
-    return wanted
+            found.append(Condition(name, x.node, A, size, x.value, x.error))
+    return found
 
 
 class _ScaledGradient(NamedTuple):
@@ -465,15 +465,15 @@ class Lengths:
     def _measured(self) -> list[_ScaledGradient]:
         if not self.conditions:
             return []
-        wanted: list[int] = []
+        terms: list[int] = []
         along: list[list[int]] = []
         positions = positions_of(self.point.e)
         for condition in self.conditions:
             gradient = list(condition.A.values())
             ways, nodes = shape_of(self.point.g, positions, gradient)
-            wanted += nodes
+            terms += nodes
             along.append(ways)
-        values, forms = self.point.array(wanted), []
+        values, forms = self.point.array(terms), []
         for condition, ways in zip(self.conditions, along, strict=True):
             columns, rows = list(condition.A), 2 * len(ways) + 1
             table, values = np.split(values, [rows * len(columns)])

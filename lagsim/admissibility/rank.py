@@ -468,7 +468,7 @@ class Neighbourhood:
         moving = g.depends(entries) & frozenset(self.point.e.velocities)
         for velocities in (False, True) if moving else (False,):
             relations = relations_of(near, rows, velocities=velocities)
-            if not relations.wanted:
+            if not relations.conditions:
                 continue
             reached = reach(relations, relations.x0, self.metric)
             if not reached.converged:
@@ -483,7 +483,7 @@ class Neighbourhood:
         found = []
         for _ in range(count):
             x = self.varied(FAINT, random, velocities=relations.velocities)
-            if not relations.wanted:
+            if not relations.conditions:
                 found.append(x)
             elif (reached := reach(relations, x, self.metric)).converged:
                 found.append(reached.x)
@@ -573,9 +573,9 @@ def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> 
     for _ in range(SAMPLES):
         kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
         usual = np.fmax(usual, scaled_rows(point.at(point.q + moved * kick))[1])
-    gone = lengths <= HALF_OF_DIGITS * usual
-    Y[gone] = 0.0
-    return np.asarray(np.where(gone, 0.0, lengths))
+    vanish = lengths <= HALF_OF_DIGITS * usual
+    Y[vanish] = 0.0
+    return np.asarray(np.where(vanish, 0.0, lengths))
 
 
 # --- Thin sets

@@ -279,11 +279,11 @@ class _Walk:
             self.here = self._at(rest, x)
             return None
         steps = self.kinks.steps(found.there, self.sides, self._pins(), self.active)
-        gone = [k for k, step in steps.items() if step is not Step.TOWARDS]
-        if not gone:
+        diverging = [k for k, step in steps.items() if step is not Step.TOWARDS]
+        if not diverging:
             return found
         self.on_ridge |= first and Step.AWAY in steps.values()
-        self._cross(gone[0])
+        self._cross(diverging[0])
         self.here = self._at(rest, x)
         return None
 

@@ -648,8 +648,8 @@ def acting(point: Point, verdicts: Sequence[RelationResiduals]) -> LawsAtStart:
         terms = np.abs(before.closed.D) @ np.abs(hit.impulses) + np.abs(rates)
         rates, rounding = hit.after, rounding + RESIDUAL_ROUNDOFF * terms
     parts = [k for k, high in zip(chosen, rates > rounding, strict=True) if high]
-    gone = {k for k in parts if laws[k].one_sided}
-    left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
+    one_sided = {k for k in parts if laws[k].one_sided}
+    left = [k for k in chosen if k not in one_sided and laws[k].normal not in one_sided]
     if not left:
         return LawsAtStart(sliders, struck, v=point.v)
     after = _LawValues(point, left)

@@ -288,5 +288,5 @@ def sweep(
             several = lists((values if points is None else points) or {})
             grid = grid_of(read, several, together=points is not None)
     found = SweepRows.of(read, grid, settings, bars, ends=ends)
-    make(found, jobs or cores(), wanted=jobs is not None)
+    make(found, jobs or cores(), requested=jobs is not None)
     return Sweep(found)

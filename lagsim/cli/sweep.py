@@ -236,7 +236,7 @@ def _measured(
             workers, there = stack.enter_context(machines(dask))
             most = jobs or there
         sweeping.sweep(
-            found, most, wanted=jobs is not None, workers=workers, journal=journal,
+            found, most, requested=jobs is not None, workers=workers, journal=journal,
             interrupt=interrupt, progress=progress,
         )  # fmt: skip
     if found.missing:

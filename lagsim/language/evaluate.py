@@ -250,11 +250,11 @@ def _less_shift(g: Graph, error: int, linear: int | None) -> int:
     """
     if linear is None or error == g.zero:
         return error
-    alike = g.call("abs", linear)
-    if alike == error:
+    magnitude = g.call("abs", linear)
+    if magnitude == error:
         return g.zero
-    alike = g.call("mul", g.constant(SHIFTED), alike)
-    return g.call("max", g.call("sub", error, alike), g.zero)
+    magnitude = g.call("mul", g.constant(SHIFTED), magnitude)
+    return g.call("max", g.call("sub", error, magnitude), g.zero)
 
 
 def _of_sums(

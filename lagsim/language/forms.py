@@ -642,8 +642,8 @@ class Collected:
     def sum(self, products: Iterable[Sequence[int]]) -> int:
         """Return the node of a sum of products, given by their factors."""
         g, total = self.g, self.g.zero
-        alike, given = self._alike(products)
-        for still, group in alike.items():
+        groups, given = self._alike(products)
+        for still, group in groups.items():
             [whole, *others] = [x for _, key in group for x in given[key]]
             if not others and self._stays(still, whole):
                 total = g.call("add", total, self._product(whole))
@@ -689,7 +689,7 @@ class Collected:
 
         Returns
         -------
-        alike : dict of node to list of (str, Key)
+        groups : dict of node to list of (str, Key)
             Constant factor -> the products that it multiplies, each as its sign ("add"
             or "sub") and its factors that vary.
         given : dict of Key to list
@@ -704,14 +704,14 @@ class Collected:
             still = self.still([c for c, _ in parts])
             fronts[key] = g.call("add", fronts.get(key, g.zero), still)
             given.setdefault(key, []).append(factors)
-        alike: dict[int, Group] = {}
+        groups: dict[int, Group] = {}
         for key, still in fronts.items():
             opposite = g.call("neg", still)
-            if opposite in alike:
-                alike[opposite].append(("sub", key))
+            if opposite in groups:
+                groups[opposite].append(("sub", key))
             elif still != g.zero:
-                alike.setdefault(still, []).append(("add", key))
-        return alike, given
+                groups.setdefault(still, []).append(("add", key))
+        return groups, given
 
     def scaled(self, node: int, factor: int) -> int:
         """Return the node of node * factor; a short sum is multiplied term by term.

@@ -185,9 +185,9 @@ class Graph:
         InputError
             Where the graph would exceed its largest number of nodes.
         """
-        alike = self._known[op]
+        by_arguments = self._known[op]
         key = args if payload is None else payload
-        known = alike.get(key)
+        known = by_arguments.get(key)
         if known is not None:
             return known
         node = len(self.ops)
@@ -204,7 +204,7 @@ class Graph:
         self.args.append(args)
         if payload is not None:
             self._payload[node] = payload
-        alike[key] = node
+        by_arguments[key] = node
         return node
 
     def _too_much(self) -> TooMuchError:

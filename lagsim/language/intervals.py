@@ -192,11 +192,11 @@ def _one_sided(
 
     lo, hi : the bounds as computed in doubles.
     """
-    alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
+    one_sign = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
     nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
     return (
-        exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
+        exact_or_next(lo, nothing | (lo == 0.0) & one_sign, -math.inf),
         exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
     )
 
@@ -264,10 +264,10 @@ def _real_power(x: Interval, y: Interval) -> Interval:
     # possible.
     size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
     _, largest = outward(*_corners(np.power, size, y))
-    stray = negative & moving
+    undefined = negative & moving
     nowhere = (x.hi < 0.0) & ~moving
-    bounds = _but(nowhere, math.nan, *_but(stray, largest, lo, hi))
-    return interval(*bounds, negative, pole | stray)
+    bounds = _but(nowhere, math.nan, *_but(undefined, largest, lo, hi))
+    return interval(*bounds, negative, pole | undefined)
 
 
 # ------------------------------------------------------------------ conditions

@@ -373,9 +373,9 @@ def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurren
     factors: dict[int, tuple[int, int]] = {}
     left = following
     while left:  # nodes only compared, or with a twin, are not needed
-        wanted = [n for n in g.cone(left) if n in made.sums and n not in factors]
-        factors |= {n: made.factors(n) for n in wanted}
-        left = [x for n in wanted for x in factors[n]]
+        sums = [n for n in g.cone(left) if n in made.sums and n not in factors]
+        factors |= {n: made.factors(n) for n in sums}
+        left = [x for n in sums for x in factors[n]]
     return Recurrence(
         tuple(state), tuple(rates), tuple(map(made, state)), tuple(following),
         tuple(factors), tuple(factors.values()),

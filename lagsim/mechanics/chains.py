@@ -95,7 +95,7 @@ class Factorisation:
     sums : mapping, optional
         Unknown that is a sum -> coefficient of each unknown in the sum, which is either
         no sum or one with a lower number.
-    late : container of int
+    moving : container of int
         Unknowns with a varying diagonal entry, eliminated later than others of equal
         degree.
     some : collection of int, optional
@@ -123,11 +123,11 @@ class Factorisation:
         rows: Sequence[Vector],
         budget: Budget,
         sums: Mapping[int, Vector] | None = None,
-        late: Container[int] = (),
+        moving: Container[int] = (),
         some: Collection[int] | None = None,
     ) -> None:
         self.g, self.budget, self.rows = g, budget, rows
-        self.sums, self.late = sums or {}, late
+        self.sums, self.moving = sums or {}, moving
         self.columns: dict[int, Vector] = {}
         self.inverse: Vector = {}
         self.pivots: dict[int, tuple[int, int]] = {}
@@ -160,7 +160,7 @@ class Factorisation:
         """
         if k in self.sums:
             return 1, -self.depths[k], 0, k
-        return 0, len(self.rows[k]), k in self.late, k
+        return 0, len(self.rows[k]), k in self.moving, k
 
     def _removed(self, k: int) -> tuple[int, Vector]:
         """Remove row and column k of S; return the diagonal entry, and the others of k.

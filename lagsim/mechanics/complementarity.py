@@ -451,7 +451,7 @@ def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
 
 
 def _proximal(
-    unit: ComplementarityProblem, firm: float, times: int
+    unit: ComplementarityProblem, shift: float, times: int
 ) -> _MultiplierPoint:
     """Compute multipliers by proximal point iteration.
 
@@ -459,16 +459,16 @@ def _proximal(
     ----------
     unit : ComplementarityProblem
         Scaled.
-    firm : float
+    shift : float
         The part of the diagonal that is added to it.
     times : int
         The largest number of iterations.
     """
-    p, extra = np.zeros(len(unit.c)), firm * np.abs(unit.D.diagonal())
+    p, extra = np.zeros(len(unit.c)), shift * np.abs(unit.D.diagonal())
     D, discs = unit.D + np.diag(extra), bool(unit.discs)
     for _ in range(times):
-        firmer = replace(unit, D=D, c=unit.c - extra * p)
-        p = _descend(firmer, p).p if discs else _by_pivots(firmer)
+        shifted = replace(unit, D=D, c=unit.c - extra * p)
+        p = _descend(shifted, p).p if discs else _by_pivots(shifted)
         found = _descend(unit, p)
         if found.residual <= RESIDUAL_ROUNDOFF:
             break

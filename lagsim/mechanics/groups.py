@@ -229,10 +229,10 @@ def _of_groups(
         kicks = generalized_impulses(e)
         struck |= {j for kick in kicks for j, x in enumerate(kick) if x != g.zero}
     made: list[Work] = []
-    for group, energy, late in zip(found, energies, rates, strict=True):
+    for group, energy, energy_rate in zip(found, energies, rates, strict=True):
         own = {names[j] for names in (e.q, e.velocities) for j in group}
         others = {*e.state} - own
-        power = _power(e, Q, late, group)
+        power = _power(e, Q, energy_rate, group)
         if g.depends([energy, power]) & others:
             return ()
         if power != g.zero or not struck.isdisjoint(group):

@@ -26,11 +26,11 @@ def after_initial_events(e: Equations, state: Instant) -> Equations:
     model, numbers = e.model, [state.t, *state.q, *state.v, *state.s]
     values = {p.name: p.value for p in model.parameters}
     values |= zip(("t", *e.state), map(float, numbers), strict=True)
-    begun = _begin(e, values)
+    initial = _begin(e, values)
     new = tuple(x._replace(value=values[x.name]) for x in model.parameters)
-    if not begun.acts:
+    if not initial.acts:
         return e
-    return e.of(replace(model, parameters=new), begun_by=begun)
+    return e.of(replace(model, parameters=new), begun_by=initial)
 
 
 def _begin(e: Equations, values: dict[str, float]) -> Begun:

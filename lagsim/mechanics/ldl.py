@@ -164,7 +164,7 @@ def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
     rows = symmetric(len(equations.q), entries)
     # an elimination beyond the budget is not begun
     minimum_degree(list(map(set, rows)), Budget(budget.limit))
-    return Factorisation(g, rows, budget, late=late)
+    return Factorisation(g, rows, budget, moving=late)
 
 
 class Elimination:

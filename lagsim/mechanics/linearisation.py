@@ -73,18 +73,18 @@ class Eigenmodes(NamedTuple):
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
 
-    def parts(self, moved: Complexes, masses: Floats, states: int) -> Floats:
+    def parts(self, displacements: Complexes, masses: Floats, states: int) -> Floats:
         """Return the part of each coordinate and first-order state in each mode.
 
         The result has the shape (n + states, k), with entries of at most 1. Parts of
-        coordinates are the amplitudes `moved`, shape (n, k), times the roots of
+        coordinates are the amplitudes `displacements`, shape (n, k), times the roots of
         `masses`, shape (n,). Where the last `states` components of a mode participate
         by more than half, the parts of states are their participation factors, and the
         parts of coordinates are 0. Source: I. J. Perez-Arriaga, G. C. Verghese, F. C.
         Schweppe, IEEE Trans. Power Apparatus and Systems 101 (1982), 3117:
         participation factors.
         """
-        shapes = np.abs(moved) * np.sqrt(masses)[:, None]
+        shapes = np.abs(displacements) * np.sqrt(masses)[:, None]
         sides = self.left.T @ self.right, self.left.T
         dual = np.linalg.lstsq(*sides, rcond=None)[0].T
         shares = np.abs(self.right * dual)[len(self.right) - states :]
@@ -648,9 +648,9 @@ class NewtonMatrix(NamedTuple):
         p.newton_slots[:] = self.slots
         p.newton_rows[:] = [self.places[entry.row] for entry in self.entries]
         # Works are the last unknowns; their parts are the quadratures of y.
-        moved = p.quadratures.start - (n + p.m)
+        offset = p.quadratures.start - (n + p.m)
         p.newton_parts[:] = [
-            e.column + (moved if e.column >= n + p.m else 0) for e in self.entries
+            e.column + (offset if e.column >= n + p.m else 0) for e in self.entries
         ]
         p.newton_places[:] = self.places
         p.newton_starts[:] = self.starts

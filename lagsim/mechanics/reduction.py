@@ -192,8 +192,8 @@ def eliminable(
         still = modes.isdisjoint(g.depends([row.residual]))
         A = row.A.entries if still and usable(g, row, values, moving) else {}
         numbers = evaluate(g, A.values(), values)
-        steep = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
-        most = max(steep.values(), default=0.0)
+        slopes = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
+        most = max(slopes.values(), default=0.0)
         # Coordinates of one relation only come first: other relations stay unchanged.
         keys += [
             (
@@ -203,7 +203,7 @@ def eliminable(
                 k,
                 c,
             )
-            for c, x in steep.items()
+            for c, x in slopes.items()
             if x * STEEPEST > most
             and math.isfinite(most)
             and not g.depends([A[c]]) & moving

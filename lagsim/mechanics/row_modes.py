@@ -117,10 +117,10 @@ def modes(
         )
         if single is not None:
             return single
-    begun = np.zeros(len(rates), dtype=bool)
+    started = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
-        sizes = np.where(given | begun, closed.bounds, closed.statics)
+        sizes = np.where(given | started, closed.bounds, closed.statics)
         problem = closed.problem(accelerations, sizes, directions, given=given)
         rows = ContactRows(closed, problem, sizes, given, directions, roundoff)
         solution = solved_rows(rows)
@@ -133,7 +133,7 @@ def modes(
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
         if begins.any():
-            begun |= begins
+            started |= begins
             continue
         decided = _decided(rows, found, directions_found)
         return _farther(rows, decided, directions_found) if problem.discs else decided
@@ -653,8 +653,8 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
     """
     own = rows.closed.table.bounded & (rows.closed.table.normals < 0)
     spare, held = (
-        [k for k, mode in enumerate(decided.mode) if mode is wanted and own[k]]
-        for wanted in (Mode.REDUNDANT, Mode.HELD)
+        [k for k, mode in enumerate(decided.mode) if mode is worst and own[k]]
+        for worst in (Mode.REDUNDANT, Mode.HELD)
     )
     most = max((np.linalg.norm(directions[rows.disc(k)]) for k in spare), default=0.0)
     if not (0.0 < most < 1.0 - HALF_OF_DIGITS and held):

@@ -357,16 +357,16 @@ def _spread(
     most = (limits[some] * lengths).max()
     bounds = np.where(equal[some], most / lengths, bounds)
     free = null_space(K) / (lengths * bounds)[:, None]
-    eased = p.copy()
+    shifted = p.copy()
     if free.size and (balanced or rows.part(p, rests) > INSIDE):
         free = np.linalg.qr(free)[0]
         parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
-        eased[some] = parts * bounds
-    part = rows.part(eased, rests)
+        shifted[some] = parts * bounds
+    part = rows.part(shifted, rests)
     most = min(1.0, rows.part(p, rests)) if balanced else 1.0 + SETTLED_IMPULSE
     if not part < most:
         return None
-    return solution._replace(p=eased, w=np.where(rests, 0.0, solution.w))
+    return solution._replace(p=shifted, w=np.where(rests, 0.0, solution.w))
 
 
 def least_parts(

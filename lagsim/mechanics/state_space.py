@@ -150,8 +150,8 @@ def state_space(
     moved = -x.B @ dq - x.C @ ds
     moved[:, k + d + size :] += right[1]
     dv = inverse @ moved
-    wanted = np.eye(d, k + d + size + count, k) - dv[rates]
-    dv += Z @ np.linalg.solve(Z[rates], wanted) if d else 0.0
+    target = np.eye(d, k + d + size + count, k) - dv[rates]
+    dv += Z @ np.linalg.solve(Z[rates], target) if d else 0.0
     every = np.vstack([dq, dv, ds])
     residuals = x.slopes @ every
     residuals[:, k + d + size :] += change

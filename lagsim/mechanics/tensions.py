@@ -322,11 +322,11 @@ def square_groups(
     pulls : tension t -> mass u -> coefficient p_tu.
     weights : mass u -> w_u; all nodes.
     """
-    alike: dict[tuple[int, ...], Vector] = {}
+    groups: dict[tuple[int, ...], Vector] = {}
     for u, members in _holders(pulls).items():
-        alike.setdefault(tuple(members), {})[u] = weights[u]
+        groups.setdefault(tuple(members), {})[u] = weights[u]
     found = []
-    for those, w in alike.items():
+    for those, w in groups.items():
         p = {t: {u: pulls[t][u] for u in w} for t in those}
         pairs = combinations_with_replacement(those, 2)
         dots = {(i, j): weighted(g, p[i], p[j], w) for i, j in pairs}
@@ -528,10 +528,10 @@ def _solution(
     mass, length = (_commonest(g, x.values()) for x in (laws.masses, joints.lengths))
     weights = _quotients(g, dict.fromkeys(laws.masses, mass), laws.masses)
     drifts, fall = _drifts_over(g, laws, joints, length), _fall(g, laws, length, moving)
-    lost = {}
+    remaining = {}
     for k, form in laws.sums.items():
         parts = ((c, fall[i]) for i, c in form.items() if i in fall)
-        lost[k] = g.call("sub", fall[k], g.product_sum(parts))
+        remaining[k] = g.call("sub", fall[k], g.product_sum(parts))
     # E of each link, N of each joint; and the forces on the masses by these.
     forces = dict(enumerate((*joints.along, *(x.across for x in joints.turns))))
     turns = dict(enumerate(joints.turns, len(joints.along)))
@@ -557,7 +557,7 @@ def _solution(
         known[t] = g.call("div", torque, new[turn.square])
     missing: Vector = {}
     for t, x in forces.items():
-        change = g.call("sub", new[changes[t]], _dot(g, x, lost))
+        change = g.call("sub", new[changes[t]], _dot(g, x, remaining))
         turned = g.product_sum((new[n], known[j]) for j, n in torque_gram[t].items())
         missing[t] = g.call("sub", change, turned)
     known |= Squares(g, groups, new).solve({t: missing[t] for t in links})

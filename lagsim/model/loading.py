@@ -585,9 +585,11 @@ def _unfinished(case: _Case) -> Diagnosis | None:
         return None
     rest = case.source.lines[at[0]][at[1] :]
     if "simple key" in context:
-        found, apart = rest.strip(), re.match(r"(\w+)\s+([^:]+)\Z", rest.strip())
+        found, two_words = rest.strip(), re.match(r"(\w+)\s+([^:]+)\Z", rest.strip())
         text = f"expected `key: value`, found `{found[:40]}`"
-        hint = f"a colon is missing: `{apart[1]}: {apart[2]}`" if apart else ""
+        hint = (
+            f"a colon is missing: `{two_words[1]}: {two_words[2]}`" if two_words else ""
+        )
         return case.fault(text, hint, at=at, length=len(found))
     if "quoted scalar" in context:
         if "end of stream" in case.problem or "document" in case.problem:
@@ -624,9 +626,9 @@ def _indentation(case: _Case) -> Diagnosis | None:
         if ":" not in above:
             text = f"a colon is missing after `{above[:40]}`"
             hint = f"write `{above[:40]}:`"
-            apart = re.fullmatch(r"(\w+)\s+(\S.*)", above)
-            if apart and case.indent <= len(line) - len(line.lstrip()):
-                hint = f"a colon is missing: `{apart[1]}: {apart[2]}`"
+            two_words = re.fullmatch(r"(\w+)\s+(\S.*)", above)
+            if two_words and case.indent <= len(line) - len(line.lstrip()):
+                hint = f"a colon is missing: `{two_words[1]}: {two_words[2]}`"
             at = case.above, line.index(above)
             return case.fault(text, hint, at, length=len(above))
         text = f"this line is indented as if it belonged to `{above[:40]}`, "

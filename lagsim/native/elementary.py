@@ -138,7 +138,7 @@ def scaled(x: float, k: int) -> float:
     return x * power_of_two(half) * power_of_two(k - half)
 
 
-def exponential(x: float, low: float, twos: int, kind: Static) -> float:
+def exponential(x: float, low: float, exponent: int, kind: Static) -> float:
     """Return 2^twos e^(x + low), or e^x - 1 for `kind` LESS_ONE; |low| << |x|.
 
     low : a correction of x, as its rounding error.
@@ -161,7 +161,7 @@ def exponential(x: float, low: float, twos: int, kind: Static) -> float:
     if kind == LESS_ONE and n < 54:
         part = power_of_two(n) if n > -1000 else 0.0
         return (part * one - 1.0) + part * rest
-    return scaled(one + rest, n + twos)
+    return scaled(one + rest, n + exponent)
 
 
 def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> float:
@@ -414,8 +414,8 @@ def angle(y: float, y_low: float, x: float, x_low: float) -> float:
         b = 1.0 if b == inf else 0.0
     if a == 0.0 and b == 0.0:
         b = 1.0
-    steep = a > b
-    if steep:
+    is_steep = a > b
+    if is_steep:
         a, b = b, a
         a_low, b_low = b_low, a_low
     scale = power_of_two(max(-1022, BIAS - bits(b) // ONE_POWER))
@@ -437,7 +437,7 @@ def angle(y: float, y_low: float, x: float, x_low: float) -> float:
     for k in unrolled(6, -1, -1):
         bend = bend * z + ARC[k]
     found = EIGHTHS[j] + (u + (u * z * bend + (EIGHTHS_LOW[j] + low)))
-    if steep:
+    if is_steep:
         found = (QUARTER_TURN - found) + QUARTER_TURN_LOW
     if copysign(1.0, x) < 0.0:
         found = (2.0 * QUARTER_TURN - found) + 2.0 * QUARTER_TURN_LOW

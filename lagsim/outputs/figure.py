@@ -413,8 +413,8 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     # jump of the curve.
     piece = np.cumsum(np.diff(seen, prepend=seen[0]) > 1)
     pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
-    _, at, crowd = np.unique(pixel, return_inverse=True, return_counts=True)
-    jump = (np.diff(t[seen], prepend=-np.inf) == 0.0) & (crowd[at] <= CROWD)
+    _, at, counts = np.unique(pixel, return_inverse=True, return_counts=True)
+    jump = (np.diff(t[seen], prepend=-np.inf) == 0.0) & (counts[at] <= CROWD)
     jump &= np.diff(values[seen], prepend=-np.inf) != 0.0
     parts = pixel + (piece + np.cumsum(jump)) * 1e6
     columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
@@ -498,16 +498,16 @@ def marks(axes: Axes, times: Sequence[float], mark: Mark) -> None:
     across = axes.get_xaxis_transform()
     at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
     size = float(mark.top["markersize"])
-    apart = TICKS_APART if mark.top["marker"] == "|" else size + MARKS_APART
-    shown = inside[_spaced(at / axes.figure.dpi, apart / 72)]
+    distance = TICKS_APART if mark.top["marker"] == "|" else size + MARKS_APART
+    shown = inside[_spaced(at / axes.figure.dpi, distance / 72)]
     inch = axes.figure.dpi_scale_trans
     at_top = across + ScaledTranslation(0.0, -size / 144, inch)
     level = np.ones_like(shown)
     line(axes, shown, level, mark.top, transform=at_top, zorder=1.6, clip_on=False)
 
 
-def _spaced(places: Array, apart: float) -> list[int]:
-    """Return the indices of marks to keep, which are at least `apart` from each other.
+def _spaced(places: Array, distance: float) -> list[int]:
+    """Return the indices of marks to keep, at least `distance` from each other.
 
     places : (n,), ascending positions of the marks, of which the first is kept.
     """
@@ -515,7 +515,7 @@ def _spaced(places: Array, apart: float) -> list[int]:
     k = 0
     while k < len(places):
         kept.append(k)
-        k = max(k + 1, int(np.searchsorted(places, places[k] + apart)))
+        k = max(k + 1, int(np.searchsorted(places, places[k] + distance)))
     return kept
 
 

@@ -178,9 +178,9 @@ def grouped(data: PlotData, names: Sequence[str]) -> list[tuple[str, ...]]:
     for name in names:
         by_unit.setdefault(data.unit(name), []).append(name)
     groups: dict[str, tuple[str, ...]] = {name: (name,) for name in names}
-    for unit, alike in by_unit.items():
-        if unit and 1 < len(alike) <= SHARING and _comparable(data, alike):
-            groups.update(dict.fromkeys(alike, tuple(alike)))
+    for unit, of_unit in by_unit.items():
+        if unit and 1 < len(of_unit) <= SHARING and _comparable(data, of_unit):
+            groups.update(dict.fromkeys(of_unit, tuple(of_unit)))
     return list(dict.fromkeys(groups.values()))
 
 
@@ -392,36 +392,36 @@ SIDES = ("y", "y2")
 
 
 @in_house_style
-def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
+def plot(data: PlotData, number: int, entry: Plot, scene: Scene) -> Picture:
     """Return the picture of one entry of the model's `output.plots`.
 
     number : the number of the entry, from 0.
-    wanted : the entry.
+    entry : the entry.
     scene : the scene, by which paths of points are recognised.
     """
-    curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
+    curves, timed = entry.curves(number), entry.x.text.strip() == "t"
     x, *names = curves
     texts = {name: data.letters.text(curve.text) for name, curve in curves.items()}
     pens = dict(zip(names, PENS * 2, strict=False))
-    drawn = {name: _values(data, wanted, x, name, timed=timed) for name in names}
+    drawn = {name: _values(data, entry, x, name, timed=timed) for name in names}
     bands = {
         name: data.band(curves[name].text.strip(), *drawn[name]) if timed else None
         for name in names
     }
     scales = {"x": time_axis(data) if timed else value_scale(*_xs(drawn), margin=0.03)}
-    if "x" in wanted.log:
+    if "x" in entry.log:
         scales["x"] = log_scale(*_xs(drawn), margin=0.0, least=0.0)
     sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
     for side, own in sides.items():
         shown = [drawn[n] for n in own] + sides_of(bands[n] for n in own)
-        scales[side] = _up(shown, log=side in wanted.log, timed=timed)
+        scales[side] = _up(shown, log=side in entry.log, timed=timed)
     ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
-    has_one_scale = not timed and not wanted.y2 and not wanted.log
+    has_one_scale = not timed and not entry.y2 and not entry.log
     has_one_scale = has_one_scale and _are_directions(data, curves, scene, drawn)
     width, height = _sides(*ends) if has_one_scale else (WIDTH, HEIGHT)
     height += BELOW_PANELS + (APART if len(names) > 1 else 0.0)
     picture = sheet(
-        data, height, wanted.title, timed=timed, width=width,
+        data, height, entry.title, timed=timed, width=width,
         banded=any(bands.values()),
     )  # fmt: skip
     axes = picture.subplots()
@@ -430,10 +430,10 @@ def plot(data: PlotData, number: int, wanted: Plot, scene: Scene) -> Picture:
             lambda: set_equal_scales(axes, ends, per_inch(axes, ends))
         )
     below = texts[x], data.unit("t" if timed else x)
-    for side, own in sides.items() if wanted.y2 else [("y", names)]:
+    for side, own in sides.items() if entry.y2 else [("y", names)]:
         units = {data.unit(name) for name in own}
         up = ", ".join(texts[n] for n in own), units.pop() if len(units) == 1 else ""
-        single = wanted.y2 and len(own) == 1
+        single = entry.y2 and len(own) == 1
         panel = axes if side == "y" else axes.twinx()
         frame(
             panel, scales["x"], scales[side], below=below, up=up,
@@ -465,7 +465,7 @@ def side_of(name: str) -> str:
 
 
 def _values(
-    data: PlotData, wanted: Plot, x: str, name: str, *, timed: bool
+    data: PlotData, entry: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
     """Return abscissae and ordinates of a curve; nan where a logarithm is undefined.
 
@@ -474,9 +474,9 @@ def _values(
     """
     # Against time the envelope keeps spikes; others need both values of a row.
     across, up = data.rows.series(name) if timed else data.rows.path(x, name)
-    if "x" in wanted.log:
+    if "x" in entry.log:
         across = np.where(across > 0.0, across, np.nan)
-    if side_of(name) in wanted.log:
+    if side_of(name) in entry.log:
         up = np.where(up > 0.0, up, np.nan)
     return across, up
 
@@ -712,8 +712,8 @@ def pictures(data: PlotData, model: Model) -> Iterator[Made]:
     names = [c.name for c in model.constraints if c.name not in model.quaternions]
     if names:
         draw["constraint_forces"] = partial(constraint_forces, data, coordinates, names)
-    for k, wanted in enumerate(model.output.plots):
-        draw[f"plot_{k + 1}"] = partial(plot, data, k, wanted, model.scene)
+    for k, entry in enumerate(model.output.plots):
+        draw[f"plot_{k + 1}"] = partial(plot, data, k, entry, model.scene)
     files = {key: partial(_file, own, data.form) for key, own in draw.items()}
     started = {LONG: ahead.start(files[LONG])}
     for key, file in (files | started).items():

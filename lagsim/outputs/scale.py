@@ -105,13 +105,13 @@ class Scale(NamedTuple):
         most : the largest number of ticks of one sign.
         """
         ends = self.low, self.high
-        apart = math.log10(max(map(abs, ends)) / self.linear) / most
+        decades = math.log10(max(map(abs, ends)) / self.linear) / most
         powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
         powers.set_params(numticks=most)
         # As far from the linear part as from each other.
-        least = self.linear * 10.0 ** max(0.6, apart)
+        least = self.linear * 10.0 ** max(0.6, decades)
         found = [x for x in powers.tick_values(*ends) if abs(x) >= least]
-        found += [-self.linear, 0.0, self.linear] if self.share > apart else [0.0]
+        found += [-self.linear, 0.0, self.linear] if self.share > decades else [0.0]
         return FixedLocator(sorted(x for x in found if self.low <= x <= self.high))
 
 

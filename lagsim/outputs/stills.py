@@ -156,8 +156,8 @@ def displaced(
     if film is not None:
         whole = float(np.max(np.ptp(_places(film), axis=(0, 1)))) or 1.0
         for turns in (False, True):
-            apart = np.ptp(_places(film, turns=turns), axis=0)
-            far = np.max(np.linalg.norm(apart, axis=-1), initial=0.0) / 2.0
+            extent = np.ptp(_places(film, turns=turns), axis=0)
+            far = np.max(np.linalg.norm(extent, axis=-1), initial=0.0) / 2.0
             if far > COMPUTED_ZERO * SMALL_CHANGE * whole:
                 part = DISPLACED * whole * SMALL_CHANGE / far
                 break

@@ -217,8 +217,8 @@ def _consistent(
         bare = left
 
 
-def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Return the terms of the sum `node` with a known unit other than `wanted`.
+def _against(dimensions: Dimensions, node: int, unit: Unit) -> list[int]:
+    """Return the terms of the sum `node` with a known unit other than `unit`.
 
     dimensions : the units of nodes.
     """
@@ -227,7 +227,7 @@ def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
         k = below.pop()
         if graph.ops[k] in ("add", "sub", "neg"):
             below += graph.args[k]
-        elif dimensions.unit(k) not in (None, wanted):
+        elif dimensions.unit(k) not in (None, unit):
             terms.append(k)
     return terms
 

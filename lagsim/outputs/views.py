@@ -323,9 +323,9 @@ class Views:
         length : None for a string without a stated length, which is as long as the
             largest distance of its ends.
         """
-        apart = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
-        longest = float(np.nanmax(apart)) if length is None else length
-        left = longest**2 - float(apart[row]) ** 2
+        distances = np.linalg.norm(self._positions[a] - self._positions[b], axis=0)
+        longest = float(np.nanmax(distances)) if length is None else length
+        left = longest**2 - float(distances[row]) ** 2
         return left**0.5 if left > (TAUT * longest) ** 2 else 0.0
 
     def _colours(self) -> list[str]:

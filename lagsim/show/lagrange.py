@@ -194,8 +194,8 @@ class _Solver:
             )
             for j, q in enumerate(x.q)
         ]
-        apart = [*enumerate(a - b for a, b in zip(x.a, free, strict=True))]
-        pairs = product(apart, repeat=2)
+        differences = [*enumerate(a - b for a, b in zip(x.a, free, strict=True))]
+        pairs = product(differences, repeat=2)
         G = sp.Add(*(self.M[i][j] * p * q / 2 for (i, p), (j, q) in pairs))
         a = _solved(x, self.inverse, self.f) if self.inverse else None
         a = a if a and _readable(a) else None
@@ -272,17 +272,17 @@ def _readable(parts: Sequence[Any]) -> bool:
     return all(written_size(e) <= READABLE for e in parts)
 
 
-def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
+def _steps(x: Translation, known: dict[int, Any], nodes: list[int]) -> dict[str, Any]:
     """Return definitions of numbered steps: name -> expression.
 
-    Each expression that `wanted` uses more than once is such a step.
+    Each expression that `nodes` uses more than once is such a step.
 
-    known : node -> expression, to which the steps and `wanted` are added.
-    wanted : nodes to be expressed.
+    known : node -> expression, to which the steps and `nodes` are added.
+    nodes : nodes to be expressed.
     """
     g = x.g
-    cone = g.cone(wanted, ends=known)
-    uses = Counter({*wanted})
+    cone = g.cone(nodes, ends=known)
+    uses = Counter({*nodes})
     uses.update(a for n in cone if n not in known for a in g.args[n])
     letters, names = ("s", "k", "z", "step", "step_"), [s.name for s in x.names]
     prefix = next(p for p in letters if not any(n.startswith(p) for n in names))
@@ -293,7 +293,7 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
             name = f"{prefix}{len(steps) + 1}"
             s = x.add(symbol(name), PrintedName(name), (1, len(x.rank)))
             steps[name], known[n] = value, s
-    to_sympy(g, wanted, known=known)
+    to_sympy(g, nodes, known=known)
     return steps
 
 

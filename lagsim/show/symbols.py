@@ -305,10 +305,10 @@ class Translation:
             for a in g.args[n]
         }
         variables = {*self.equations.moving}
-        wanted: dict[int, PrintedName] = {}
+        found: dict[int, PrintedName] = {}
         for d in self.equations.model.definitions:
             n = d.node
-            if d.level is not Level.POSITION or n not in used or n in wanted:
+            if d.level is not Level.POSITION or n not in used or n in found:
                 continue
             if g.ops[n] in (CONSTANT, VARIABLE):
                 continue
@@ -316,8 +316,8 @@ class Translation:
             sum_inside = n in arguments and g.ops[n] in ("add", "sub")
             named = constant and not self.substitute
             if named or g.ops[n] in _ROOTS or sum_inside:
-                wanted[n] = PrintedName(d.name)
-        return wanted
+                found[n] = PrintedName(d.name)
+        return found
 
     def _value(self, node: int) -> Any:
         try:
@@ -566,9 +566,9 @@ def written_out(
 
 def extent_of(g: Graph, n: int, found: Mapping[int, Extent]) -> Extent:
     """Return the extent of a node from the extents of its arguments."""
-    alike = _CHAINS.get(g.ops[n], ())
-    below = [(found[a], g.ops[a] in alike) for a in g.args[n]]
+    chained = _CHAINS.get(g.ops[n], ())
+    below = [(found[a], g.ops[a] in chained) for a in g.args[n]]
     depth = max((e.depth - same for e, same in below), default=0)
-    terms = sum(e.terms if same else 1 for e, same in below) if alike else 1
+    terms = sum(e.terms if same else 1 for e, same in below) if chained else 1
     most = max((terms, *(e.most for e, _ in below)))
     return Extent(1 + sum(e.operations for e, _ in below), 1 + depth, terms, most)

@@ -673,8 +673,8 @@ class Families:
         found = _NUMBER.search(name.base)
         if found is None or not self.merged:
             return None
-        alike = self._stems[_NUMBER.sub("", name.base, count=1)]
-        return int(found[2]) if found[1] or alike > FEW else None
+        count = self._stems[_NUMBER.sub("", name.base, count=1)]
+        return int(found[2]) if found[1] or count > FEW else None
 
     def rows(self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]) -> list[Members]:
         """Return rows; rows of a family are merged at the place of its first member.

@@ -151,18 +151,18 @@ def compared(
     run, repeated = runs
     repeats = again.numbered
     pairs = [(x, repeats[k]) for k, x in checkpoints.numbered.items() if k in repeats]
-    apart = abs(run.end - repeated.end)
-    alike = run.outcome is repeated.outcome and apart < case.settings.output_step
+    delay = abs(run.end - repeated.end)
+    same_end = run.outcome is repeated.outcome and delay < case.settings.output_step
     assert checkpoints.last is not None
     assert again.last is not None
-    if alike and checkpoints.last[0] > pairs[-1][0][0]:
+    if same_end and checkpoints.last[0] > pairs[-1][0][0]:
         pairs.append((checkpoints.last, again.last))
-    mine, theirs = np.array(pairs).swapaxes(0, 1)
-    every = np.abs(theirs - mine)
-    every = np.fmax(every, UNIT_ROUNDOFF * _largest(mine))
+    rows, repeated_rows = np.array(pairs).swapaxes(0, 1)
+    every = np.abs(repeated_rows - rows)
+    every = np.fmax(every, UNIT_ROUNDOFF * _largest(rows))
     # Times are rounded, too, including the times at which forces jump.
-    late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n : 1 + 2 * n])
-    every[:, 1 : 1 + n] = np.fmax(every[:, 1 : 1 + n], late)
+    by_time = UNIT_ROUNDOFF * _largest(rows[:, :1] * rows[:, 1 + n : 1 + 2 * n])
+    every[:, 1 : 1 + n] = np.fmax(every[:, 1 : 1 + n], by_time)
     errors = checkpoints.valued(every)
     own, worst = checkpoints.high - checkpoints.low, np.max(errors, axis=0)
     names = *equations.q, *(x.name for x in equations.states)
@@ -181,7 +181,7 @@ def compared(
     moving, linked, by_forces = np.zeros((3, len(names)))
     moving[:n] = largest_beside(roots, sizes[:n])
     linked[:n] = in_groups(labels, roots, sizes[:n])
-    largest = np.max(np.abs(checkpoints.valued(mine)), axis=0)
+    largest = np.max(np.abs(checkpoints.valued(rows)), axis=0)
     # Coordinates linked by constraints share the rounding of their positions.
     largest[:n] = np.fmax(largest[:n], in_groups(labels, roots, largest[:n]))
     scales, still = _scales(sizes, moving, linked, largest, by_forces)
@@ -189,13 +189,13 @@ def compared(
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
     if slow[:n].any():
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
-        by_forces[:n] = could_push(equations, mine, which, step).reach
+        by_forces[:n] = could_push(equations, rows, which, step).reach
         if equations.states:
-            by_forces[n:] = could_follow(equations, mine, by_forces[:n])
+            by_forces[n:] = could_follow(equations, rows, by_forces[:n])
         scales, still = _scales(sizes, moving, linked, largest, by_forces)
     rounding = NOISE * SUM_ROUNDOFF * np.fmax(largest, by_forces)
     parted = ""
-    if run.outcome.complete and repeated.outcome.complete and not alike:
+    if run.outcome.complete and repeated.outcome.complete and not same_end:
         parted = (
             f"it ended with `{run.outcome.word}` at t = {run.end:.9g}, and a repeat by "
             f"{plan.method} with `{repeated.outcome.word}` at t = {repeated.end:.9g}"
@@ -204,7 +204,7 @@ def compared(
         method=plan.method,
         rtol=plan.rtol,
         names=names,
-        times=mine[:, 0],
+        times=rows[:, 0],
         errors=errors,
         scales=scales,
         still=still,
@@ -402,10 +402,10 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
         # At the tightest tolerance another method cannot be more accurate.
         room = not plan.rtol or ((tighter.rtol or 0.0) > TIGHTEST_RTOL and is_tighter)
-        alike = plan.method == SERIES and (sees_all or not room)
-        if plan.method != ANY and not alike:
+        same_method = plan.method == SERIES and (sees_all or not room)
+        if plan.method != ANY and not same_method:
             yield Repeat(way(replace(tighter, method=ANY), within))
-        if plan.method == ANY or alike or plan.method != SERIES:
+        if plan.method == ANY or same_method or plan.method != SERIES:
             found = way(tighter, same)
             if not is_tighter:
                 longest = min(found.longest_step, GOLDEN * mean)

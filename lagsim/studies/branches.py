@@ -243,12 +243,12 @@ class RestCurve:
         tuple of (ndarray, int), or None
             The point (k + 1,), and the number of iterations; None without convergence.
         """
-        begun = y
+        first = y
         for k in range(ITERATIONS):
             r, J = self._scaled(y)
             if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
                 return None
-            right = np.append(-r, normal @ (begun - y))
+            right = np.append(-r, normal @ (first - y))
             try:
                 step = np.linalg.solve(np.vstack([J, normal]), right)
             except np.linalg.LinAlgError:
@@ -579,9 +579,9 @@ class Branches:
                 found = curve.returned(place.y + ASIDE * way, way)
                 if found is None or self._is_known(curve, found[0]):
                     continue
-                begun = curve.place(found[0], way)
-                more = curve.followed(begun, interrupt)
-                self._add(curve, [place, begun, *more], begins=1)
+                started = curve.place(found[0], way)
+                more = curve.followed(started, interrupt)
+                self._add(curve, [place, started, *more], begins=1)
                 self._cross(curve, interrupt)
 
     def _cross(self, curve: RestCurve, interrupt: Interrupt | None) -> None:
@@ -614,8 +614,10 @@ class Branches:
             if _described(other) != _described(edge):
                 continue
             q = other.place.steady.state.q
-            apart = np.max(np.abs(q - at.q) / np.maximum(1.0, np.abs(q)), initial=0.0)
-            if abs(own.value(other.place.y) - value) <= room and apart <= SAME_PLACE:
+            distance = np.max(
+                np.abs(q - at.q) / np.maximum(1.0, np.abs(q)), initial=0.0
+            )
+            if abs(own.value(other.place.y) - value) <= room and distance <= SAME_PLACE:
                 return False
         return True
 

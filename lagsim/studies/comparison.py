@@ -52,9 +52,9 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
     events, others : the events of the first run, and of the second run.
     """
-    mine, theirs = _times_by_kind(events), _times_by_kind(others)
+    first, second = _times_by_kind(events), _times_by_kind(others)
     pairs = [
-        partners(times, theirs[key]) for key, times in mine.items() if key in theirs
+        partners(times, second[key]) for key, times in first.items() if key in second
     ]
     return np.concatenate(pairs) if pairs else np.empty((0, 2))
 
@@ -68,8 +68,8 @@ def within(t: Floats, pairs: Floats) -> Flags:
     array([False,  True, False])
     """
     low, high = np.sort(np.min(pairs, axis=1)), np.sort(np.max(pairs, axis=1))
-    begun = np.searchsorted(low, t, side="right")
-    return np.asarray(begun > np.searchsorted(high, t))
+    first = np.searchsorted(low, t, side="right")
+    return np.asarray(first > np.searchsorted(high, t))
 
 
 def on_grid(rows: Floats, settings: Settings) -> Floats:
@@ -92,21 +92,21 @@ def _times_by_kind(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floa
     return {key: np.unique(times) for key, times in found.items()}
 
 
-def partners(mine: Floats, theirs: Floats) -> Floats:
+def partners(first: Floats, second: Floats) -> Floats:
     """Return the pairs of mutually nearest times of two runs, shape (k, 2).
 
-    mine, theirs : the times of each run, ascending; the columns 0 and 1 of the result.
+    first, second : the times of each run, ascending; the columns 0 and 1 of the result.
 
     Examples
     --------
     >>> partners(np.array([1.0, 2.0]), np.array([1.1, 5.0]))
     array([[1. , 1.1]])
     """
-    if not (len(mine) and len(theirs)):
+    if not (len(first) and len(second)):
         return np.empty((0, 2))
-    there, back = nearest_times(mine, theirs), nearest_times(theirs, mine)
-    mutual = back[there] == np.arange(len(mine))
-    return np.column_stack([mine[mutual], theirs[there[mutual]]])
+    there, back = nearest_times(first, second), nearest_times(second, first)
+    mutual = back[there] == np.arange(len(first))
+    return np.column_stack([first[mutual], second[there[mutual]]])
 
 
 def nearest_times(times: Floats, among: Floats) -> Floats:
@@ -194,8 +194,8 @@ def scales(
     found = wide.copy()
     for k, group in enumerate(groups):
         if kinds[k] not in ("t", "definition") or group[1]:
-            alike = [i for i, other in enumerate(groups) if other == group]
-            found[k] = max(found[k], SHARE * np.max(wide[alike]))
+            same_unit = [i for i, other in enumerate(groups) if other == group]
+            found[k] = max(found[k], SHARE * np.max(wide[same_unit]))
     moves = [x for x in ("kinetic", "lagrangian") if x in columns]
     moving = float(wide[columns.index(moves[0])]) if moves else 0.0
     largest = max(
@@ -269,14 +269,14 @@ def match(golden: Floats, new: Floats, tolerance: float = 0.0) -> Matched:
     if len(golden) == len(new) and bool(np.all(np.abs(golden - new) <= near)):
         every = np.arange(len(golden))
         return Matched(every, every, golden[:0], new[:0])
-    mine, theirs = (np.argsort(t, kind="stable") for t in (golden, new))
-    g, n = golden[mine], new[theirs]
-    wanted = np.searchsorted(n, g - near) + _turns(g, near)
-    there = np.minimum(wanted, len(n) - 1)
-    same = (wanted < len(n)) & (np.abs(n[there] - g) <= near)
+    first, second = (np.argsort(t, kind="stable") for t in (golden, new))
+    g, n = golden[first], new[second]
+    expected = np.searchsorted(n, g - near) + _turns(g, near)
+    there = np.minimum(expected, len(n) - 1)
+    same = (expected < len(n)) & (np.abs(n[there] - g) <= near)
     alone = np.ones(len(n), bool)
     alone[there[same]] = False
-    return Matched(mine[same], theirs[there[same]], g[~same], n[alone])
+    return Matched(first[same], second[there[same]], g[~same], n[alone])
 
 
 def _spacing(t: Floats) -> float:
@@ -461,15 +461,15 @@ def compare(
     absolute = atol or 0.0
     bounds = {column: absolute + (rtol or 0.0) * size for column, size in sizes.items()}
     rows = match(golden.t, new.t, bounds["t"])
-    mine, theirs = (rows.golden, rows.new) if rows.golden is not rows.new else ALL
+    first, second = (rows.golden, rows.new) if rows.golden is not rows.new else ALL
 
     def of(column: str) -> ComparedColumn:
-        g, n = golden[column][mine], new[column][theirs]
+        g, n = golden[column][first], new[column][second]
         bound = np.full(len(g), bounds[column])
         if rtol is None:
             with np.errstate(invalid="ignore", over="ignore"):
                 bound += np.spacing(np.maximum(np.abs(g), np.abs(n)))
-        return ComparedColumn(golden.t[mine], g, n, bound)
+        return ComparedColumn(golden.t[first], g, n, bound)
 
     exact = rtol == 0.0 and absolute == 0.0
     return Verdict(

@@ -105,16 +105,16 @@ def picture(
             found.when_placed(series, both, *_thinned(t, values), pen)
         # The size of the difference, and the tolerance within which it has to stay.
         with np.errstate(invalid="ignore"):
-            apart = np.abs(n - g)
-        scale = log_scale(apart, bound, margin=0.0, least=0.5)
+            differences = np.abs(n - g)
+        scale = log_scale(differences, bound, margin=0.0, least=0.5)
         scale = scale._replace(low=max(scale.low, LEAST * scale.high))
         frame(off, time, scale, below=below, up=("difference", unit))
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
         times, bound = _thinned(t, bound)
         off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
-        times, apart = _thinned(t, apart)
-        apart = np.where(apart > 0.0, apart, np.nan)
-        found.when_placed(series, off, times, apart, DIFFERENCE)
+        times, differences = _thinned(t, differences)
+        differences = np.where(differences > 0.0, differences, np.nan)
+        found.when_placed(series, off, times, differences, DIFFERENCE)
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
     found.align_ylabels()

@@ -202,10 +202,10 @@ def _measured(
     periodic = [x.name for x in case.model.events if x.at is None]
     near = kept_rows(base, others, case.settings, periodic)
     rows, wide = base.rows[near.rows], column_jumps(case, base, near, compiled)
-    alike = [x for x in others if x.columns == base.columns]
+    same_columns = [x for x in others if x.columns == base.columns]
     with np.errstate(invalid="ignore"):
         same = SAME_ROW * spacing
-        found = (other.at(rows[:, 0], same, ends=True) for other in alike)
+        found = (other.at(rows[:, 0], same, ends=True) for other in same_columns)
         differences = (np.abs(other - rows) for other in found)
         largest = functools.reduce(np.fmax, differences, np.zeros_like(rows))
     floors = _floors(case, base, rows)
@@ -234,7 +234,7 @@ def _measured(
         name: _steps(rows[:, 0], *own)
         for name, *own in zip(names, steady.T, wide.T, strict=True)
     }
-    kept = _bounded(case, base, alike)
+    kept = _bounded(case, base, same_columns)
     golden = Golden(names, rows, steps, horizon, kept, stride)
     return replace(golden, about=_about(case, golden, base))
 
@@ -257,12 +257,12 @@ def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bou
     floors, largest, wide : ndarray, shape (k, columns)
         Least bounds, largest differences of the variants, and jumps near each row.
     """
-    apart = floors + SAFETY * largest
-    around = np.maximum(np.roll(apart, 1, axis=0), np.roll(apart, -1, axis=0))
+    bounds = floors + SAFETY * largest
+    around = np.maximum(np.roll(bounds, 1, axis=0), np.roll(bounds, -1, axis=0))
     around[[0, -1]] = np.inf
     around[at_impacts(t)] = np.inf
-    jumping = (wide > floors) | (apart > SPIKE * around)
-    steady = np.maximum.accumulate(np.where(jumping, floors, apart), axis=0)
+    jumping = (wide > floors) | (bounds > SPIKE * around)
+    steady = np.maximum.accumulate(np.where(jumping, floors, bounds), axis=0)
     # For a variant on the other side of a jump the difference is known.
     wide = np.where(jumping, np.maximum(wide, largest), 0.0)
     spared = 1.0 + DIGITS / 2
@@ -270,8 +270,8 @@ def _bounds_of(t: Floats, floors: Floats, largest: Floats, wide: Floats) -> _Bou
 
 
 def _stride(rows: int, columns: int) -> int:
-    wanted = min(MOST_ROWS, max(LEAST_ROWS, MOST_CELLS // min(columns, MOST_COLUMNS)))
-    return max(1, min(-(-rows // wanted), (rows - 1) // LEAST_ROWS))
+    most = min(MOST_ROWS, max(LEAST_ROWS, MOST_CELLS // min(columns, MOST_COLUMNS)))
+    return max(1, min(-(-rows // most), (rows - 1) // LEAST_ROWS))
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
@@ -285,11 +285,11 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or is_of_kind(x, FORCE, RESIDUAL)]
     first = [x for x in columns if x not in rest]
-    wanted = set[str]()
+    chosen = set[str]()
     for names, most in ((first, MOST_COLUMNS), (rest, MOST_COLUMNS - len(first))):
         if names and most > 0:
-            wanted |= {*names[:: -(-len(names) // most)]}
-    return tuple(name for name in columns if name in wanted)
+            chosen |= {*names[:: -(-len(names) // most)]}
+    return tuple(name for name in columns if name in chosen)
 
 
 def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
@@ -306,8 +306,8 @@ def _floors(case: Case, base: SampledMotion, rows: Floats) -> Floats:
         sizes[k] = base.scales.get(name, sizes[k])
         # A definition can be the difference of two others, and consist of errors only.
         if of.get(name) and kind(name, base.columns) == "definition":
-            alike = [i for i, c in enumerate(base.columns) if of.get(c) == of[name]]
-            sizes[k] = np.max(alone[alike])
+            same_unit = [i for i, c in enumerate(base.columns) if of.get(c) == of[name]]
+            sizes[k] = np.max(alone[same_unit])
     floors = rtol * sizes + VALUE_ROUNDOFF * np.max(np.abs(rows), axis=0)
     when, floors[0] = floors[0], 0.0
     floors = floors + _roundings(case, base, rows)

@@ -278,9 +278,9 @@ class SmallMotions:
         frequencies = np.unique(np.concatenate(found))
         frequencies = frequencies[(frequencies >= low) & (frequencies <= high)]
         poles = np.array([mode.eigenvalue for mode in self.modes])
-        apart = np.abs(2j * math.pi * frequencies[:, None] - poles)
+        distances = np.abs(2j * math.pi * frequencies[:, None] - poles)
         # Without the frequencies of undamped modes, where the response is infinite.
-        return frequencies[np.all(apart > HALF_OF_DIGITS * np.abs(poles), axis=1)]
+        return frequencies[np.all(distances > HALF_OF_DIGITS * np.abs(poles), axis=1)]
 
     @property
     def rows(self) -> Iterator[Mapping[str, Any]]:

@@ -171,11 +171,11 @@ def motion_of(
     rows = np.ascontiguousarray(trial.rows[:, : columns.table])
     t = rows[:, 0]
     places = grid_numbers(t, settings.start, settings.output_step)
-    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
+    mask = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
     sizes = {RESIDUAL.of(name): scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
     made = trial._replace(rows=NO_ROWS)
-    return SampledMotion(names, rows[wanted], sizes, len(rows), made, session.plan)
+    return SampledMotion(names, rows[mask], sizes, len(rows), made, session.plan)
 
 
 def variants(
@@ -289,19 +289,19 @@ def kept_rows(
     events = [e for e in base.trial.events if e.kind != "until"]
     events = [e for e in events if e.name not in periodic]
     times = np.unique([e.time for e in events])
-    late = np.full(len(times), BESIDE * spacing)
+    delays = np.full(len(times), BESIDE * spacing)
     common = t[before_impacts(t)]
     for other in others:
         pairs = moved(events, other.trial.events)
         by = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
-        np.maximum.at(late, np.searchsorted(times, pairs[:, 0]), by)
-        theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
-        common = partners(common, theirs)[:, 0]
-    reach = np.maximum(late, NEAR_EVENT * spacing)
+        np.maximum.at(delays, np.searchsorted(times, pairs[:, 0]), by)
+        impacts = other.rows[before_impacts(other.rows[:, 0]), 0]
+        common = partners(common, impacts)[:, 0]
+    reach = np.maximum(delays, NEAR_EVENT * spacing)
     kept = ~at_impacts(t)
     same = np.full(len(times), SAME_STEP * spacing)
-    crowd = _count_within(t, times, ALONE * reach) - _count_within(t, times, same)
-    alone = before_impacts(t) & np.isin(t, common) & (crowd == 0)
+    counts = _count_within(t, times, ALONE * reach) - _count_within(t, times, same)
+    alone = before_impacts(t) & np.isin(t, common) & (counts == 0)
     on_grid = alone & (grid_numbers(t, settings.start, spacing) >= 0)
     first = np.flatnonzero(alone & ~on_grid)
     some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
@@ -317,7 +317,9 @@ def kept_rows(
     rank = np.arange(len(near)) - np.searchsorted(near, near)
     near, close = near[rank < MOST_NEAR], close[rank < MOST_NEAR]
     places = np.searchsorted(rows, near).tolist()
-    events_near = zip(places, times[close].tolist(), late[close].tolist(), strict=True)
+    events_near = zip(
+        places, times[close].tolist(), delays[close].tolist(), strict=True
+    )
     return Near(rows.tolist(), [*events_near])
 
 

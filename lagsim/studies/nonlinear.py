@@ -261,7 +261,7 @@ class _Surfaces:
         if all(not self._differ(found[0][1], x) for _, x in found[1:]):
             return
         shown = self._of(self.steady.linearisation)
-        alike = [above for above, x in found if not self._differ(shown, x)]
+        equal = [above for above, x in found if not self._differ(shown, x)]
         for k in self.chosen:
             if any(
                 self._differ(x, y)
@@ -269,7 +269,7 @@ class _Surfaces:
                 for other, y in found
                 if above[k] and {i for i in above if above[i] != other[i]} == {k}
             ) or (len(self.chosen) > 1 and self._decides(k, found)):
-                yield self._caution(k, above=alike[0][k] if alike else None)
+                yield self._caution(k, above=equal[0][k] if equal else None)
 
     def _decides(self, k: int, found: list[tuple[dict[int, bool], _OnSides]]) -> bool:
         """Whether the equations change if k is crossed together with other surfaces.

@@ -148,8 +148,8 @@ def _parameters(model: Model) -> Iterator[tuple[str, float]]:
     """
     known = [p for p in model.parameters if not p.mode]
     for p in known:
-        alike = [abs(x.value) for x in known if x.unit == p.unit != "" and x.value]
-        yield p.name, abs(p.value) or min(alike, default=1.0)
+        of_unit = [abs(x.value) for x in known if x.unit == p.unit != "" and x.value]
+        yield p.name, abs(p.value) or min(of_unit, default=1.0)
 
 
 def _starts(case: Case, base: SampledMotion) -> Iterator[tuple[str, float]]:
@@ -287,12 +287,12 @@ class _Changes:
         """
         exact = self._exact_rows(self.case)
         others = [self._exact_rows(perturbed(self.case, k)) for k in range(SEEDS)]
-        apart = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
+        differences = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
         units = stated_units(self.case.equations)
         sizes = scales(self.base.columns, exact.T, units)
         sizes = np.maximum(sizes, np.max(np.abs(exact), axis=0))
         own = LEAST_ROUNDING * UNIT_ROUNDOFF * sizes
-        return exact, np.maximum.accumulate(apart, axis=0) + own
+        return exact, np.maximum.accumulate(differences, axis=0) + own
 
     def _exact_rows(self, case: Case) -> Floats:
         """Return rows (k, columns) of a case, at the tightest tolerance.

@@ -725,9 +725,9 @@ class Search:
     def _is_same(self, one: Steady, other: Steady) -> bool:
         """Whether two rests are equal, or belong to one continuous family of rests."""
         a, b = one.state, other.state
-        apart = np.abs(np.concatenate([a.q - b.q, a.s - b.s]))
+        difference = np.abs(np.concatenate([a.q - b.q, a.s - b.s]))
         sizes = np.maximum(np.abs(np.concatenate([a.q, a.s])), 1.0)
-        if np.all(apart <= HALF_OF_DIGITS * sizes):
+        if np.all(difference <= HALF_OF_DIGITS * sizes):
             return True
         active = ({x.name for x in steady.equations.rows} for steady in (one, other))
         if next(active) != next(active):
@@ -742,8 +742,10 @@ class Search:
         squares = [np.sort(np.real(x * x)) for x in values]
         same = np.abs(squares[0] - squares[1]) <= HALF_OF_DIGITS * size * size
         energies = [x.energy for x in (one, other)]
-        apart = abs(energies[0] - energies[1])
-        return bool(np.all(same)) and apart <= HALF_OF_DIGITS * max(map(abs, energies))
+        difference = abs(energies[0] - energies[1])
+        return bool(np.all(same)) and difference <= HALF_OF_DIGITS * max(
+            map(abs, energies)
+        )
 
 
 # --- Stability

@@ -249,8 +249,8 @@ def _judged(
     """
     best = estimates[0]
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = [np.abs(x - y) for x, y in pairwise(estimates)]
-        first, second, third = (*apart, apart[-1], apart[-1])[:3]
+        differences = [np.abs(x - y) for x, y in pairwise(estimates)]
+        first, second, third = (*differences, differences[-1], differences[-1])[:3]
         missing = ~np.all(np.isfinite(best), axis=1)
         # Rounding of the runs, in columns that do not depend on the name at all, too.
         floor = COMMON * np.nanmax(np.abs(rows), axis=(0, 1), initial=0.0) / abs(step)
@@ -753,9 +753,9 @@ def _at_impacts(events: Sequence[Event], times: Floats, settings: Settings) -> F
     events : the events of the run.
     """
     struck = np.array([e.time for e in events if e.jumps])
-    apart = np.abs(times[:, np.newaxis] - struck)
+    distances = np.abs(times[:, np.newaxis] - struck)
     within = SAME_STEP * settings.output_step + SAME_INSTANT * np.abs(struck)
-    return np.asarray(np.any(apart <= within, axis=1))
+    return np.asarray(np.any(distances <= within, axis=1))
 
 
 def _not_differentiable(found: Derivative, times: Floats) -> list[Caution]:

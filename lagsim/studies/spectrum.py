@@ -182,8 +182,8 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
     waves = np.fft.rfft(weights * (x - mean), size)
     amplitude = np.asarray(2 * np.abs(waves) / weights.sum(), np.float64)
     frequency = np.asarray(np.fft.rfftfreq(size, step), np.float64)
-    apart = BREADTH / (len(x) * step)
-    peaks = _peaks(frequency, amplitude, apart)
+    resolution = BREADTH / (len(x) * step)
+    peaks = _peaks(frequency, amplitude, resolution)
     return Spectrum(column, unit, len(x), step, mean, frequency, amplitude, peaks)
 
 
@@ -193,11 +193,11 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     t : (rows,), the times.
     column : name of the column, for messages.
     """
-    apart = np.diff(t)
-    if not (apart >= 0.0).all():
+    steps = np.diff(t)
+    if not (steps >= 0.0).all():
         raise unusable(NO_SPECTRUM, "the times of the rows do not increase")
     # Two rows have one time at an impact.
-    struck = np.append(apart == 0.0, False) | np.insert(apart == 0.0, 0, False)
+    struck = np.append(steps == 0.0, False) | np.insert(steps == 0.0, 0, False)
     plain = np.flatnonzero(~struck[:-1])
     if len(plain) < LEAST_ROWS:
         text = f"{len(plain)} rows are too few for a spectrum of `{column}`"
@@ -209,37 +209,37 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     numbers = np.rint(places)
     even = np.abs(places - numbers) <= SAME_ROW
     # Of two rows at one of the times the later one; the last row may lie anywhere.
-    later = np.append(apart > 0.0, True)
-    stray = ~even & ~struck
-    stray[-1] = False
+    later = np.append(steps > 0.0, True)
+    irregular = ~even & ~struck
+    irregular[-1] = False
     kept = np.flatnonzero(even & later)
     if (np.diff(numbers[kept[-2:]]) == 0.0).any():  # a last row just after another
         kept = kept[:-1]
     gaps = np.flatnonzero(np.diff(numbers[kept]) != 1.0)
-    if stray.any() or len(gaps):
-        at = t[np.flatnonzero(stray)[0]] if stray.any() else t[kept[gaps[0]]]
+    if irregular.any() or len(gaps):
+        at = t[np.flatnonzero(irregular)[0]] if irregular.any() else t[kept[gaps[0]]]
         text = f"the rows are not equally spaced: see t = {float(at)!r}"
         raise unusable(NO_SPECTRUM, text)
     return kept, step
 
 
-def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ...]:
-    """Return the largest peaks, except peaks nearer than `apart` to a larger one.
+def _peaks(frequency: Floats, amplitude: Floats, resolution: float) -> tuple[Peak, ...]:
+    """Return the largest peaks, except peaks nearer than `resolution` to a larger one.
 
     frequency, amplitude : (k,).
-    apart : a difference of frequencies in Hz.
+    resolution : a difference of frequencies in Hz.
     """
     from scipy.signal import find_peaks
 
     least = LEAST_PEAK * float(amplitude.max(initial=0.0))
     if not least:
         return ()
-    found, seen = find_peaks(amplitude, height=least, prominence=least)
-    found = found[seen["prominences"] >= STANDS_OUT * amplitude[found]]
+    found, properties = find_peaks(amplitude, height=least, prominence=least)
+    found = found[properties["prominences"] >= STANDS_OUT * amplitude[found]]
     peaks: list[Peak] = []
     for k in found[np.argsort(-amplitude[found], kind="stable")].tolist():
         peak = _between(frequency, amplitude, k)
-        if all(abs(peak.frequency - other.frequency) >= apart for other in peaks):
+        if all(abs(peak.frequency - other.frequency) >= resolution for other in peaks):
             peaks.append(peak)
         if len(peaks) == MOST_PEAKS:
             break

@@ -254,7 +254,7 @@ def _analysed(
 
 
 def _penalty(
-    module: ModuleType, h: float, plan: Plan, seen: list[LinearisedState]
+    module: ModuleType, h: float, plan: Plan, states: list[LinearisedState]
 ) -> list[Caution]:
     """Return a warning if the gain of Baumgarte's formulation makes the model stiff.
 
@@ -262,7 +262,7 @@ def _penalty(
 
     module : the method.
     h : the step.
-    seen : linearised states.
+    states : linearised states.
     """
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
@@ -271,7 +271,7 @@ def _penalty(
             f"below {1.0 / h:.2g}, or projection, which has no gain"
         )
         return [Caution(STEP_AT_STABILITY_BOUND, text)]
-    sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
+    sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in states]
     fastest = max(sizes, default=0.0)
     if not plan.gain > FASTER * fastest:
         return []
@@ -295,7 +295,7 @@ class _StepCheck(NamedTuple):
         The length of the run in time.
     module : module
         The method.
-    seen : list of LinearisedState
+    states : list of LinearisedState
         The states along the motion.
     """
 
@@ -303,7 +303,7 @@ class _StepCheck(NamedTuple):
     module: ModuleType
     h: float
     span: float
-    seen: list[LinearisedState]
+    states: list[LinearisedState]
 
     def limited_by_stability(self) -> list[Caution]:
         """Return a warning if stability, not accuracy, limits the chosen steps.
@@ -311,11 +311,11 @@ class _StepCheck(NamedTuple):
         A fast motion that the rows do not show then determines the step. [] if there is
         none.
         """
-        sizes = [np.abs(there.eigenvalues) for there in self.seen]
+        sizes = [np.abs(there.eigenvalues) for there in self.states]
         reaches = [self.h * float(np.max(x, initial=0.0)) for x in sizes]
         if not reaches or not np.median(reaches) > RESOLVED:
             return []
-        there = self.seen[int(np.argmax(reaches))]
+        there = self.states[int(np.argmax(reaches))]
         k = int(np.argmax(np.abs(there.eigenvalues)))
         text = (
             f"the steps (about {self.h:.3g}) are limited by the stability bound of "
@@ -330,7 +330,7 @@ class _StepCheck(NamedTuple):
         """Return a warning if a fixed step is past or close to a stability bound."""
         amplification, h = self.module.amplification, self.h
         best: tuple[float, LinearisedState] | None = None
-        for there in self.seen:
+        for there in self.states:
             bound = predicted(amplification, there.eigenvalues, self.span)
             if bound is not None and (best is None or bound < best[0]):
                 best = bound, there
@@ -370,8 +370,8 @@ class _StepCheck(NamedTuple):
         """
         h, module = self.h, self.module
         worst, shown = EXCITED * in_play, None
-        for there in self.seen:
-            left = self.span - (there.t - self.seen[0].t)
+        for there in self.states:
+            left = self.span - (there.t - self.states[0].t)
             for k in np.flatnonzero(there.energies > worst).tolist():
                 lost = self.lost(h, complex(there.eigenvalues[k]), left)
                 if lost > DAMPED:

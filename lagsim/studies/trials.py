@@ -545,7 +545,7 @@ class Trials:
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0
         for found in in_batches(
-            self._made, items, jobs or cores(), interrupt, wanted=jobs is not None,
+            self._made, items, jobs or cores(), interrupt, requested=jobs is not None,
             workers=workers,
         ):  # fmt: skip
             done += len(found)

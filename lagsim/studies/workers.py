@@ -128,7 +128,7 @@ def processes(most: int) -> Iterator[Crew]:
     most : the number of processes.
     """
     context = multiprocessing.get_context("spawn")
-    theirs, ours = context.Pipe(duplex=False)
+    child_end, own_end = context.Pipe(duplex=False)
     last: dict[_Process, Future[Any]] = {}
 
     def submit(*call: Any) -> Future[Any]:
@@ -137,17 +137,17 @@ def processes(most: int) -> Iterator[Crew]:
                 with contextlib.suppress(BrokenExecutor):
                     last[process] = process.submit(*call)
                     return last[process]
-        process = _Process(1, context, _enlist, (theirs,))
+        process = _Process(1, context, _enlist, (child_end,))
         last[process] = process.submit(*call)
         return last[process]
 
     try:
-        yield Crew(submit, most, ours.close)
+        yield Crew(submit, most, own_end.close)
     finally:
-        ours.close()
+        own_end.close()
         for process in last:
             process.shutdown(cancel_futures=True)
-        theirs.close()
+        child_end.close()
 
 
 @contextlib.contextmanager
@@ -271,7 +271,7 @@ def in_batches(
     most: int,
     interrupt: Interrupt,
     *,
-    wanted: bool,
+    requested: bool,
     workers: Workers = processes,
 ) -> Iterator[Sequence[tuple[Piece, Found | Died]]]:
     """Compute many short items; yield lists of items with their results.
@@ -288,7 +288,7 @@ def in_batches(
     items : sequence
     most : int
         The largest number of pieces at a time; with 1 this process computes all.
-    wanted : bool
+    requested : bool
         Whether this number was requested; else further processes start only if these
         save time.
     workers : callable
@@ -303,7 +303,7 @@ def in_batches(
         lasted = max(time.process_time() - began, SHORTEST_SECONDS)
         to_come = (len(items) - done) * lasted / max(1, done)
         worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS
-        if others and (worth or wanted):
+        if others and (worth or requested):
             break
     left = items[done:]
     if left and not interrupt.requested:

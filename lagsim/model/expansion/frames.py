@@ -213,8 +213,8 @@ class SectionReader:
             parts = (value,) if isinstance(value, Tree) else value
             found = [(part, at) for part in parts]
         if len(found) not in counts:
-            wanted = " or ".join(map(str, counts))
-            text = f"{label} must have {wanted} components, found {len(found)}"
+            expected = " or ".join(map(str, counts))
+            text = f"{label} must have {expected} components, found {len(found)}"
             self.refuse(WRONG_COUNT, text, node)
         return found
 

@@ -787,8 +787,8 @@ class MemberReading:
                 0, len(text), about, "write vec(a, b)", EXPRESSION_SIZE
             )
         if not isinstance(value, Tree):
-            wanted = f"a vector of {self.size}" if self.size > 1 else "a number"
-            about = f"{wanted} is expected here, found {trees.described(value)}"
+            expected = f"a vector of {self.size}" if self.size > 1 else "a number"
+            about = f"{expected} is expected here, found {trees.described(value)}"
             hint = "" if self.size > 1 else "write a component, `.x`, or `norm(...)`"
             raise ExpressionError(0, len(text), about, hint, EXPRESSION_SIZE)
         return trees.parsed(value, text)

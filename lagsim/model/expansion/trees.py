@@ -277,8 +277,8 @@ def _columns(rows: Sequence[Vector]) -> tuple[Vector, ...]:
 
 def _turned(rows: Sequence[Vector], v: Value, label: str) -> Vector:
     if size(v) != len(rows):
-        wanted = f"`{label}` takes a vector of {len(rows)} in this frame"
-        raise UnfitError(f"{wanted}, found {described(v)}")
+        expected = f"`{label}` takes a vector of {len(rows)} in this frame"
+        raise UnfitError(f"{expected}, found {described(v)}")
     assert not isinstance(v, Tree)
     return tuple(_inner(row, v) for row in rows)
 

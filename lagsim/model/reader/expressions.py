@@ -445,8 +445,8 @@ class Expressions:
             code = VELOCITY_NOT_ALLOWED
             text += f" depends on velocities; {label} must not"
         if code:  # a fault of a hidden definition is reported at its own place
-            silent = code == NO_RATE and base[:1] == HIDDEN
-            return not silent and self.refuse(used, scalar, code, text, hint)
+            is_hidden = code == NO_RATE and base[:1] == HIDDEN
+            return not is_hidden and self.refuse(used, scalar, code, text, hint)
         return node is not None
 
     def refuse_unknown(

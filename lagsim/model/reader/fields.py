@@ -92,8 +92,8 @@ class Faults:
         if not self.may_guess() or several:
             return ""
         plain = hints.spelt_out(word)
-        alike = (other for other in among if hints.spelt_out(other) == plain)
-        return next(alike, "") or nearest(word, among)
+        similar = (other for other in among if hints.spelt_out(other) == plain)
+        return next(similar, "") or nearest(word, among)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
         """Return a hint that names the candidate most similar to a word; else "".

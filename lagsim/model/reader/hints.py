@@ -569,8 +569,8 @@ def _of_quantity(
     alone = found and len(names) == 1 and not product
     sound = quantities.is_unit(unit) or (alone and not of_name(names[0], known, ()))
     ends = re.search(rf"(?:[-+*/^,]|\b(?:{CALLED}))$|\([^)]*$|^$", number)
-    strange = not all(_is_known(name, known) for name in own) or (product and own)
-    if ends or strange or unit[:1] == "," or not sound:
+    unknown = not all(_is_known(name, known) for name in own) or (product and own)
+    if ends or unknown or unit[:1] == "," or not sound:
         return ""
     hint = quantities.quantity(number, unit, beside=beside)
     if product and (len(names) > 1 or unit not in FUNCTIONS):
@@ -723,8 +723,8 @@ def _called_so(name: str, known: Collection[str]) -> str:
     if _is_known(name, known):
         return name
     plain = spelt_out(name).replace("_", "")
-    alike = (x for x in known if plain and spelt_out(x).replace("_", "") == plain)
-    return next(alike, "")
+    similar = (x for x in known if plain and spelt_out(x).replace("_", "") == plain)
+    return next(similar, "")
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
@@ -805,9 +805,9 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
         return (
             f"write `output_step: {length}/{node_text(value)}`: the spacing of the rows"
         )
-    apart = re.fullmatch(r"(\w+)\s*(?:\s|=)\s*(\S.*)", key.text)
-    if apart and apart[1] in known and not node_text(value):
-        return f"a colon is missing: `{apart[1]}: {apart[2]}`"
+    two_words = re.fullmatch(r"(\w+)\s*(?:\s|=)\s*(\S.*)", key.text)
+    if two_words and two_words[1] in known and not node_text(value):
+        return f"a colon is missing: `{two_words[1]}: {two_words[2]}`"
     if "y2" in known and not node_text(value) and len(given) > 1:
         before, first = given[max(1, given.index((key, value))) - 1]
         both = f"{node_text(first)}, {key.text}"

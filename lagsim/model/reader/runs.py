@@ -544,11 +544,11 @@ class _SceneReader:
                 )
             self.faults.add(NOT_A_LIST, text, node, hint)
             return ()
-        count, apart = len(node.items), " ".join(texts_of(node.items)).split()
+        count, words = len(node.items), " ".join(texts_of(node.items)).split()
         text = f"{label} must have 2 or 3 components, found {count}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
-        if count == 1 < len(apart) < 4 and all(map(self.x.names.meaning, apart)):
-            self.faults.add(WRONG_COUNT, text, node, f"write [{', '.join(apart)}]")
+        if count == 1 < len(words) < 4 and all(map(self.x.names.meaning, words)):
+            self.faults.add(WRONG_COUNT, text, node, f"write [{', '.join(words)}]")
             return ()
         compiled = [self.x.compile(part, label, most) for part in node.items]
         if count not in (2, 3) and None not in compiled:
@@ -710,9 +710,9 @@ class _SceneReader:
         """
         if counts == (1,):
             return [node]
-        given, wanted = items(node, label, self.faults), " or ".join(map(str, counts))
+        given, expected = items(node, label, self.faults), " or ".join(map(str, counts))
         if isinstance(node, Sequence) and len(given) not in counts:
-            text = f"{label} has {wanted} numbers, found {len(given)}"
+            text = f"{label} has {expected} numbers, found {len(given)}"
             self.faults.add(WRONG_COUNT, text, node)
             return []
         if isinstance(node, Scalar) and node.empty:

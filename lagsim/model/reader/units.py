@@ -124,9 +124,9 @@ class _UnitCheck:
         energy = self._energy()
         for label, (scalar, _) in self.read.items():
             kind, _, name = label.partition(" `")
-            wanted = self._wanted(kind, name.rstrip("`"), energy)
+            expected = self._wanted(kind, name.rstrip("`"), energy)
             text = f"{label} is in {{}} here, where {{}} is expected"
-            self._compare(scalar, None, self.value(label), wanted, text)
+            self._compare(scalar, None, self.value(label), expected, text)
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
 
     def value(self, label: str) -> Quantity:
@@ -176,15 +176,15 @@ class _UnitCheck:
         along = self._of(name).unit
         if not energy.unit or along is None:
             return _UNKNOWN
-        wanted = times(energy.unit, along, -1.0)
+        unit = times(energy.unit, along, -1.0)
         kicks = (x for event in self.model.events for x in event.impulses)
         given = self.model.forces if kind == "the force on" else kicks
         on = next((x for x in given if x.on == name), None)
         if on is not None and on.level is Level.VELOCITY:
-            wanted = times(wanted, per_second)
+            unit = times(unit, per_second)
         if kind == "the impulse on":
-            wanted = times(wanted, {"s": 1.0})
-        return Quantity(wanted)
+            unit = times(unit, {"s": 1.0})
+        return Quantity(unit)
 
     def _of(self, name: str) -> Quantity:
         """Return the quantity of a variable."""
@@ -287,8 +287,8 @@ class _UnitCheck:
         """
         if a.free or b.free or a.unit is None or b.unit is None:
             return True
-        apart = times(a.unit, b.unit, -1.0)
-        if all(abs(x) < COMPUTED_ZERO for x in apart.values()):
+        difference = times(a.unit, b.unit, -1.0)
+        if all(abs(x) < COMPUTED_ZERO for x in difference.values()):
             return True
         place = scalar.place_of(*(span or (0, len(scalar.text))))
         self.found.setdefault(place, Mismatch(place, text.format(_text(a), _text(b))))

@@ -286,7 +286,7 @@ class _Numbers:
         rule: Rule,
         *,
         beside: bool = False,
-        wanted: bool = True,
+        evaluates: bool = True,
     ) -> tuple[Scalar, Parsed, Value] | None:
         """Return an entry's scalar, parsed expression, and value with rounding error.
 
@@ -295,13 +295,13 @@ class _Numbers:
         node, label : the value in the file, and its name in messages.
         rule : see `expressions.Expressions.check_by`.
         beside : whether a unit may be given beside the expression.
-        wanted : False to check the expression only, and return None.
+        evaluates : False to check the expression only, and return None.
         """
         x, found = self.x, self.x.text(node, label, parse, beside=beside)
         if found is None:
             return None
         scalar, parsed = found
-        if not (x.check_by(rule, parsed.names, scalar) and wanted):
+        if not (x.check_by(rule, parsed.names, scalar) and evaluates):
             return None
         value = self._unfolded.value_with_error(parsed, self.known, x.names.tables)
         is_finite = x.is_finite(value[0], label, scalar.place)
@@ -502,7 +502,7 @@ class Initial(_Numbers):
         sound, defined = self._defined(key)
         expression, guess = self._guess(key, node, label)
         expression = self._instead.get(name, expression)
-        read = self._read(expression, label, self._rule, wanted=sound)
+        read = self._read(expression, label, self._rule, evaluates=sound)
         if read is None:
             return None
         scalar, self.formulas[name], value = read

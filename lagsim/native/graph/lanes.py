@@ -217,7 +217,7 @@ class LaneWriter(FunctionWriter):
         return value
 
     def circular(
-        self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
+        self, angles: Sequence[str], outputs: Sequence[tuple[str, int]]
     ) -> list[str]:
         """Write sines and cosines of vectors of angles; return the values' names.
 
@@ -230,7 +230,7 @@ class LaneWriter(FunctionWriter):
         ]
         return [
             self.line(f"extractvalue {BOTH} {pairs[lane]}, {CIRCULAR[op]}")
-            for op, lane in wanted
+            for op, lane in outputs
         ]
 
     def leaf(

@@ -177,12 +177,12 @@ class Lines:
         return self.line(last)
 
     def circular(
-        self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
+        self, angles: Sequence[str], outputs: Sequence[tuple[str, int]]
     ) -> list[str]:
         """Write sines and cosines of up to LANES angles; return the values' names.
 
         angles : names of the angles.
-        wanted : for each value, "sin" or "cos" and the index of the angle.
+        outputs : for each value, "sin" or "cos" and the index of the angle.
         """
         self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"
@@ -192,7 +192,7 @@ class Lines:
         call = f"@{SINCOS}({VECTOR} {vector})"
         pair = self.line(f"call {BOTH} {call}")
         values = []
-        for op, lane in wanted:
+        for op, lane in outputs:
             part = self.line(f"extractvalue {BOTH} {pair}, {CIRCULAR[op]}")
             one = f"extractelement {VECTOR} {part}, i32 {lane}"
             values.append(self.line(one))
@@ -303,8 +303,8 @@ def sincos_function() -> str:
     first = b.sub("%x", b.mul(n, vector_literal(PARTS[0])))
     second = b.mul(n, vector_literal(PARTS[1]))
     less = b.sub(first, second)
-    lost = b.sub(b.sub(first, less), second)
-    third = b.sub(b.mul(n, vector_literal(PARTS[2])), lost)
+    rounding = b.sub(b.sub(first, less), second)
+    third = b.sub(b.mul(n, vector_literal(PARTS[2])), rounding)
     r = b.sub(less, third)
     rest = b.sub(third, b.sub(less, r))
     z = b.mul(r, r)

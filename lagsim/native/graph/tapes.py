@@ -358,12 +358,12 @@ class _Tapes:
         for n in self.fixed:
             users[n] = 1 << (len(functions) - 1)
         for n in reversed(cone):
-            mine, term = users[n], ops[n] in SUMS
+            users_of_node, term = users[n], ops[n] in SUMS
             for a in args[n]:
-                if not term or users[a] & mine:
+                if not term or users[a] & users_of_node:
                     inner[a] = False
                 if a not in self.fixed:
-                    users[a] |= mine
+                    users[a] |= users_of_node
         return users, inner
 
     def _kind(self, n: int, inner: Sequence[bool]) -> tuple[int, Sequence[int]]:
@@ -505,8 +505,8 @@ class Interpreter(Lines):
             return STORE_FIELDS
         if kind == SINCOS:
             angles = [self._load("p", at, 2 * LANES + k) for k in range(LANES)]
-            wanted = [(op, k) for op in CIRCULAR for k in range(LANES)]
-            for k, value in enumerate(self.circular(angles, wanted)):
+            outputs = [(op, k) for op in CIRCULAR for k in range(LANES)]
+            for k, value in enumerate(self.circular(angles, outputs)):
                 self._store(value, "p", at, k)
             return SINCOS_FIELDS
         if kind.op == ELEMENTS:

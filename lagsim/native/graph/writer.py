@@ -276,8 +276,8 @@ class FunctionWriter(Lines):
                 break
             angles.setdefault(angle, len(angles))
             together.append(n)
-        wanted = [(g.ops[n], angles[g.args[n][0]]) for n in together]
-        values = self.circular([operand(angle) for angle in angles], wanted)
+        outputs = [(g.ops[n], angles[g.args[n][0]]) for n in together]
+        values = self.circular([operand(angle) for angle in angles], outputs)
         here.update(zip(together, values, strict=True))
 
     def leaf(

@@ -169,7 +169,7 @@ def described(module: bytes) -> dict[str, Any]:
 
 def tapes(module: bytes) -> list[tuple[int, int]]:
     """Return the first byte and the number of bytes of each tape in a module."""
-    wanted, found = described(module)["tapes"], []
+    indices, found = described(module)["tapes"], []
     content = _sections(module)[DATA]
     first = module.index(content)
     data = Reader(content)
@@ -178,7 +178,7 @@ def tapes(module: bytes) -> list[tuple[int, int]]:
         place = data.number()
         data.take(1)
         size = len(data.sized())
-        if place in wanted:
+        if place in indices:
             found.append((first + data.at - size, size))
     return found
 

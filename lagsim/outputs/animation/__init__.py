@@ -569,8 +569,8 @@ def _link(
     length : stated length of a string, or None.
     """
     a, b = link
-    apart = film.tracks[a].place - film.tracks[b].place
-    lengths = np.linalg.norm(apart, axis=1)
+    vector = film.tracks[a].place - film.tracks[b].place
+    lengths = np.linalg.norm(vector, axis=1)
     lengths = lengths[np.isfinite(lengths)]
     lengths = lengths if len(lengths) else np.zeros(1)
     longest = float(lengths.max()) if length is None else length

@@ -464,9 +464,11 @@ def borders_of(document: Document, method: str) -> list[dict[str, Any]]:
 
 def _legend(document: Document, regions: Sequence[Region]) -> list[Entry]:
     """Return the legend entries of the colours and markers in the chart."""
-    seen = {cell["verdict"] for cell in document["cells"]}
+    verdicts = {cell["verdict"] for cell in document["cells"]}
     bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
-    shown = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
+    shown = [
+        (v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in verdicts
+    ]
     if not regions:
         return shown
     across, _ = cell_borders(document["steps"])

@@ -266,22 +266,22 @@ class Subject:
         balance = energy - (rows[:, columns.index("work")] if works else 0.0)
         residuals = ResidualMonitor(columns)
         residuals.add(rows)
-        lost = LOST.get(trial.code, FAILS)
+        verdict = LOST.get(trial.code, FAILS)
         # The last row of a failed run may be nan.
         known = np.isfinite(energy) & np.isfinite(balance)
         count = int(np.argmin(known)) if not known.all() else len(t)
         t, energy, balance = t[:count], energy[:count], balance[:count]
         if count < 2:
-            return lost, None
+            return verdict, None
         energy, balance = energy / self.energy, (balance - balance[0]) / self.energy
         growth = _rate(t, balance)
         changes = np.abs(energy - energy[0]), np.abs(balance)
-        gone = min(float(np.max(change)) for change in changes) > BEYOND
-        gone |= count < len(known)
-        if residuals.constraint_residual > BROKEN_CONSTRAINT and not gone:
+        diverges = min(float(np.max(change)) for change in changes) > BEYOND
+        diverges |= count < len(known)
+        if residuals.constraint_residual > BROKEN_CONSTRAINT and not diverges:
             return BREAKS, growth
-        if gone or not trial.complete:
-            return (DIVERGES if gone else lost), growth
+        if diverges or not trial.complete:
+            return (DIVERGES if diverges else verdict), growth
         ceiling = self.highest / self.energy if works else -math.inf
         return _trend(energy, balance, ceiling), growth
 
@@ -320,15 +320,15 @@ def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
     last = max(1, int(len(balance) * LAST))
     low, high = float(np.min(balance[-last:])), float(np.max(balance[-last:]))
     bound = ENERGY_CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
-    late, works = energy[-last:], ceiling > -math.inf
-    level = float(np.mean(late))
+    last_energies, works = energy[-last:], ceiling > -math.inf
+    level = float(np.mean(last_energies))
     if high < -bound:
         return HOLDS if works and level >= energy[0] - bound else DECAYS
     if low <= bound or level <= ceiling + ENERGY_CHANGE:
         return HOLDS
     begin, end = (int(len(energy) * part) for part in MIDDLE)
     before = energy[begin : max(end, begin + 1)]
-    varies = min(float(np.ptp(late)), float(np.ptp(before)))
+    varies = min(float(np.ptp(last_energies)), float(np.ptp(before)))
     rises = level - np.mean(before) > 0.25 * ENERGY_CHANGE + HIDDEN * varies
     return GROWS if rises or not works else HOLDS
 
@@ -550,8 +550,8 @@ class _Map:
         name : the method.
         """
         subject, steps = self.subject, self.steps
-        pilot = subject.run(name, steps[len(steps) // 2], PILOT)
-        evaluations = (pilot.evaluations or PILOT) / PILOT
+        trial = subject.run(name, steps[len(steps) // 2], PILOT)
+        evaluations = (trial.evaluations or PILOT) / PILOT
         explicit = method_named(name).NEEDS in ((), ("power",))
         solving = 0 if explicit else (2 * len(subject.equations.q)) ** 3
         price = evaluations * subject.costs[name] + OVERHEAD + solving

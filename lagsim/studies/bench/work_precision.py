@@ -263,7 +263,7 @@ class Reference:
         whole = self.horizon is None and level in WHOLE
         return whole, int(self.known / level), -self.floor
 
-    def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
+    def differences(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
         """Return the differences between a run and the reference, relative to ranges.
 
         The shape is (count, columns). Velocities jump at impacts, and multipliers at
@@ -273,23 +273,23 @@ class Reference:
         rows : the rows of the run, of which the first `count` are compared.
         events : the events of the run.
         """
-        apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
+        differences = np.abs(rows[:count] - self.rows[:count]) / self.scales
         velocities = self.state[len(self.state) // 2 :]
         for columns, only in ((velocities, (IMPACT,)), (self.multipliers, ())):
-            mine, theirs = (
+            own, other = (
                 [e for e in run if e.kind in only or not only]
                 for run in (self.events, events)
             )
-            same = within(rows[:count, 0], moved(mine, theirs))
-            apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
-        return apart
+            same = within(rows[:count, 0], moved(own, other))
+            differences[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
+        return differences
 
     def against(self, second: ReferenceSolution) -> Reference:
         """Return the reference with the field `agreement` set by a second solution."""
         count = min(len(self.rows), len(second.rows))
-        apart = self.apart(second.rows, count, second.events)
-        known = _rows_before_horizon(np.max(apart[:, self.state], axis=1))
-        agreement = np.max(apart[:known], axis=0)
+        differences = self.differences(second.rows, count, second.events)
+        known = _rows_before_horizon(np.max(differences[:, self.state], axis=1))
+        agreement = np.max(differences[:known], axis=0)
         return replace(self, verified=second.how, known=known, agreement=agreement)
 
     def errors(
@@ -308,11 +308,11 @@ class Reference:
         """
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
-        late = np.abs(rows[:count, 0] - self.rows[:count, 0])
-        same = late <= SAME_STEP * abs(spacing)
+        delays = np.abs(rows[:count, 0] - self.rows[:count, 0])
+        same = delays <= SAME_STEP * abs(spacing)
         if count < self.known - 1 or not np.all(same[:-1]):
             return float("nan"), None
-        found = np.max(self.apart(rows, count, events)[same], axis=0)
+        found = np.max(self.differences(rows, count, events)[same], axis=0)
         error, lam = float(np.max(found[self.state])), found[self.multipliers]
         return error, float(np.max(lam)) if len(lam) else None
 
@@ -398,15 +398,15 @@ def unverified(e: Equations, first: ReferenceSolution, between: Floats) -> Refer
     )
 
 
-def _rows_before_horizon(apart: Floats) -> int:
+def _rows_before_horizon(differences: Floats) -> int:
     """Return the number of rows before the horizon of two solutions.
 
     It is the number of all rows if no horizon can be found.
 
-    apart : (rows,), the largest difference of both solutions up to each row.
+    differences : (rows,), the largest difference of both solutions up to each row.
     """
-    count = len(apart)
-    known = [int(np.argmax([*~(apart <= level), True])) for level in LEVELS]
+    count = len(differences)
+    known = [int(np.argmax([*~(differences <= level), True])) for level in LEVELS]
     if count in known[: len(WHOLE)]:
         return count
     enough = max(2.0, min(MANY, FEW * count))
@@ -432,8 +432,8 @@ def _scales(
     q, v, s = np.split(np.array(state, int), [len(e.q), 2 * len(e.q)])
     units = [np.array([x.unit for x in of]) for of in (e.model.coordinates, e.states)]
     parts = (q, units[0]), (v, units[0]), (s, units[1])
-    alike = [of[names == unit] for of, names in parts for unit in set(names)]
-    for columns in (*alike, *([column] for column in multipliers)):
+    of_unit = [of[names == unit] for of, names in parts for unit in set(names)]
+    for columns in (*of_unit, *([column] for column in multipliers)):
         largest = np.max(sizes[columns]) or np.inf
         scales[columns] = range_or_size(ranges[columns], largest, COMPUTED_ZERO)
     duration = float(np.ptp(rows[:, 0])) or 1.0

@@ -249,8 +249,8 @@ class Explorer:
             bound = self.model.bind(**given)
             known = bound.parameter_values
             known |= {x.name: x.value for x in bound.initial}
-            wanted = self._overrides | given
-            return self.model.stated.rewritten({name: known[name] for name in wanted})
+            names = self._overrides | given
+            return self.model.stated.rewritten({name: known[name] for name in names})
 
     # --- Motions
 
@@ -713,11 +713,11 @@ def _angles(session: Session) -> set[str]:
     e = session.equations
     model, point = session.case.model, Point(e, session.case.start)
     units = {c.name: c.unit for c in model.coordinates}
-    seen = [x for place in stage(model).points.values() for x in place]
-    seen += [d.node for d in model.definitions if d.level is Level.POSITION]
+    shown_nodes = [x for place in stage(model).points.values() for x in place]
+    shown_nodes += [d.node for d in model.definitions if d.level is Level.POSITION]
     found = set()
     for name, turns, shows in zip(
-        e.q, full_turn_angles(point), full_turn_angles(point, seen), strict=True
+        e.q, full_turn_angles(point), full_turn_angles(point, shown_nodes), strict=True
     ):
         unit = units.get(name, "")
         if turns and (unit == "rad" or (shows and not unit)):

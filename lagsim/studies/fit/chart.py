@@ -63,12 +63,12 @@ class _Drawn:
     """
 
     def __init__(self, fit: Fit, found: Found, number: int, begin: int) -> None:
-        record, seen = fit.records[number], fit.seen[number]
+        record, measured = fit.records[number], fit.measured[number]
         self.name, self.times = PurePath(record.name).name, record.times
-        self.data, self.residuals = np.full((2, *seen.shape), np.nan)
-        self.count = int(np.count_nonzero(seen))
+        self.data, self.residuals = np.full((2, *measured.shape), np.nan)
+        self.count = int(np.count_nonzero(measured))
         part = slice(begin, begin + self.count)
-        self.data[seen], self.residuals[seen] = fit.data[part], -found.raw[part]
+        self.data[measured], self.residuals[measured] = fit.data[part], -found.raw[part]
         self.t, self.model = fit.curve(found.x, number, CURVE)
         size = 2.6 if len(record.times) <= MANY else 1.6
         color = PENS[number % len(PENS)]["color"]

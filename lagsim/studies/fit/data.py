@@ -306,12 +306,12 @@ def check_span(
     """
     faults = []
     for record, clock in zip(records, clocks, strict=True):
-        early = np.flatnonzero(record.times - clock < settings.start)
-        late = np.flatnonzero(record.times - clock > settings.end)
+        before_start = np.flatnonzero(record.times - clock < settings.start)
+        after_end = np.flatnonzero(record.times - clock > settings.end)
         span = f"the run is from {settings.start:g} to {settings.end:g}"
         for rows, hint in (
-            (early[:1], "leave out the rows before the start, or set `start`"),
-            (late[:1], "make the run longer: `duration`"),
+            (before_start[:1], "leave out the rows before the start, or set `start`"),
+            (after_end[:1], "make the run longer: `duration`"),
         ):
             for row in rows.tolist():
                 text = f"t = {record.times[row]:g} is outside the run: {span}"

@@ -239,15 +239,15 @@ class Fit:
         columns: list[Any] = []
         elapsed: list[Floats] = []
         numbers: list[Any] = []
-        self.seen: list[Flags] = []
+        self.measured: list[Flags] = []
         for record in self.records:
             gaps = np.full(len(record.times), np.nan)
             own = [record.columns.get(x.column, gaps) for x in self.matches]
             cells = np.column_stack(own)
-            seen = np.isfinite(cells)
-            self.seen.append(seen)
-            data.append(cells[seen])
-            rows, own_columns = np.nonzero(seen)
+            measured = np.isfinite(cells)
+            self.measured.append(measured)
+            data.append(cells[measured])
+            rows, own_columns = np.nonzero(measured)
             columns.append(own_columns)
             elapsed.append((record.times - record.times[0])[rows])
             numbers.append(np.full(len(rows), len(numbers)))
@@ -381,8 +381,8 @@ class Fit:
         runs = self.at(x)
         self._raise_if_interrupted()
         rows = [
-            run.rows(run.centre)[seen]
-            for run, seen in zip(runs, self.seen, strict=True)
+            run.rows(run.centre)[measured]
+            for run, measured in zip(runs, self.measured, strict=True)
         ]
         return np.asarray(np.concatenate(rows) - self.data)
 
@@ -410,14 +410,14 @@ class Fit:
         found : the derivatives of each of `tasks`: of one record by one name.
         """
         lost: dict[str, int] = {}
-        sizes = [int(np.count_nonzero(seen)) for seen in self.seen]
+        sizes = [int(np.count_nonzero(measured)) for measured in self.measured]
         ends = np.cumsum(sizes).tolist()
         J = np.zeros((len(self.data), len(self.names)))
         for task, one in zip(tasks, found, strict=True):
             k, name = task.number, task.name
             self.runs += one.runs
             rows = slice(ends[k] - sizes[k], ends[k])
-            J[rows, self.names.index(name)] = one.values[self.seen[k]] * name.scale
+            J[rows, self.names.index(name)] = one.values[self.measured[k]] * name.scale
             if one.lost.any():
                 count = int(np.count_nonzero(one.lost))
                 lost[name.label] = lost.get(name.label, 0) + count

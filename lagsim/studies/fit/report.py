@@ -125,11 +125,13 @@ def tables(fit: Fit, found: Found) -> dict[str, bytes]:
         header += [match.column, f"{match.column}.model", f"{match.column}.residual"]
     rows: list[Sequence[object]] = []
     begin = 0
-    for number, (record, seen) in enumerate(zip(fit.records, fit.seen, strict=True), 1):
-        count = int(np.count_nonzero(seen))
-        cells = np.full((*seen.shape, 3), np.nan)
+    for number, (record, measured) in enumerate(
+        zip(fit.records, fit.measured, strict=True), 1
+    ):
+        count = int(np.count_nonzero(measured))
+        cells = np.full((*measured.shape, 3), np.nan)
         data, raw = (x[begin : begin + count] for x in (fit.data, found.raw))
-        cells[seen] = np.column_stack([data, data + raw, -raw])
+        cells[measured] = np.column_stack([data, data + raw, -raw])
         begin += count
         for time, row in zip(record.times.tolist(), cells, strict=True):
             values = (_finite_or_none(x) for x in row.ravel().tolist())

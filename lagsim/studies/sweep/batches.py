@@ -712,18 +712,18 @@ class Judge:
         """
         assert self._repeats is not None
         places, rates, which = self._coordinates, self._rates, self._state
-        mine, paired = own.columns[which], again.columns[which]
+        own_rows, paired = own.columns[which], again.columns[which]
         if finer > 1:
             paired = np.concatenate([paired[:, :-1:finer], paired[:, -1:]], axis=1)
-        if paired.shape != mine.shape:
+        if paired.shape != own_rows.shape:
             return None
         # The largest of all rows: roundoff bounds grow from row to row.
         largest = np.fmax(-own.low[which], own.high[which])
         # The columns of the repeat are not needed any more, and overwritten.
-        worst = _largest(np.subtract, paired, mine, paired)
+        worst = _largest(np.subtract, paired, own_rows, paired)
         worst = np.fmax(worst, UNIT_ROUNDOFF * largest)
-        late = _largest(np.multiply, mine[:1], mine[rates], paired[rates])
-        worst[places] = np.fmax(worst[places], UNIT_ROUNDOFF * late)
+        by_time = _largest(np.multiply, own_rows[:1], own_rows[rates], paired[rates])
+        worst[places] = np.fmax(worst[places], UNIT_ROUNDOFF * by_time)
         state, valued = self._repeats.arc.state, self._valued
         low, high = state.low[self._components], state.high[self._components]
         for rows in (own, again):

@@ -146,7 +146,7 @@ def sweep(
     found: SweepRows,
     most: int,
     *,
-    wanted: bool,
+    requested: bool,
     workers: Workers = processes,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -158,7 +158,7 @@ def sweep(
     ----------
     most : int
         The largest number of pieces at a time.
-    wanted : bool
+    requested : bool
         Whether this number was requested; else further processes start only if these
         save time.
     workers : callable
@@ -170,9 +170,14 @@ def sweep(
     own = runs_of(found.work)
     found.columns = own.columns
     interrupt = interrupt or Interrupt()
-    wanted |= workers is not processes
+    requested |= workers is not processes
     for results in in_batches(
-        own.made, found.missing, most, interrupt, wanted=wanted, workers=workers
+        own.made,
+        found.missing,
+        most,
+        interrupt,
+        requested=requested,
+        workers=workers,
     ):
         rows = [
             (k, SweepRow(found.grid.values(k), DIED, reason=x.reason))

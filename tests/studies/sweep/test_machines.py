@@ -33,8 +33,8 @@ def test_rows_are_those_of_this_process(cluster):
     there, here = found(), found()
     with machines(cluster) as (hired, cores):
         assert cores == 2
-        sweep(there, cores, wanted=True, workers=hired)
-    sweep(here, 1, wanted=False)
+        sweep(there, cores, requested=True, workers=hired)
+    sweep(here, 1, requested=False)
     assert table(there) == table(here)
     assert not there.missing
 

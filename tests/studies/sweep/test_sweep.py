@@ -272,7 +272,7 @@ def found(text, *arguments, ends=False):
     result = SweepRows.of(
         model, parse_axes(model, arguments), {}, ErrorBars.NEVER, ends=ends
     )
-    sweep(result, 1, wanted=False)
+    sweep(result, 1, requested=False)
     return result
 
 
