@@ -505,8 +505,8 @@ def values_by_majority(
 ) -> list[float]:
     """Return the values of step functions on an interval in which none of them steps.
 
-    The majority of three samples in (start, end) excludes a value at one instant only,
-    like sign(0).
+    Each value is that of at least two of three samples in (start, end), so that a value
+    that a function has at a single instant, like sign(0), is not returned.
 
     value : t -> the values of all functions.
     """

@@ -303,7 +303,7 @@ def sample_roundoff(s: Radau, p: SparseNewton, h: float) -> None:
 
 def signed(i: int, way: int) -> float:
     """Return a pseudorandom number in [-2, -1] or [1, 2] for component i and `way`."""
-    part = 2.0 * control.scattered(i, way) - 1.0
+    part = 2.0 * control.pseudorandom(i, way) - 1.0
     return part + 1.0 if part > 0.0 else part - 1.0
 
 

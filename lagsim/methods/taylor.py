@@ -216,7 +216,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
         set_fineness(s)
         error = misfit(s, c[0], following[1 + size :], h)
         doubtful = error > PASSED
-    return constraints.passable(s, error) if CONSTRAINED else error
+    return constraints.error_past_loss(s, error) if CONSTRAINED else error
 
 
 def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 LAWS = False  # set by the translator
 
 
-def spread(p: Parameters) -> None:
+def store_scaled_rows(p: Parameters) -> None:
     """Compute the scaled rows L^-1 A_i in p.Y (m, n), and the scales in p.scales (m,).
 
     A row is scaled by the largest length that the row has had in the arc, so that a
@@ -693,7 +693,7 @@ def factor_rows(p: Parameters) -> None:
     if p.factored < 1.0:
         mass.factor(p)
     if p.factored < 2.0:
-        spread(p)
+        store_scaled_rows(p)
         p.ranked = reflect(p)
     p.factored = p.constant
 
@@ -710,7 +710,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     column = p.column
     dynamics(t, y, p, p.terms)
     mass.factor(p)
-    spread(p)
+    store_scaled_rows(p)
     rank = reflect(p)
     solve_again(p, rank, p.motion)
     slopes(t, y, p, slope)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.evaluate import roundings
 from lagsim.mechanics.equations import pushes
 from lagsim.mechanics.forces import generalized_forces
-from lagsim.methods.parts.control import scattered
+from lagsim.methods.parts.control import pseudorandom
 from lagsim.plan.method_choice import coupled
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
     as equal bounds of equal bodies would.
     """
     parts = (
-        (1.0 + scattered(k, 0)) * (1.0 if scattered(k, 1) < 0.5 else -1.0)
+        (1.0 + pseudorandom(k, 0)) * (1.0 if pseudorandom(k, 1) < 0.5 else -1.0)
         for k in range(len(sizes))
     )
     return [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.control import scattered
+from lagsim.methods.parts.control import pseudorandom
 from tests.support import run
 
 MOVING = """
@@ -117,7 +117,7 @@ def test_a_long_string_that_begins_to_swing(method, n, T, rows, most):
 @pytest.mark.parametrize("way", [0, 1])
 def test_parts_of_components_have_no_pattern(way):
     """Of 10,000 differences a part d in 1/d is smaller than d, whatever their order."""
-    parts = np.array([scattered(i, way) for i in range(10_000)])
+    parts = np.array([pseudorandom(i, way) for i in range(10_000)])
     assert np.min(parts) >= 0.0
     assert np.max(parts) < 1.0
     for order in range(5):

@@ -370,7 +370,7 @@ def sigma_at(s: Rank, p: Parameters, x: float) -> float:
     return float(s.spare[s.n + 1])
 
 
-def passable(s: Rank, error: float) -> float:
+def error_past_loss(s: Rank, error: float) -> float:
     """Return the error of a step in tolerances, lowered to pass a loss of rank.
 
     Where a step goes over a loss of rank, shorter steps have a smaller truncation error

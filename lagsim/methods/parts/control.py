@@ -2,11 +2,11 @@
 
 The default tolerance of a component is rtol times its own scale: its range so far,
 which is independent of the origin and of other bodies, or its change by its rate in the
-step. Where forces cancel, a small part of the terms counts as well. No tolerance is
-below the rounding of the component's value and of its rate. The latter is bounded where
-a step would be rejected, or grow little while forces cancel: the effect of the rounding
-of the state, and the rounding within the evaluation. No unit enters: metres and
-millimetres give equal steps.
+step. Where forces cancel, a small part of their terms counts as well. No tolerance is
+below the rounding of the component's value and of its rate. The rounding of rates is
+bounded only if a step would be rejected, or would grow little while forces cancel. The
+bound includes the effect of the rounding of the state, and the rounding within the
+evaluation. No unit enters: metres and millimetres give equal steps.
 """
 
 from __future__ import annotations
@@ -500,7 +500,7 @@ PROBED = 0.5
 TIME_PART = 2.0
 # Rounding in the error estimate, relative to the effect of such a change.
 PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
-# Constants of `scattered`.
+# Constants of `pseudorandom`.
 GOLDEN = 0.6180339887498949
 SILVER = 0.4142135623730951
 SCRAMBLED = 1e4
@@ -703,13 +703,13 @@ def move_aside(
     first one may be equal by chance.
     """
     for i in range(size):
-        part = scattered(i, way)
+        part = pseudorandom(i, way)
         if way > 0:
             part = 0.5 * (part + (i + 1) % 2)
         out[i] = y[i] + change * sizes[i] * (0.5 + part)
 
 
-def scattered(i: int, way: int) -> float:
+def pseudorandom(i: int, way: int) -> float:
     """Return a pseudorandom number in [0, 1) for component i and direction `way`.
 
     Multiples of an irrational number are unsuitable: their second differences are

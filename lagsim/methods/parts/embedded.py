@@ -230,7 +230,7 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
         doubtful = error >= least
     if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
         constraints.note_directions(s, p, t + h, new)
-        error = constraints.passable(s, error_on_constraints(s, p, h, errors))
+        error = constraints.error_past_loss(s, error_on_constraints(s, p, h, errors))
     return error
 
 

@@ -19,7 +19,7 @@ from lagsim.methods.parts.control import (
     PERTURBED,
     move_aside,
     perturb,
-    scattered,
+    pseudorandom,
     set_reach,
 )
 from lagsim.methods.parts.parameters import Parameters
@@ -357,11 +357,11 @@ def missed_about(s: SearchTable, p: Parameters, k: int, x: float) -> float:
     if is_missed(s, p, x):
         return x
     least = value_at(SIGNAL, s, p, k, x)
-    before = missed_beside(s, p, k, x, least, -1.0)
-    return before if before > 0.0 else missed_beside(s, p, k, x, least, 1.0)
+    before = missed_on_side(s, p, k, x, least, -1.0)
+    return before if before > 0.0 else missed_on_side(s, p, k, x, least, 1.0)
 
 
-def missed_beside(
+def missed_on_side(
     s: SearchTable, p: Parameters, k: int, x: float, least: float, way: float
 ) -> float:
     """Search one side of a closest approach for a slope that the dense output misses.
@@ -570,7 +570,7 @@ def move_within(s: SearchTable, tolerances: float, way: int, z: Floats) -> None:
     way : 0 or 1, the direction.
     """
     for i in range(s.size):
-        part = 2.0 * scattered(i, way) - 1.0
+        part = 2.0 * pseudorandom(i, way) - 1.0
         part += 0.5 if part > 0.0 else -0.5
         z[i] += part * tolerances * s.tolerances[i]
 

@@ -524,7 +524,7 @@ class TimedTable(NamedTuple):
 
 
 def _jumps(g: Graph, argument: int) -> bool:
-    """Whether the node `argument` contains a step of t, which its derivative lacks."""
+    """Whether the node `argument` jumps in t, which its derivative does not show."""
     timed = g.dependent([argument], ("t",))
     return any(g.ops[n] in STEPS | CHOOSING for n in timed)
 

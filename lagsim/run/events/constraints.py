@@ -66,7 +66,7 @@ def before_event(arc: Arc) -> Before:
     row[0, 1 : 1 + n] -= moment * arc.y[arc.velocities]
     columns = arc.runner.tabulate(row)
     columns[0, 0] = arc.t
-    return Before(columns, _off(arc))
+    return Before(columns, _velocity_errors(arc))
 
 
 def at_start(arc: Arc) -> Before:
@@ -82,10 +82,10 @@ def at_start(arc: Arc) -> Before:
         [float(x) for x in evaluate(arc.equations.graph, discrete, values)]
     )
     arc.runner.prepare()
-    return Before(arc.runner.tabulate(arc.row()), _off(arc))
+    return Before(arc.runner.tabulate(arc.row()), _velocity_errors(arc))
 
 
-def _off(arc: Arc) -> Floats:
+def _velocity_errors(arc: Arc) -> Floats:
     """Return the present error (n,) of the velocities on the constraints.
 
     An impact does not remove this error. It is 0 if each step is projected; else it is

@@ -420,9 +420,9 @@ class Crossing:
         before = self.modes.value.copy(), self.modes.kind.copy()
         self._store_modes(found or now, cone.shares)
         if found is not None and cone.resting is not None:
-            self._rest(cone.resting, *before)
+            self._select_rest(cone.resting, *before)
 
-    def _rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
+    def _select_rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
         """Select rest at levels in place of the modes found, if output columns change.
 
         At rest a switch has its value at the level; sliding, a combination of both
@@ -596,7 +596,7 @@ class Crossing:
         for corner in self._corners():
             J, b, a, _ = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
-            for aside in modes.asides(reach):
+            for aside in modes.nearby_states(reach):
                 change = np.abs(rates(corner, aside) - rates(corner))[: len(scale)]
                 least = np.fmax(least, change)
         self.roundoff[self.open] = least

@@ -169,7 +169,7 @@ def _rests(
         pulls.append(back)
         fields.append(modes.rates(arc.t, rest))
     resting = (pulls[1] * fields[0] + pulls[0] * fields[1]) / (pulls[0] + pulls[1])
-    if not _stay(modes, found, rest, resting, others, levels, sizes):
+    if not _stays_at_levels(modes, found, rest, resting, others, levels, sizes):
         return False
     modes.value[:] = found[BELOW]
     for j in others:
@@ -179,7 +179,7 @@ def _rests(
     return True
 
 
-def _stay(
+def _stays_at_levels(
     modes: SurfaceModes,
     sides: Mapping[int, Floats],
     rest: Floats,

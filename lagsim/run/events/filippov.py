@@ -163,7 +163,7 @@ class FilippovCone:
             if trial is None:
                 continue
             wrong = np.flatnonzero(trial.leads < 0.0).tolist()
-            others = wrong or self._others(sides, trial)
+            others = wrong or self._side_to_exchange(sides, trial)
             exchanged = [on_other_side(sides, k, now[k]) for k in others]
             exchanged = [way for way in exchanged if way not in tried]
             if not wrong and not exchanged:
@@ -173,7 +173,7 @@ class FilippovCone:
             ways += reversed(exchanged)
         return None
 
-    def _others(self, sides: Corner, trial: SideSolution) -> list[int]:
+    def _side_to_exchange(self, sides: Corner, trial: SideSolution) -> list[int]:
         """Return [k], the first surface whose side has to be exchanged, or [] for none.
 
         The side of surface k is exchanged in two cases: the motion on its present side

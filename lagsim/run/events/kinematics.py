@@ -16,7 +16,7 @@ from lagsim.mechanics.algebra import Span, least_squares
 from lagsim.mechanics.complementarity import solved_regular
 from lagsim.mechanics.rows import Closed, Delassus, RowTable, delassus
 from lagsim.methods.parts import parameters as kept
-from lagsim.methods.parts.control import scattered
+from lagsim.methods.parts.control import pseudorandom
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
@@ -141,7 +141,7 @@ def _probes(size: int) -> Floats:
 
     The effects of different changes cannot cancel each other.
     """
-    return np.array([PROBE * (0.5 + scattered(i, 0)) for i in range(size)])
+    return np.array([PROBE * (0.5 + pseudorandom(i, 0)) for i in range(size)])
 
 
 class Kinematics:
@@ -282,12 +282,12 @@ class Kinematics:
     @cached_property
     def roundoff(self) -> Floats:
         """Bounds (L,) of the errors of `accelerations` by rounding."""
-        free, b, *_ = self._beside(self.t)
+        free, b, *_ = self._dynamics_nearby(self.t)
         a = self.rows @ free[self.levels[1]] - b
         changes = np.abs(a - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, changes))
 
-    def _beside(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
+    def _dynamics_nearby(self, t: float) -> tuple[Floats, Floats, Floats, Floats]:
         """Return (y', b, bounds, statics), see `_free`, at a state slightly off `y`.
 
         Each component is changed by about the part PROBE of its magnitude, see
@@ -383,7 +383,7 @@ class Kinematics:
     def _bound_roundoff(self) -> Floats:
         """Estimates (L,) of the rounding errors of `bounds`, by their change in t."""
         span = max(abs(self.t), self.arc.settings.duration)
-        bounds = self._beside(self.t + PROBE * span)[2]
+        bounds = self._dynamics_nearby(self.t + PROBE * span)[2]
         return np.asarray(SUM_ROUNDOFF / PROBE * np.abs(bounds - self.bounds))
 
     @cached_property

@@ -356,9 +356,9 @@ class SurfaceModes:
             magnitudes,
         )
         parts = ASIDE + ASIDE**2 * np.arange(len(magnitudes))
-        aside = parts * np.where(reach > 0.0, reach, 1.0)
+        shift = parts * np.where(reach > 0.0, reach, 1.0)
         later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
-        return arc.y + part * aside, later
+        return arc.y + part * shift, later
 
     def decisive(self) -> Floats:
         """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
@@ -406,7 +406,7 @@ class SurfaceModes:
             # The rate of a surface may depend on the sides of others.
             moved = np.where(self.on_rates, 0.0, span * np.abs(self.rows().rates))
             found &= moved <= most
-            aside = self._aside(later)
+            aside = self._nearby_state(later)
             for t, y in ((arc.t, arc.y), (arc.t, aside), (later, aside)):
                 found &= self._roundoff_of_rates(y, t) >= 0.0
         self.restore(*former)
@@ -425,7 +425,7 @@ class SurfaceModes:
         reach = np.zeros(len(arc.y))
         reach[arc.velocities] = span * VALUE_ROUNDOFF * np.abs(bounds)
         reach[arc.state.positions] = span * reach[arc.velocities]
-        return self._moved_by(self.asides(reach))
+        return self._largest_changes(self.nearby_states(reach))
 
     def changes(self, time: float) -> Floats:
         """Return the largest changes (K,) of the surfaces' expressions in a short time.
@@ -439,20 +439,20 @@ class SurfaceModes:
         reach[arc.state.positions] += time * reach[arc.velocities]
         here = self.values(arc.t, arc.y)
         found = np.abs(self.values(arc.t + time, arc.y) - here)
-        return np.fmax(found, self._moved_by(self.asides(reach)))
+        return np.fmax(found, self._largest_changes(self.nearby_states(reach)))
 
-    def _moved_by(self, asides: Iterable[Floats]) -> Floats:
+    def _largest_changes(self, states: Iterable[Floats]) -> Floats:
         """Return the largest changes (K,) of the expressions at nearby states.
 
-        asides : the states (size,).
+        states : the states (size,).
         """
         arc, found = self.arc, np.zeros(self.count)
         here = self.values(arc.t, arc.y)
-        for aside in asides:
-            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here))
+        for state in states:
+            found = np.fmax(found, np.abs(self.values(arc.t, state) - here))
         return np.asarray(found)
 
-    def _aside(self, t: float) -> Floats:
+    def _nearby_state(self, t: float) -> Floats:
         """Return a state (size,) slightly off the state reached, in every component.
 
         Each component is changed by a part of its range so far. A component with the
@@ -528,22 +528,24 @@ class SurfaceModes:
         moved[: arc.system.n] = magnitudes[arc.state.positions]
         levels = (slopes @ x for x in (magnitudes[arc.state.driven], moved))
         terms = np.where(self.on_rates, *levels)
-        moved = self._moved_by([*self.asides(), *self._asides_along()])
+        moved = self._largest_changes(
+            [*self.nearby_states(), *self._nearby_admissible_states()]
+        )
         return np.fmax(np.maximum(rows.scales, terms), moved / RESIDUAL_ROUNDOFF)
 
-    def _asides_along(self) -> list[Floats]:
+    def _nearby_admissible_states(self) -> list[Floats]:
         """Return nearby states (size,) that satisfy the rows in force to rounding.
 
         Each state is the state reached plus the difference of two Newton steps onto the
-        rows, from a state of `asides` and from the state reached.
+        rows, from a state of `nearby_states` and from the state reached.
         """
         arc = self.arc
         if not arc.system.m:
             return []
         here, found = self._step(arc.y), []
-        for aside in self.asides():
-            aside[arc.state.positions] += self._step(aside) - here
-            found.append(aside)
+        for state in self.nearby_states():
+            state[arc.state.positions] += self._step(state) - here
+            found.append(state)
         return found
 
     def sizes_along_rows(self) -> Floats:
@@ -553,7 +555,7 @@ class SurfaceModes:
         own value is, as y at the kink of y = abs(x - 1e5).
         """
         found = self.arc.magnitudes
-        for aside in self._asides_along():
+        for aside in self._nearby_admissible_states():
             off = np.abs(aside - self.arc.y)
             found = np.fmax(found, off / RESIDUAL_ROUNDOFF)
         return found
@@ -572,12 +574,12 @@ class SurfaceModes:
         arc, n = self.arc, self.arc.system.n
         if not arc.system.m:
             return change
-        aside, change = arc.y.copy(), change.copy()
-        aside[arc.state.positions] += change[:n]
-        change[:n] += self._step(aside) - self._step(arc.y)
+        state, change = arc.y.copy(), change.copy()
+        state[arc.state.positions] += change[:n]
+        change[:n] += self._step(state) - self._step(arc.y)
         return change
 
-    def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
+    def nearby_states(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
         """Yield states (size,) close to the state reached, to test its neighbourhood.
 
         Each component is changed by its rounding plus `reach`, a number or an array

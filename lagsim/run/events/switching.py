@@ -542,7 +542,7 @@ class Switching(Source):
         for some in [located] + [again] * (again != located):
             if not some or not self._is_negligible(limit - arc.t, some):
                 continue
-            several = some + self._beside(some, near)
+            several = some + self._switching_together(some, near)
             if laws is not None:
                 from lagsim.run.events.contacts import rest_soon
 
@@ -592,7 +592,9 @@ class Switching(Source):
         near: list[int] = np.flatnonzero(modes.off_levels() <= most).tolist()
         return near
 
-    def _beside(self, some: Collection[int], near: Collection[int]) -> list[int]:
+    def _switching_together(
+        self, some: Collection[int], near: Collection[int]
+    ) -> list[int]:
         """Return the surfaces of `near` that switch together with surfaces of `some`.
 
         Their gradients are parallel: several kinks lie at one place, of which the

@@ -90,7 +90,9 @@ class Transitions(Source):
         y = rows = given = None
         if begun.impulses:
             rows = arc.runner.tabulate(arc.row())
-            y, given, energy = self._kicked(arc, np.array(begun.impulses), corners)
+            y, given, energy = self._after_impulse(
+                arc, np.array(begun.impulses), corners
+            )
             kicks = {x.name for x in events if x.impulses}
             acts = tuple(_with_energy(x, energy, kicks) for x in acts)
         ending = Ending(Outcome.UNTIL) if begun.is_over else None
@@ -207,12 +209,12 @@ class Transitions(Source):
                 ending = ending or self._set(arc, k)
                 counts[k] += 1
                 if self._chatters(arc, k, counts[k]):
-                    ending = ending or _chatter(acts.visits or rounds)
+                    ending = ending or _endless_ending(acts.visits or rounds)
             if due.periodic or any(events[k].once for k in own):
                 # These events act once at an instant, so no cycle contains this round.
                 rounds.clear()
             else:
-                ending = ending or _undone(arc, rounds)
+                ending = ending or _cycle_ending(arc, rounds)
             due = NOTHING
             if found:
                 due = Due(conditions=frozenset(truth.changed()))
@@ -221,7 +223,7 @@ class Transitions(Source):
         kicks = ending is None and self.kicks and bool(impulse.any())
         given: JumpImpulses | None = None
         if kicks:
-            y, given, energy = self._kicked(arc, impulse, corners, y)
+            y, given, energy = self._after_impulse(arc, impulse, corners, y)
             kicking = {x.name for x in events if x.impulses}
             found = [_with_energy(x, energy, kicking) for x in found]
         changed = kicks or before is not None
@@ -254,10 +256,10 @@ class Transitions(Source):
         earlier, now = acts.visits, (names, arc.modes, v.copy())
         for k, (some, modes, w) in enumerate(earlier):
             if some == names and modes == now[1] and (np.abs(w - v) <= least).all():
-                return acts, _chatter(earlier[k:])
+                return acts, _endless_ending(earlier[k:])
         return acts._replace(visits=(*earlier, now)), None
 
-    def _kicked(
+    def _after_impulse(
         self, arc: Arc, impulse: Floats, corners: CornerSides | None,
         y: Floats | None = None,
     ) -> tuple[Floats, JumpImpulses, float]:  # fmt: skip
@@ -323,7 +325,7 @@ class Transitions(Source):
         return count > MOST_ACTS or self.sequence.is_too_frequent(k)
 
 
-def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
+def _cycle_ending(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
     """Return the ending of a run whose last round restores modes of an earlier one.
 
     None if it does not. The events of these rounds undo each other at one instant.
@@ -334,10 +336,10 @@ def _undone(arc: Arc, rounds: Sequence[Round]) -> Ending | None:
     earlier_modes, now = [modes for _, modes, _ in earlier], arc.modes
     if now == before or now not in earlier_modes:
         return None
-    return _chatter(rounds[earlier_modes.index(now) :])
+    return _endless_ending(rounds[earlier_modes.index(now) :])
 
 
-def _chatter(rounds: Sequence[Round]) -> Ending:
+def _endless_ending(rounds: Sequence[Round]) -> Ending:
     """Return the ending of a run whose events act without end at one instant.
 
     rounds : the rounds of acts of these events, see `records.ActsAt`; their names are
