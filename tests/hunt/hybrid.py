@@ -11,6 +11,7 @@ located on the dense output.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -557,10 +558,11 @@ class Hybrid:
 
     def _periodic(self, t, y):
         """Execute the periodic events of a time; return whether one has acted."""
+        near = 4.0 * math.ulp(t)  # of one instant
         due = [
             name
             for name, k in self.periodic.items()
-            if self.start + k * self.e.scene.events[name]["every"] <= t
+            if self.start + k * self.e.scene.events[name]["every"] <= t + near
         ]
         for name in due:
             self.periodic[name] += 1

@@ -116,7 +116,10 @@ def judged(told, lagsim, answer, path, known, size, error=0.0):
         return Verdict("wrong-rows", record["outcome"])
     t = (answer.column("t") - told.shift) * told.scale
     at = np.searchsorted(t, times + told.near, side="right") - 1
-    if np.any(np.abs(t[at] - times) > told.near):
+    late = np.abs(t[at] - times)
+    if path.armed.get("done") and np.any(error):
+        late[-1] = max(0.0, abs(t[-1] - times[-1]) - _near(known + error / GAIN))
+    if np.any(late > told.near):
         return Verdict("wrong-rows", f"rows at {t[-1]!r}, truth {times[-1]!r}")
     names = _names(path)
     rows = np.array([row[1] for row in path.rows])
