@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.support import run
+from tests.support import run, simulate
 
 BODY = """name: body
 coordinates: {{x: {{}}}}
@@ -76,3 +76,28 @@ def test_one_sets_the_next_in_motion(force):
     # The sum of modes cancels to the last masses' share: roundings of the first's.
     assert np.max(np.abs(found - exact)) < 1e-10
     assert np.all(np.abs(found[-2:] - exact[-2:]) < 1e-6 * exact[-2:])
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "radau", "rk4"])
+@pytest.mark.parametrize(
+    ("place", "rate", "kink"),
+    [(0.1539, -1.688, 9.0), (0.77, -1.0, 0.77), (1.4709, -0.5, 1.896)],
+)
+def test_a_body_at_rest_is_coupled_by_its_mass_to_one_that_a_row_moves(
+    place, rate, kink, method
+):
+    """The row leaves rounding in y, whose velocity jumps by -1/4 of the jump of x's."""
+    found = simulate(
+        f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2 + 0.5*x_dot*y_dot)/2, potential: 0}}
+constraints: {{drive: "x = {place} + {rate}*t + 2*max(t - {kink}, 0)"}}
+initial: {{x: {{guess: 0}}, x_dot: {{guess: 0}}, y: 0}}
+simulation: {{duration: 2, output_step: 0.1, formulation: projection}}
+""",
+        method=method,
+    )
+    assert found.outcome == "done"
+    later = np.maximum(found.t - kink, 0.0)
+    assert found["x"] == pytest.approx(place + rate * found.t + 2 * later, abs=1e-14)
+    assert found["y"] == pytest.approx(-0.5 * later, abs=1e-14)

@@ -45,6 +45,9 @@ FLOOR = 1e-3
 # removes them. A tenth of this value costs Bricard's mechanism twice the steps; other
 # models change little.
 LEAK = 1e-2
+# A coordinate whose size is below so many times the rounding of its mechanism is at
+# rest: its motion is rounding.
+AT_REST = 100.0
 # Amplification of rounding by a method's stages, in error estimates of constrained
 # components: the coefficients of DOP853 are as large as 43, of either sign.
 AMPLIFIED = 4.0
@@ -291,6 +294,7 @@ def compute_tolerances(
         s.tolerances[i] = max(rtol * max(sized, least), rough)
     if p.m > 0:
         share_tolerances(s)
+        share_rounding(s)
     if p.works > 0:
         limit_works(s, p, new)
 
@@ -324,6 +328,26 @@ def share_tolerances(s: Control) -> None:
             # Few tolerances are raised: no root where no tolerance is raised.
             if masses[i] > 0.0 and masses[i] * tolerances[i] * tolerances[i] < most:
                 tolerances[i] = sqrt(most / masses[i])
+
+
+def share_rounding(s: Control) -> None:
+    """Raise the tolerances of coordinates at rest to the rounding of their mechanism.
+
+    Projection, and the accelerations that rows determine, convert the rounding of one
+    coordinate into motion of those that M couples to it, in the metric of M.
+    """
+    n, masses, shared = s.n, s.masses, s.shared
+    for level in range(2):
+        tolerances, sizes = s.tolerances[level * n :], s.sizes[level * n :]
+        shared[:n] = 0.0
+        for i in range(n):
+            k = int(s.joined[i])
+            shared[k] = max(shared[k], masses[i] * sizes[i] * sizes[i])
+        for i in range(n):
+            most = STATE_ROUNDOFF * STATE_ROUNDOFF * shared[int(s.joined[i])]
+            own = masses[i] * sizes[i] * sizes[i]
+            if masses[i] > 0.0 and own < AT_REST * AT_REST * most < OVERFLOW:
+                tolerances[i] = max(tolerances[i], sqrt(most / masses[i]))
 
 
 def against(error: float, tolerance: float) -> float:
