@@ -101,3 +101,31 @@ simulation: {{duration: 2, output_step: 0.1, formulation: projection}}
     later = np.maximum(found.t - kink, 0.0)
     assert found["x"] == pytest.approx(place + rate * found.t + 2 * later, abs=1e-14)
     assert found["y"] == pytest.approx(-0.5 * later, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("method", "near"),
+    [("auto", 1e-10), ("dop853", 1e-10), ("radau", 1e-10), ("kahan-li8", 1e-10),
+     ("kahan-li6", 1e-8), ("rk4", 1e-5), ("gauss4", 1e-5), ("verlet", 1e-2),
+     ("rattle", 1e-2), ("midpoint", 1e-2), ("generalized-alpha", 1e-2)],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("force", "exact"),
+    [
+        ("t - abs(x)", lambda t: t - np.sin(t)),
+        ("t - x*sign(x)", lambda t: t - np.sin(t)),
+        ("t^2 - max(x, -3*x)", lambda t: t**2 - 2.0 + 2.0 * np.cos(t)),
+        ("t - max(x_dot, -x_dot)", lambda t: t**2 / 2.0 - t + 1.0 - np.exp(-t)),
+    ],
+)
+def test_a_body_leaves_the_level_of_a_switch_under_a_force_that_begins_at_0(
+    force, exact, method, near
+):
+    """The argument of the switch never has the other sign, and nothing switches."""
+    if "x_dot" in force and method in ("kahan-li8", "kahan-li6", "verlet", "rattle"):
+        pytest.skip("the method does not handle forces of velocities")
+    steps = {} if method in ("auto", "dop853", "radau") else {"step": 0.1}
+    found = simulate(BODY.format(force=force, method=method), **steps)
+    assert found.outcome == "done"
+    assert not found.events
+    assert found["x"] == pytest.approx(exact(found.t), abs=near)
