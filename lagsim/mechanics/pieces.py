@@ -28,24 +28,27 @@ Transactions on Circuits and Systems 35, 1988, on lattices of linear pieces.
 from __future__ import annotations
 
 import math
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.language import tables
 from lagsim.language.derivatives import slopes
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.tables import Data
 from lagsim.mechanics.surfaces import Surface, oriented
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
+
+    # Intervals of variables: (name, (lower end, upper end)), sorted by names.
+    Stretches = tuple[tuple[str, tuple[float, float]], ...]
 
 # Largest count of pieces of a gap.
 MOST = 64
@@ -62,6 +65,8 @@ KINK = f"kink{MARK}"
 PLACES = 3
 # Slopes are equal if their difference is at most this part of the largest slope.
 SAME_SLOPE = 1e-12
+# Values are equal if their difference is at most this multiple of their rounding.
+JOINED = 8.0
 # Distance of the added outer points of a table beyond its last knots, in units of the
 # extent of the knots.
 FAR = 1e3
@@ -157,6 +162,7 @@ class _Pieces:
     ) -> None:
         self.g, self.values, self.moving = g, values, [*moving]
         self.known: dict[tuple[int, int], list[Piece]] = {}
+        self.lines: dict[tuple[int, Stretches], int] = {}
         # Conditions of the joints of the divided piece, which has no kink there.
         self.joints = frozenset[int]()
 
@@ -299,7 +305,7 @@ class _Pieces:
                     Piece(y.node, x.sides | y.sides)
                     for x in found
                     for y in self._apart(x.node, way)
-                    if y.fits(x)
+                    if y.fits(x) and self._exists(x.sides | y.sides)
                 ]
                 # Conditions of the gap itself may be those of joints of other pieces.
                 self.joints = outer
@@ -355,7 +361,137 @@ class _Pieces:
         beyond = g.call("mul", below[1], u), g.call("mul", above[0], u)
         first = g.call("if", on, above[2], g.call("add", below[2], beyond[0]))
         second = g.call("if", off, below[2], g.call("sub", above[2], beyond[1]))
+        first, second = (self._joined(x, ()) for x in (first, second))
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
+
+    # Joints of two expressions that are one line
+
+    def _joined(self, n: int, where: Stretches) -> int:
+        """Return node n without each `if` that joins a line and its continuation.
+
+        Both differ by rounding at most. An `if` that is decided on `where` is replaced
+        by its branch.
+
+        where : the intervals of variables on which the value of n is used.
+        """
+        key = (n, where)
+        if key not in self.lines:
+            g, args = self.g, self.g.args[n]
+            changes = self._changes(n) if g.ops[n] == "if" else {}
+            if changes:
+                self.lines[key] = self._of_lines(n, where, changes)
+            elif any(g.ops[x] == "if" for x in g.cone([n])):
+                made = tuple(self._joined(a, where) for a in args)
+                self.lines[key] = n if made == args else g.call(g.ops[n], *made)
+            else:
+                self.lines[key] = n
+        return self.lines[key]
+
+    def _changes(self, n: int) -> dict[float, tuple[str, int, int]]:
+        """Return the values of a variable at which an `if` below node n is decided.
+
+        The variable is that of the condition of n; the result is empty if there is
+        none. Each value has the name of the variable, the condition, and the side on
+        which this is true: 1 above the value, else -1.
+        """
+        g, own, found = self.g, "", dict[float, tuple[str, int, int]]()
+        for x in reversed(g.cone([n])):
+            if g.ops[x] != "if" or g.ops[g.args[x][0]] not in COMPARISONS:
+                continue
+            condition = g.args[x][0]
+            place = self._zero(g.call("sub", *g.args[condition]))
+            own = place[0] if x == n and place is not None else own
+            if place is not None and place[0] == own:
+                side = COMPARISONS[g.ops[condition]] * place[2]
+                found.setdefault(place[1], (own, condition, side))
+        return found
+
+    def _of_lines(
+        self, n: int, where: Stretches, changes: dict[float, tuple[str, int, int]]
+    ) -> int:
+        """Return an `if` by its lines, where neighbouring equal lines are one.
+
+        n, where : see `_joined`.
+        changes : see `_changes`.
+        """
+        g, args = self.g, self.g.args[n]
+        name = next(iter(changes.values()))[0]
+        lo, hi = dict(where).get(name, (-math.inf, math.inf))
+        knots = sorted(x for x in changes if lo < x < hi)
+        if not knots:
+            [(at, (_, _, side))] = [
+                (x, c) for x, c in changes.items() if c[1] == args[0]
+            ]
+            return self._joined(args[1 if (side > 0) == (at <= lo) else 2], where)
+        others = [x for x in where if x[0] != name]
+        lines, kept = list[int](), list[float]()
+        for ends in pairwise([lo, *knots, hi]):
+            line = self._joined(n, tuple(sorted([*others, (name, ends)])))
+            if not lines or not self._is_one_line(lines[-1], line, (name, ends[0])):
+                lines.append(line)
+                kept.append(ends[0])
+            elif len(g.cone([line])) < len(g.cone([lines[-1]])):
+                lines[-1] = line
+        if len(lines) > len(knots):
+            return n
+        found = lines.pop()
+        for x in reversed(kept[1:]):
+            _, condition, side = changes[x]
+            found = g.call("if", condition, *(lines.pop(), found)[::-side])
+        return found
+
+    def _zero(self, u: int) -> tuple[str, float, int] | None:
+        """Return a variable, its value where u is 0, and the sign of the slope there.
+
+        None if u is not affine in exactly one moving variable.
+        """
+        g = self.g
+        names = g.depends([u]) - self.values.keys()
+        if len(names) != 1 or not names <= {*self.moving}:
+            return None
+        (name,) = names
+        (slope,) = slopes(g, u, frozenset([g.variable(name)])).values() or (g.zero,)
+        if name in g.depends([slope]):
+            return None
+        off, by = evaluate(g, [u, slope], {**self.values, name: 0.0})
+        if not by or not math.isfinite(off / by):
+            return None
+        return name, float(-off / by), 1 if by > 0.0 else -1
+
+    def _exists(self, sides: Iterable[tuple[object, int]]) -> bool:
+        """Whether some state is on all of the sides of kinks, as far as is known.
+
+        A piece that is selected at no state is not needed. Known are kinks at values of
+        one variable.
+        """
+        ends: dict[str, tuple[float, float]] = {}
+        for u, side in sides:
+            place = self._zero(u) if isinstance(u, int) else None
+            if place is not None:
+                name, at, way = place
+                lo, hi = ends.get(name, (-math.inf, math.inf))
+                above = way == side
+                ends[name] = (max(lo, at), hi) if above else (lo, min(hi, at))
+        return all(lo < hi for lo, hi in ends.values())
+
+    def _is_one_line(self, x: int, y: int, at: tuple[str, float]) -> bool:
+        """Whether nodes x and y are affine in one variable and equal but for rounding.
+
+        at : the variable, and its value at which x and y are compared.
+        """
+        g, (name, value) = self.g, at
+        if x == y:
+            return True
+        if not g.depends([x, y]) <= {name, *self.values}:
+            return False
+        v = g.variable(name)
+        rises = [slopes(g, a, frozenset([v])).get(v, g.zero) for a in (x, y)]
+        if name in g.depends(rises):
+            return False
+        place = {k: (float(c), 0.0) for k, c in {**self.values, name: value}.items()}
+        (a, da), (b, db), (r, _), (s, _) = evaluate_with_error(g, [x, y, *rises], place)
+        alike = abs(r - s) <= SAME_SLOPE * max(abs(r), abs(s))
+        return bool(alike and abs(a - b) <= JOINED * (da + db))
 
     def _slope_by(self, n: int, atom: int) -> int:
         """Return dn/d(atom), in which the variable KINK stands for `atom`."""
@@ -373,9 +509,10 @@ class _Pieces:
         0 is not known, the branch that is not 0 is used.
         """
         g, found, places = self.g, dict[int, int](), self._places(u)
+        own = [g.call(op, u, g.zero) for op in ("ge", "le")]
         for n in g.cone([node]):
             args = [found.get(a, a) for a in g.args[n]]
-            if g.ops[n] == "if" and args[0] not in self.joints:
+            if g.ops[n] == "if" and args[0] not in own:
                 known = g.depends([args[0]]) <= {*self.moving, *self.values}
                 taken = {bool(evaluate(g, [args[0]], x)[0]) for x in places if known}
                 branch = 1 + (not taken.pop()) if len(taken) == 1 else 0
@@ -479,9 +616,11 @@ class _Pieces:
         steps = np.cumsum([slope[0], *jumps[grooves]]).tolist()
         rise = _bent(g, axis, w, x[rest], jumps[rest])
         ends = (x[0], x[-1]) if axis.values[3] else None
+        # The first line, too, is written from a groove: lines meet there exactly.
+        anchors = [knots[1], *knots[1:]]
         found = []
-        for k, step in zip(knots, steps, strict=True):
-            line = _line(g, axis, w, (x[k], y[k] - others[k], step), ends)
+        for k, at, step in zip(knots, anchors, steps, strict=True):
+            line = _line(g, axis, w, (x[at], y[at] - others[at], step), ends)
             side = frozenset([((w, axis), k)])
             found.append(Piece(g.call("add", line, rise), side))
         return found
@@ -515,14 +654,15 @@ def _line(
     ends : the interval of w outside of which the line has no value, or None.
     """
     x, y, slope = at
+    way = g.call("sub", w, g.constant(x))
+    line = g.call("add", g.constant(y), g.call("mul", g.constant(slope), way))
     if ends is None:
-        way = g.call("sub", w, g.constant(x))
-        return g.call("add", g.constant(y), g.call("mul", g.constant(slope), way))
-    points = np.array(ends)
+        return line
+    # A table of zeros that ends: one of the line's values would have their rounding.
     made = tables.axes_and_pieces(
-        axis.name, (points,), y + slope * (points - x), "linear", "error"
+        axis.name, (np.array(ends),), np.zeros(2), "linear", "error"
     )
-    return tables.called(g, *made, [w])
+    return g.call("add", line, tables.called(g, *made, [w]))
 
 
 def _bent(g: Graph, axis: Data, w: int, x: Floats, jumps: Floats) -> int:

@@ -27,6 +27,13 @@ simulation: {duration: 1}
 """
 VALLEY, SAW = [(-1, 3), (0, 0), (2, 1)], [(-2, 0), (-1, 1), (0, -1), (1, 1.5), (2, 0.5)]
 BENT, WAVE = [(-2, 0), (0, 1), (1, 1.2), (3, 3)], [(0, 0), (1, 1), (1.5, 0.9), (2, 0)]
+CHAIN = (
+    "if(x <= 1, if(x < -0.3, 0.06 - 0.9*(x + 0.3), 0.2*x + 0.12),"
+    " if(x <= 1.7, 0.4*(x - 1.7) + 0.6, 0.7*(x - 1) + 0.11))"
+)
+LINES = [(-1.3, 0.96), (-0.3, 0.06), (1, 0.32), (1.7, 0.6), (2.7, 1.3)]
+RIDGE = "if(x < 0, if(x < -1, -x - 1, 0.3*(x + 1)), if(x < 2, 0.3 - 0.4*x, x - 2.5))"
+HUMP = [(-2, 1), (-1, 0), (0, 0.3), (2, -0.5), (3, 0.5)]
 SHORT = [(-3, 5), (-1, 1), (0, 0.5), (2, 1), (3, 4)]
 
 
@@ -75,6 +82,10 @@ GAPS = [
     ("y - (1 + x^2)*abs(x)", lambda x, y, _: y - (1 + x**2) * abs(x), 2),
     ("2*y/(2 + abs(x)) - abs(x)", lambda x, y, _: 2 * y / (2 + abs(x)) - abs(x), 2),
     ("y - min(x, z)", lambda x, y, z: y - min(x, z), 1),
+    # A convex chain of lines, and one with a ridge at 0, in nested conditions.
+    (f"y - {CHAIN}", lambda x, y, _: y - extended(LINES, x), 4),
+    (f"y + {CHAIN}", lambda x, y, _: y + extended(LINES, x), 1),
+    (f"y - {RIDGE}", lambda x, y, _: y - extended(HUMP, x), 3),
     ("y - abs(abs(x) - 1)", lambda x, y, _: y - abs(abs(x) - 1), 3),
 ]
 

@@ -144,6 +144,7 @@ class Crossing:
         self.roundoff = np.zeros(modes.count)
         value, whole = modes.value.copy(), modes.whole
         if self.beside is not None:
+            modes.write()  # gaps are those of the sides selected so far
             here = Kinematics(modes.arc, modes.arc.y)
             self.laws = that_could_act(here, self.beside.closed)
         for k in modes.order:
