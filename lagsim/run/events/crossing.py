@@ -281,12 +281,13 @@ class Crossing:
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of surface k; 0 where it is below rounding.
 
-        Also 0 for a surface that depends on velocities or whose rate is known to be 0.
+        Also 0 for a surface that depends on velocities or whose rate is known to be 0,
+        as where constraints and laws hold the motion at its level.
 
         rows : the rows of all surfaces.
         """
         modes, arc = self.modes, self.modes.arc
-        if modes.on_rates[k] or k in self.at_rest:
+        if modes.on_rates[k] or k in self.at_rest or k in self.resting:
             return 0.0
         v = arc.y[arc.state.driven]
         rate = float(rows.rates[k])
@@ -408,8 +409,11 @@ class Crossing:
         now : the present side of each open surface, kept where no solution is found.
         """
         cone = self._cone()
-        # The surface just reached starts from its side, not from rest at its level.
-        still = [i for i, k in enumerate(self.open) if k != self.hit]
+        # The surface just reached starts from its side, not from rest at its level,
+        # unless constraints hold the motion there, and rounding has reached it.
+        still = [
+            i for i, k in enumerate(self.open) if k != self.hit or k in self.resting
+        ]
         found = cone.select(now, still)
         if self.beside is not None and cone.modes is not None:
             self._store_laws(cone.modes)

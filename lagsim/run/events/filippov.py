@@ -363,7 +363,9 @@ class FilippovCone:
             B = B[:, some]
             base += B @ (0.5 - w[some])
             w = at.astype(float)
-            found, by_laws = self._modes(sides, some, unit, tolerance, base, B)
+            found, by_laws, rounding = self._modes(
+                sides, some, unit, tolerance, base, B
+            )
             if found.paradox:
                 return None
             r = len(found.mode) - len(some)
@@ -377,14 +379,14 @@ class FilippovCone:
             mode[k] = WAYS.get(now, BELOW if way > 0.0 else ABOVE)
         by_laws_alone = [k for k in some.tolist() if r and mode[k] == REDUNDANT]
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
-        leads = np.where(np.abs(rho) <= tolerance, 0.0, off)
+        leads = np.where(np.abs(rho) <= np.maximum(tolerance, rounding), 0.0, off)
         leads[some] = math.inf
         return SideSolution(mode.tolist(), w, leads, found, by_laws_alone)
 
     def _modes(
         self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
         B: Floats,
-    ) -> tuple[RowModes, Floats]:  # fmt: skip
+    ) -> tuple[RowModes, Floats, Floats]:  # fmt: skip
         """Solve for the modes of laws and attracting surfaces, as one contact problem.
 
         If the laws cancel the effect of a share, the share is 1/2, its value at a
@@ -409,6 +411,8 @@ class FilippovCone:
             The modes of the laws, then of the surfaces that attract.
         rates : ndarray, shape (n,)
             The rates of the surfaces due to the laws.
+        roundoff : ndarray, shape (n,)
+            Bounds of the rounding in `rates`: the effects of laws may cancel.
         """
         n, s, (laws, response) = self.count, len(some), self.laws(sides)
         r = len(laws.rates)
@@ -439,7 +443,9 @@ class FilippovCone:
             holds = np.array([mode in HOLDING for mode in found.mode[r:]], dtype=bool)
             needed = ~holds & (bounds == 0.0)
             if not needed.any():
-                return found, unit * (response @ found.multipliers[:r])
+                p = found.multipliers[:r]
+                terms = np.abs(response) @ np.abs(p)
+                return found, unit * (response @ p), unit * SOLUTION_ROUNDOFF * terms
             bounds[needed] = 0.5
 
 

@@ -30,6 +30,8 @@ ASIDE = 1e-3
 # Parts of this change at which the rounding of a constant expression is sampled: a few
 # values may be exact by chance.
 PARTS = (1.0, 0.83, 0.61, 0.47, 0.31, 0.19)
+# Parts of the time left at which the rounding of forces is sampled.
+LATER = (0.01, 0.13, 0.47, 0.83)
 
 
 class Rows(NamedTuple):
@@ -418,14 +420,19 @@ class SurfaceModes:
 
         The rounding of an acceleration acts for the duration of the run: if laws hold
         the motion at rest, all positions and velocities so far may be 0, and have no
-        rounding of their own.
+        rounding of their own. Forces that are 0 now may grow with t and the motion.
         """
         arc, n, span = self.arc, self.arc.system.n, self.arc.settings.duration
-        bounds = arc.runner.function("rounding")(arc.t, arc.y)[:n]
+        rounding, left = arc.runner.function("rounding"), arc.settings.end - arc.t
+        moved = self._nearby_state(arc.settings.end)
+        states = [(arc.t, arc.y)]
+        states += [(arc.t + part * left, moved) for part in LATER]
+        found = (np.abs(rounding(t, y)[:n]) for t, y in states)
+        bounds = np.max([np.where(np.isfinite(x), x, 0.0) for x in found], axis=0)
         reach = np.zeros(len(arc.y))
-        reach[arc.velocities] = span * VALUE_ROUNDOFF * np.abs(bounds)
+        reach[arc.velocities] = span * VALUE_ROUNDOFF * bounds
         reach[arc.state.positions] = span * reach[arc.velocities]
-        return self._largest_changes(self.nearby_states(reach))
+        return self._largest_changes_within(reach)
 
     def changes(self, time: float) -> Floats:
         """Return the largest changes (K,) of the surfaces' expressions in a short time.
@@ -439,7 +446,30 @@ class SurfaceModes:
         reach[arc.state.positions] += time * reach[arc.velocities]
         here = self.values(arc.t, arc.y)
         found = np.abs(self.values(arc.t + time, arc.y) - here)
+        return np.fmax(found, self._largest_changes_within(reach))
+
+    def _largest_changes_within(self, reach: Floats) -> Floats:
+        """Return bounds (K,) of the changes of expressions at states within a distance.
+
+        The states of `nearby_states` change several components in proportion, and the
+        effects on an expression may cancel; the magnitudes of slopes do not.
+
+        reach : the distance in each component (size,).
+        """
+        found = self._changes_by_slopes(self.rows(), reach)
         return np.fmax(found, self._largest_changes(self.nearby_states(reach)))
+
+    def _changes_by_slopes(self, rows: Rows, reach: Floats) -> Floats:
+        """Return bounds (K,) of the changes of expressions by their slopes.
+
+        rows : the rows of the surfaces.
+        reach : the change of each component (size,).
+        """
+        arc, slopes = self.arc, np.abs(rows.J)
+        moved = reach[arc.state.driven].copy()
+        moved[: arc.system.n] = reach[arc.state.positions]
+        levels = (slopes @ x for x in (reach[arc.state.driven], moved))
+        return np.asarray(np.where(self.on_rates, *levels))
 
     def _largest_changes(self, states: Iterable[Floats]) -> Floats:
         """Return the largest changes (K,) of the expressions at nearby states.
@@ -523,11 +553,7 @@ class SurfaceModes:
 
         rows : the rows of the surfaces at the state.
         """
-        arc, magnitudes = self.arc, self.arc.magnitudes
-        slopes, moved = np.abs(rows.J), magnitudes[arc.state.driven].copy()
-        moved[: arc.system.n] = magnitudes[arc.state.positions]
-        levels = (slopes @ x for x in (magnitudes[arc.state.driven], moved))
-        terms = np.where(self.on_rates, *levels)
+        terms = self._changes_by_slopes(rows, self.arc.magnitudes)
         moved = self._largest_changes(
             [*self.nearby_states(), *self._nearby_admissible_states()]
         )
