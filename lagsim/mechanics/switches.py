@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, SMOOTH, STEPS
 from lagsim.language.graph import memoized
+from lagsim.language.names import rate_of
 from lagsim.language.tables import cell_of, continuous, highest_orders, written
 from lagsim.mechanics.surfaces import (
     WHOLE,
@@ -810,7 +811,11 @@ def model_switches(
     beside += [law.when for law in e.laws if law.when is not None]
     dynamics = (*e.of_motion, *beside)
     works = (x.name for x in e.works)
-    moving = (*e.state, *works, *e.accelerations, *e.multipliers)
+    # Output is as written: with eliminated coordinates, which have no value here.
+    q = [c.name for c in e.model.coordinates]
+    stated = [rate_of(name, order) for order in range(3) for name in q]
+    own = (*e.state, *works, *e.accelerations, *e.multipliers)
+    moving = tuple(dict.fromkeys([*own, *stated]))
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities

@@ -74,3 +74,30 @@ def test_a_position_held_at_a_level_stays_there_until_the_slip(unit, step):
     assert (slip.kind, slip.constraint) == ("slip", "ground")
     # The force is 0.5 at the level: 4 sin(0.9 t) = 1.2 - 0.5.
     assert slip.time == pytest.approx(math.asin(0.7 / 4.0) / 0.9, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    one_quick(
+        ("floor(3*(u + w))", lambda u, w: np.floor(3 * (u + w))),
+        ("abs(u + w)", lambda u, w: np.abs(u + w)),
+        ("if(w < u + 0.2*w, 2, 3)", lambda u, w: np.where(w < u + 0.2 * w, 2, 3)),
+    ),
+)
+def test_a_column_has_a_step_of_an_eliminated_coordinate_beside_a_switch(
+    step, expected
+):
+    text = f"""
+coordinates: {{u: {{}}, w: {{}}}}
+energy: {{kinetic: (u_dot^2 + w_dot^2)/2, potential: 0}}
+definitions: {{shown: "{step}"}}
+forces: {{u: "1 + 0.72*sign(u + w + 0.6)"}}
+constraints: {{link: w = -0.4*u}}
+initial: {{u: -1, w: 0.4, u_dot: 0.1, w_dot: -0.04}}
+simulation: {{duration: 2, output_step: 0.13}}
+"""
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert np.ptp(result["shown"]) > 0.5
+    # rounding of sums in another order
+    found = expected(result["u"], result["w"])
+    assert result["shown"] == pytest.approx(found, abs=1e-15)
