@@ -98,6 +98,9 @@ class Truth:
         state.orientation[:] = np.where(off, np.sign(values), 0.0)
         true = ~off & ~fixed
         state.leeway[true] = 2.0 * zero[true]
+        if state.fixed_step > 0.0 and self.arc.system.moreau is None:
+            rests = true & (state.trend == 0.0)
+            state.leeway[rests] += 2.0 * _errors_of_a_step(self.arc)[rests]
         self.run("choose_sides")
         true &= state.orientation == 0.0
         if true.any() and self.arc.equations.model.constraints:
@@ -247,6 +250,23 @@ class Truth:
         if not count:
             return set()
         return {k for k, due in enumerate(state.marked.tolist()) if due}
+
+
+def _errors_of_a_step(arc: Arc) -> Floats:
+    """Return bounds (C,) of the errors of conditions within the first fixed step.
+
+    A motion that begins from rest as a power of the time may seem to begin in the other
+    direction. The bounds follow from the change of the accelerations in the step.
+    """
+    state, n, count = arc.state, arc.system.n, arc.state.conditions
+    h = min(state.fixed_step, arc.settings.end - arc.t)
+    first = arc.rates(arc.t, arc.y)
+    later = arc.rates(arc.t + h, arc.y + h * first)
+    bend = np.nan_to_num(np.abs(later - first))[arc.velocities]
+    slopes = state.condition_slopes[count:].reshape(count, -1)
+    reach = np.zeros(slopes.shape[1])
+    reach[:n], reach[n : 2 * n] = 0.5 * h * h * bend, h * bend
+    return np.asarray(np.nan_to_num(np.abs(slopes)) @ reach)
 
 
 def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:

@@ -157,3 +157,31 @@ def test_a_rate_that_passes_0_becomes_negative():
     times, mode = acts("if(x_dot < 0, 1, 0) >= 0.5", pull=1.0)
     assert times == pytest.approx([stop], rel=1e-9)
     assert mode == 1.0
+
+
+@pytest.mark.parametrize(
+    "method",
+    ["rk4", "verlet", "rattle", "midpoint", "gauss4", "kahan-li6", "kahan-li8",
+     "generalized-alpha"],
+)  # fmt: skip
+@pytest.mark.parametrize("force", ["t", "t^2", "t^3", "t - abs(x)"])
+def test_no_condition_acts_in_the_first_fixed_step_from_rest(force, method):
+    """All are true at the start, and become false for ever as the body moves off."""
+    found = lagsim.simulate(
+        f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: "{force}"}}
+initial: {{x: 0, x_dot: 0}}
+modes: {{n: 0}}
+events:
+  place: {{at: x = 0, set: {{n: n + 1}}}}
+  below: {{at: x <= 0, set: {{n: n + 10}}}}
+  rate: {{at: x_dot = 0, set: {{n: n + 100}}}}
+simulation: {{duration: 2, output_step: 0.5, method: {method}, step: 0.1}}
+""",
+        error_bar="never",
+    )
+    # Those that are true at the start have acted there: neither equations nor `x <= 0`.
+    assert [e.name for e in found.events] == []
+    assert found["n"][-1] == found["n"][0]
