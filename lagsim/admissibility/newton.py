@@ -374,7 +374,7 @@ def nearest_solution(
         reached = other if other.converged else reached
     best = descend(relations, x0, reached.x, metric) if reached.converged else None
     if far and (best is None or len(x0) <= FEW):
-        for start in _others(relations, x0, best, metric):
+        for start in _random_starts(relations, x0, best, metric):
             other = reach(relations, start, metric, x0)
             if not other.converged:
                 continue
@@ -427,7 +427,7 @@ def nearest_sparse(relations: Relations, M: Any) -> NewtonResult | None:
     return None
 
 
-def _others(
+def _random_starts(
     relations: Relations, x0: Floats, best: Floats | None, metric: Floats
 ) -> Iterator[Floats]:
     """Yield random starts (k,) of the search around x0, with a fixed seed.

@@ -232,16 +232,16 @@ class _Walk:
                 return None
             self.tried.add(mode)
             rest = self._rest()
-            if self._meets(self._unbalanced(rest), beyond=True):
+            if self._move_to_surface(self._unbalanced(rest), beyond=True):
                 continue
             end = solved(rest)
             if end.converged:
-                if self._meets([self._at(rest, end.x)], beyond=False):
+                if self._move_to_surface([self._at(rest, end.x)], beyond=False):
                     continue
                 found = self._decided(rest, end.x, first=len(self.tried) == 1)
                 if found is not None:
                     return found
-            elif not self._meets(self._driven(rest), beyond=True):
+            elif not self._move_to_surface(self._driven(rest), beyond=True):
                 if not self.levels:
                     return None
                 self._cross([*self.levels][-1])
@@ -368,7 +368,7 @@ class _Walk:
         found = of(np.asarray(fit.x, dtype=float))
         return found if rest.are_satisfied(found, STATE_ROUNDOFF * np.abs(found)) else x
 
-    def _meets(self, ways: Iterable[Point], *, beyond: bool) -> bool:
+    def _move_to_surface(self, ways: Iterable[Point], *, beyond: bool) -> bool:
         """Move the state to the first surface on one of the ways, and hold it there.
 
         Return whether there is such a surface.

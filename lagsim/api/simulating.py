@@ -530,7 +530,7 @@ class Result:
         """
         for caution in nothing_to_draw(self._made.session.case.model):
             raise ValueError(caution.text)
-        shown = dict(self._beside(animate=True))[NAME]
+        shown = dict(self._other_files(animate=True))[NAME]
         if not isinstance(shown, bytes):
             raise RuntimeError(shown.text)  # noqa: TRY004  it says why
         return Animation(shown.decode(), self._name, height)
@@ -582,12 +582,14 @@ class Result:
         ]
 
     def _repr_html_(self) -> str:
-        drawn, shown = dict(self._beside(plots=True))["trajectory.png"], ""
+        drawn, shown = dict(self._other_files(plots=True))["trajectory.png"], ""
         if isinstance(drawn, bytes):
             shown = picture(drawn, f"the motion of {self._name}")
         return paragraphs(heading(self._name), html_table(self._summary()), shown)
 
-    def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
+    def _other_files(
+        self, *, plots: bool = False, animate: bool = False
+    ) -> Iterator[Made]:
         """Yield name and content of each file of the result other than the table.
 
         plots, animate : whether the pictures, and the page, are included.
@@ -642,7 +644,7 @@ class Result:
             with contextlib.closing(writer):
                 writer.add(self.table)
                 writer.finish()
-            beside = self._beside(plots=plots, animate=animate)
+            beside = self._other_files(plots=plots, animate=animate)
             cautions = [c.record for c in (*results.cautions, *results.fill(beside))]
             listed = {
                 "warnings": [*self.record["warnings"], *cautions],

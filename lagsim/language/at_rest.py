@@ -74,7 +74,7 @@ class _SlipPoint(NamedTuple):
     values: Values
     ways: list[dict[str, float]]
 
-    def beside(self, *slip: float) -> Values:
+    def at_slip(self, *slip: float) -> Values:
         """Return the values of all variables at another slip.
 
         slip : components of the other slip.
@@ -435,7 +435,7 @@ class _Beside:
         found = []
         here = evaluate(self.g, [parts[REST]], _plain(point.values))[0]
         for way in _AROUND if self.pair else _UP_AND_DOWN:
-            beside = _plain(point.beside(*[slip * x for x in way]))
+            beside = _plain(point.at_slip(*[slip * x for x in way]))
             side = BELOW if way == _UP_AND_DOWN[1] else ABOVE
             there = evaluate(self.g, [parts[side]], beside)[0]
             found.append(here * there <= 0.0)
@@ -449,7 +449,7 @@ class _Beside:
         for point in self.points:
             here = evaluate(self.g, [rest], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:
-                beside = _plain(point.beside(*[SPEEDS[0] * x for x in way]))
+                beside = _plain(point.at_slip(*[SPEEDS[0] * x for x in way]))
                 if not evaluate(self.g, [self.node], beside)[0] <= here:
                     return False
         return True
@@ -487,7 +487,7 @@ class _Beside:
         for point in self.points:
             here = evaluate(self.g, [versions[REST]], _plain(point.values))
             for slip in (SPEEDS[0], -SPEEDS[0]):
-                beside = point.beside(*[slip] * len(point.ways))
+                beside = point.at_slip(*[slip] * len(point.ways))
                 if evaluate(self.g, [versions[ABOVE]], _plain(beside)) != here:
                     raise _UnclearError
 
@@ -500,7 +500,7 @@ class _Beside:
         found = set()
         for point in (*self.points, *self.others):
             for speed in SPEEDS:
-                beside = _plain(point.beside(way * speed))
+                beside = _plain(point.at_slip(way * speed))
                 value = evaluate(self.g, [part], beside)[0]
                 if math.isfinite(value):
                     found.add(math.copysign(1.0, value) if value else 0.0)
@@ -537,7 +537,7 @@ class _Beside:
     def _around(
         self, part: int, point: _SlipPoint, speed: float, angle: float
     ) -> float:
-        beside = point.beside(speed * math.cos(angle), speed * math.sin(angle))
+        beside = point.at_slip(speed * math.cos(angle), speed * math.sin(angle))
         return evaluate(self.g, [part], _plain(beside))[0]
 
     def _least(self, part: int, point: _SlipPoint, speed: float, i: int) -> float:
@@ -562,7 +562,7 @@ class _Beside:
         for point in (*self.points, *self.others):
             here = evaluate(self.g, [self.node], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:
-                beside = _plain(point.beside(*[STEP * x for x in way]))
+                beside = _plain(point.at_slip(*[STEP * x for x in way]))
                 value = evaluate(self.g, [self.node], beside)[0]
                 if not abs(value - here) <= CHANGE * max(abs(value), abs(here)):
                     return False
@@ -578,7 +578,7 @@ class _Beside:
         for point in self.points:
             here = evaluate(self.g, [self.node], _plain(point.values))[0]
             for way in _AROUND if self.pair else _UP_AND_DOWN:
-                beside = _plain(point.beside(*[STEP * x for x in way]))
+                beside = _plain(point.at_slip(*[STEP * x for x in way]))
                 value = evaluate(self.g, [self.node], beside)[0]
                 if here - value > STEEP * abs(here):
                     return True

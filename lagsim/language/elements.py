@@ -252,7 +252,7 @@ class Elements:
             self.graph, [slots[k] for k in kept], outputs, self.table, count, size
         )
 
-    def _beside(self, word: str, slot: Slot) -> Slot:
+    def _second_slot(self, word: str, slot: Slot) -> Slot:
         """Return a slot for a second quantity of the argument that `slot` reads.
 
         Each argument of the elements has such a quantity, for example its rate. These
@@ -310,7 +310,7 @@ class Elements:
                 where = np.array([self.count])
                 own = Slot(node, SHARED, where, _NONE)
             else:
-                own = self._beside("weight", own)
+                own = self._second_slot("weight", own)
             more.append(own)
             terms.append(g.call("mul", own.node, o.node))
         return self._with(self._slopes(terms, some), self.count, more)
@@ -332,7 +332,7 @@ class Elements:
         some : indices of the arguments that vary.
         """
         g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
-        more = [self._beside("rate", slot) for slot in read]
+        more = [self._second_slot("rate", slot) for slot in read]
         seed = {slot.node: rate.node for slot, rate in zip(read, more, strict=True)}
         rates = tangent(g, [o.node for o in self.outputs], seed)
         outputs = (o._replace(node=n) for o, n in zip(self.outputs, rates, strict=True))
@@ -352,7 +352,7 @@ class Elements:
         names = [str(g.payload(x.node)) for x in varying]
         of_state = [x for x in varying if set(x.places.tolist()).issubset(state)]
         others = [x for x in varying if x not in of_state]
-        more = [self._beside("error", x) for x in others]
+        more = [self._second_slot("error", x) for x in others]
         known = {x.node: e.node for x, e in zip(others, more, strict=True)}
         own = [str(g.payload(x.node)) for x in of_state]
         nodes = [o.node for o in self.outputs]

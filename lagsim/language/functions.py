@@ -300,7 +300,7 @@ REMOVABLE = (
         sympy=lambda s, x: s.sinc(x), text="sinc", cost=TRANSCENDENTAL + 4, steep=True,
         python="np.sin({0}) / {0}",
         interval=lambda r: r.over_argument(
-            r.wave(r.np.sin, math.pi / 2, -math.pi / 2)
+            r.periodic_rule(r.np.sin, math.pi / 2, -math.pi / 2)
         ),
     ),
 )  # fmt: skip
@@ -434,7 +434,7 @@ CONDITIONS = (
     Function(
         name="not", arity=1, condition=True, binds=3, sign="not ", value=operator.not_,
         native="xor i1 {0}, true", sympy=lambda s, x: s.Not(x),
-        python="not {0}", interval=lambda r: r.contrary,
+        python="not {0}", interval=lambda r: r.logical_not,
     ),
 )  # fmt: skip
 
@@ -540,11 +540,11 @@ def _sinh(x: float) -> float:
 TRIGONOMETRIC = (
     _smooth(
         "sin", math.sin, lambda g, x, f: g.call("cos", x), llvm=True, latex=r"\sin",
-        interval=lambda r: r.wave(r.np.sin, math.pi / 2, -math.pi / 2),
+        interval=lambda r: r.periodic_rule(r.np.sin, math.pi / 2, -math.pi / 2),
     ),
     _smooth(
         "cos", math.cos, lambda g, x, f: g.call("neg", g.call("sin", x)), llvm=True,
-        latex=r"\cos", interval=lambda r: r.wave(r.np.cos, 0.0, math.pi),
+        latex=r"\cos", interval=lambda r: r.periodic_rule(r.np.cos, 0.0, math.pi),
     ),
     _smooth(
         "tan", math.tan, lambda g, x, f: _one_plus(g, f), latex=r"\tan",

@@ -321,7 +321,7 @@ def ends(f: Any) -> Callable[..., Interval]:
     return lambda *x: interval(f(*(y.lo for y in x)), f(*(y.hi for y in x)))
 
 
-def contrary(x: Interval) -> Interval:
+def logical_not(x: Interval) -> Interval:
     """Enclose `not x`."""
     return interval(1.0 - x.hi, 1.0 - x.lo)
 
@@ -388,7 +388,9 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
     return np.asarray(~(np.ceil(a) > np.floor(b)))
 
 
-def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
+def periodic_rule(
+    f: Any, crest: float, trough: float
+) -> Callable[[Interval], Interval]:
     """Return the rule of a function f of period 2 pi with values in [-1, 1].
 
     crest, trough : an argument at which f is 1, and one at which f is -1.

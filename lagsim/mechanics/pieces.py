@@ -211,7 +211,7 @@ class _Pieces:
             return self._of_extreme(n, way)
         if op in RISING:
             return self._each(op, self.of(args[0], way))
-        return self._apart(n, way)
+        return self._all_pieces(n, way)
 
     def _each(self, op: str, *several: list[Piece]) -> list[Piece]:
         """Return the pieces of `op`, one per combination of its arguments' pieces.
@@ -240,7 +240,7 @@ class _Pieces:
             both = g.call("mul", *(g.args[a][0] for a in args))
             return self.of(g.call("abs", both), way)
         if first == second or (op == "div" and second):
-            return self._apart(n, way)
+            return self._all_pieces(n, way)
         factor, inner = args if second else args[::-1]
         # A factor that is 0 at the kink may cancel the kink, as in x^2*abs(x).
         shared = g.depends([factor]) & g.depends([inner]) & {*self.moving}
@@ -290,7 +290,7 @@ class _Pieces:
 
     # Kinks of any other kind: both sides near them, and a line
 
-    def _apart(self, n: int, way: int) -> list[Piece]:
+    def _all_pieces(self, n: int, way: int) -> list[Piece]:
         """Divide node n at its removable kinks, the innermost first.
 
         Returns the pieces; n alone if there is no such kink.
@@ -304,7 +304,7 @@ class _Pieces:
                 further = [
                     Piece(y.node, x.sides | y.sides)
                     for x in found
-                    for y in self._apart(x.node, way)
+                    for y in self._all_pieces(x.node, way)
                     if y.fits(x) and self._exists(x.sides | y.sides)
                 ]
                 # Conditions of the gap itself may be those of joints of other pieces.

@@ -78,12 +78,12 @@ VALUE, LESS_ONE, POWER = 0, 1, 2
 TANGENT: Final = -1
 
 
-def lost(a: float, b: float, product: float) -> float:
+def product_rounding(a: float, b: float, product: float) -> float:
     """Return a*b - product, the exact rounding error of product = fl(a*b) (Dekker).
 
     Examples
     --------
-    >>> lost(0.1, 10.0, 1.0) == 2.0**-54  # 0.1 is a little more than 1/10
+    >>> product_rounding(0.1, 10.0, 1.0) == 2.0**-54  # 0.1 is a little more than 1/10
     True
     """
     x = SPLIT * a
@@ -113,7 +113,9 @@ def remainder(a: float, b: float, b_low: float, quotient: float) -> float:
     b_low : the rounding error of b.
     """
     product = quotient * b
-    return ((a - product) - lost(quotient, b, product) - quotient * b_low) / b
+    return (
+        (a - product) - product_rounding(quotient, b, product) - quotient * b_low
+    ) / b
 
 
 def fused(a: float, b: float, c: float) -> float:
@@ -122,7 +124,7 @@ def fused(a: float, b: float, c: float) -> float:
     The sum is rounded twice, in contrast to IEEE 754's fusedMultiplyAdd.
     """
     product = a * b
-    error = lost(a, b, product)
+    error = product_rounding(a, b, product)
     found = product + c
     return found + error if error == error else found
 
@@ -188,15 +190,17 @@ def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> fl
     s = f / d
     s_low = remainder(f, d, missed(m, 1.0, d), s)
     z = s * s
-    z_low = lost(s, s, z) + 2.0 * s * s_low
+    z_low = product_rounding(s, s, z) + 2.0 * s * s_low
     tail = LOGARITHM[11]
     for j in unrolled(10, -1, -1):
         tail = tail * z + LOGARITHM[j]
     third = z * THIRD
-    tail = z * z * tail + (lost(z, THIRD, third) + z * THIRD_LOW + z_low * THIRD)
+    tail = z * z * tail + (
+        product_rounding(z, THIRD, third) + z * THIRD_LOW + z_low * THIRD
+    )
     w = third + tail
     product = s * w
-    rest = lost(s, w, product) + (s * missed(third, tail, w) + s_low * w)
+    rest = product_rounding(s, w, product) + (s * missed(third, tail, w) + s_low * w)
     m = s + product
     m_low = 2.0 * (missed(s, product, m) + (s_low + rest))
     m *= 2.0
@@ -206,7 +210,7 @@ def logarithm(x: float, y: float, y_low: float, more: float, kind: Static) -> fl
     high = found + low
     low = missed(found, low, high)
     found = high * y
-    low = lost(high, y, found) + (high * y_low + low * y)
+    low = product_rounding(high, y, found) + (high * y_low + low * y)
     if kind == POWER:
         return exponential(found, low, 0, VALUE)
     return found + (low + more)
@@ -360,7 +364,7 @@ def circular(x: float, shift: Static) -> float:
         part = high + middle
         low += missed(high, middle, part)
         r = part * QUARTER_TURN
-        rest = -(lost(part, QUARTER_TURN, r) + part * QUARTER_TURN_LOW)
+        rest = -(product_rounding(part, QUARTER_TURN, r) + part * QUARTER_TURN_LOW)
         rest -= low * QUARTER_TURN
         if x < 0.0:
             n = -n
@@ -429,8 +433,10 @@ def angle(y: float, y_low: float, x: float, x_low: float) -> float:
     more = c * a
     d = b + more
     u = e / d
-    low = (a_low - c * b_low) * scale - lost(c, b, beside)
-    d_low = missed(b, more, d) + lost(c, a, more) + (b_low + c * a_low) * scale
+    low = (a_low - c * b_low) * scale - product_rounding(c, b, beside)
+    d_low = (
+        missed(b, more, d) + product_rounding(c, a, more) + (b_low + c * a_low) * scale
+    )
     low = low / d + remainder(e, d, d_low, u) if a > 2.0**-900 else 0.0
     z = u * u
     bend = ARC[7]
@@ -460,8 +466,8 @@ def beside_root(x: float, root: float) -> float:
     square = x * x
     rest = 1.0 - square
     product = root * root
-    low = missed(1.0, -square, rest) - lost(x, x, square)
-    off = ((rest - product) - lost(root, root, product)) + low
+    low = missed(1.0, -square, rest) - product_rounding(x, x, square)
+    off = ((rest - product) - product_rounding(root, root, product)) + low
     return off / (2.0 * root) if root > 0.0 else 0.0
 
 

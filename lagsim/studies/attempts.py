@@ -603,7 +603,7 @@ class Attempts:
         finding = None if self.interrupt.requested else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
             return first
-        others = self._others(first, finding) if self.replaces else None
+        others = self._second_session(first, finding) if self.replaces else None
         if others is None:
             return self._judged(first, finding)
         second = self._made(others)
@@ -837,7 +837,7 @@ class Attempts:
         self.allowance.take(other, found)
         return evidence.end(found, "a repeat has none"), again
 
-    def _others(self, first: Attempt, finding: Finding) -> Session | None:
+    def _second_session(self, first: Attempt, finding: Finding) -> Session | None:
         """Return a session for a second attempt at a run, by other means; None if none.
 
         It has another method, tolerance or formulation, or shorter steps.

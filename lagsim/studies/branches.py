@@ -270,7 +270,7 @@ class RestCurve:
         steady = self._steady(y)
         return BranchPoint(y, tangent, float(sign), steady, stability_of(steady)[0])
 
-    def aside(self, place: BranchPoint) -> Floats:
+    def second_direction(self, place: BranchPoint) -> Floats:
         """Return the direction (k + 1,) of the second branch at a branch point.
 
         place : the branch point.
@@ -637,7 +637,7 @@ class Branches:
                 if self._is_new(curve, special):
                     self.points.append((curve, special))
                     if special.kind == BRANCH:
-                        aside = curve.aside(special.place)
+                        aside = curve.second_direction(special.place)
                         self._waiting.append((curve, special.place, aside))
 
     def _is_new(self, curve: RestCurve, special: Special) -> bool:

@@ -54,7 +54,9 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     """
     first, second = _times_by_kind(events), _times_by_kind(others)
     pairs = [
-        partners(times, second[key]) for key, times in first.items() if key in second
+        mutually_nearest(times, second[key])
+        for key, times in first.items()
+        if key in second
     ]
     return np.concatenate(pairs) if pairs else np.empty((0, 2))
 
@@ -92,14 +94,14 @@ def _times_by_kind(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floa
     return {key: np.unique(times) for key, times in found.items()}
 
 
-def partners(first: Floats, second: Floats) -> Floats:
+def mutually_nearest(first: Floats, second: Floats) -> Floats:
     """Return the pairs of mutually nearest times of two runs, shape (k, 2).
 
     first, second : the times of each run, ascending; the columns 0 and 1 of the result.
 
     Examples
     --------
-    >>> partners(np.array([1.0, 2.0]), np.array([1.1, 5.0]))
+    >>> mutually_nearest(np.array([1.0, 2.0]), np.array([1.1, 5.0]))
     array([[1. , 1.1]])
     """
     if not (len(first) and len(second)):

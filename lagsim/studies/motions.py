@@ -20,7 +20,7 @@ from lagsim.language.columns import RESIDUAL
 from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.monitors import ResidualMonitor, grid_numbers
-from lagsim.studies.comparison import moved, nearest_times, partners
+from lagsim.studies.comparison import moved, mutually_nearest, nearest_times
 from lagsim.studies.trials import NO_ROWS, Compiled, tried
 from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 
@@ -296,7 +296,7 @@ def kept_rows(
         by = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
         np.maximum.at(delays, np.searchsorted(times, pairs[:, 0]), by)
         impacts = other.rows[before_impacts(other.rows[:, 0]), 0]
-        common = partners(common, impacts)[:, 0]
+        common = mutually_nearest(common, impacts)[:, 0]
     reach = np.maximum(delays, NEAR_EVENT * spacing)
     kept = ~at_impacts(t)
     same = np.full(len(times), SAME_STEP * spacing)

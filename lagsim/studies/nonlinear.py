@@ -145,10 +145,10 @@ class _Surfaces:
             level = float(np.rint(u)) if side.whole else 0.0
             if abs(u - level) <= error:
                 self.levels[k] = level
-            self.values[side.variable] = self._beside(k, float(u))
+            self.values[side.variable] = self._mode_value(k, float(u))
             self.values |= {side.floor: 0.0} if side.floor else {}
 
-    def _beside(self, k: int, u: float) -> float:
+    def _mode_value(self, k: int, u: float) -> float:
         """Return the value of surface k's mode variable where its expression is u."""
         if k in self.levels:
             return self.levels[k] - 0.5 if self.sides[k].whole else 0.0

@@ -277,7 +277,7 @@ class _Changes:
             self._exact = self._rounding()
         exact, noise = self._exact
         with np.errstate(invalid="ignore", divide="ignore"):
-            ratios = _apart(self._exact_rows(case), exact) / noise
+            ratios = _difference(self._exact_rows(case), exact) / noise
         return float(np.max(np.nan_to_num(ratios, nan=0.0, posinf=np.inf)))
 
     def _rounding(self) -> tuple[Floats, Floats]:
@@ -287,7 +287,7 @@ class _Changes:
         """
         exact = self._exact_rows(self.case)
         others = [self._exact_rows(perturbed(self.case, k)) for k in range(SEEDS)]
-        differences = functools.reduce(np.fmax, [_apart(x, exact) for x in others])
+        differences = functools.reduce(np.fmax, [_difference(x, exact) for x in others])
         units = stated_units(self.case.equations)
         sizes = scales(self.base.columns, exact.T, units)
         sizes = np.maximum(sizes, np.max(np.abs(exact), axis=0))
@@ -311,7 +311,7 @@ class _Changes:
         return on_grid(motion.rows, case.settings)
 
 
-def _apart(rows: Floats, others: Floats) -> Floats:
+def _difference(rows: Floats, others: Floats) -> Floats:
     """Return |rows - others|, in the shape of `others`; 0 where `rows` has ended."""
     count = min(len(rows), len(others))
     found = np.zeros_like(others)

@@ -405,7 +405,7 @@ class Sensitivities:
         InputError
             If the name is unknown, or constraints determine it.
         """
-        search = self._begun(name, scale, first, order)
+        search = self._first_search(name, scale, first, order)
         while search.open and search.count + MORE_RUNS <= spare:
             search.improve()
         return search.derivative()
@@ -426,7 +426,7 @@ class Sensitivities:
         for name in names:
             if self._stopped():
                 break
-            searches.append(self._begun(name))
+            searches.append(self._first_search(name))
             if self._stopped():
                 searches.pop()
             elif progress is not None:
@@ -444,7 +444,7 @@ class Sensitivities:
     def _stopped(self) -> bool:
         return self.interrupt is not None and self.interrupt.requested
 
-    def _begun(
+    def _first_search(
         self, name: str, scale: float | None = None, first: float = FIRST,
         order: int = 8,
     ) -> _StepSearch:  # fmt: skip

@@ -373,7 +373,7 @@ class _StepCheck(NamedTuple):
         for there in self.states:
             left = self.span - (there.t - self.states[0].t)
             for k in np.flatnonzero(there.energies > worst).tolist():
-                lost = self.lost(h, complex(there.eigenvalues[k]), left)
+                lost = self.damped_fraction(h, complex(there.eigenvalues[k]), left)
                 if lost > DAMPED:
                     worst, shown = there.energies[k], (there, k, lost)
         if shown is None:
@@ -383,7 +383,9 @@ class _StepCheck(NamedTuple):
         # The step at which the amplitude of the oscillation changes little within the
         # run.
         steps = [h * 0.5**n for n in range(1, 41)]
-        kept = (x for x in steps if self.lost(x, complex(0.0, size)) < DAMPED)
+        kept = (
+            x for x in steps if self.damped_fraction(x, complex(0.0, size)) < DAMPED
+        )
         how = "a smaller rtol, for " if module.ADAPTIVE else ""
         text = (
             f"{module.NAME} damps the oscillation of {self.named(there, k)} at about "
@@ -394,7 +396,9 @@ class _StepCheck(NamedTuple):
         )
         return [Caution(FAST_MODE_DAMPED, text)]
 
-    def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
+    def damped_fraction(
+        self, h: float, eigenvalue: complex, left: float | None = None
+    ) -> float:
         """Return the fraction of a mode's energy that numerical damping removes.
 
         h : the step.

@@ -128,5 +128,5 @@ def test_a_product_less_its_rounding_is_exact():
     rng = np.random.default_rng(3)
     for a, b in rng.uniform(-1, 1, (300, 2)):
         exact = Fraction(a) * Fraction(b) - Fraction(a * b)
-        assert elementary.lost(a, b, a * b) == exact
+        assert elementary.product_rounding(a, b, a * b) == exact
         assert elementary.fused(a, b, -(a * b)) == exact

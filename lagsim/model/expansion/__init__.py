@@ -167,7 +167,7 @@ class Expansion:
             ]
             self.node = root._replace(entries=tuple(entries))
 
-    def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
+    def add_hidden(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
         """Add a hidden definition, and return a reference to its value.
 
         name : the name of the definition.

@@ -239,7 +239,9 @@ class Bodies(SectionReader):
         """
         tree, at = found
         return (
-            tree if tree.op == "number" else scalar(self.x.hide(hidden, tree, at), "")
+            tree
+            if tree.op == "number"
+            else scalar(self.x.add_hidden(hidden, tree, at), "")
         )
 
     def _entry(self, key: Scalar, below: dict[str, Node]) -> None:

@@ -182,7 +182,7 @@ class SectionReader:
         tree : its expression.
         at : the YAML scalar from which it stems.
         """
-        found = scalar(self.x.hide(hidden, tree, at), hidden)
+        found = scalar(self.x.add_hidden(hidden, tree, at), hidden)
         self.x.moving[str(found.value)] = at
         return found
 
@@ -426,7 +426,7 @@ class FrameReader(SectionReader):
         name : the name of the frame.
         at : its scalar, for messages.
         """
-        made = composed(name, parent, own, partial(self.x.hide, at=at))
+        made = composed(name, parent, own, partial(self.x.add_hidden, at=at))
         assert not isinstance(made.omega, Tree)
         rows = tuple(map(_all_parsed, made.rows)), tuple(map(_all_parsed, own.rows))
         rates = _all_parsed(own.omega), _all_parsed(made.omega)
@@ -470,7 +470,9 @@ class FrameReader(SectionReader):
         assert parent.angle is not None
         if parent.angle != ZERO:
             whole = total([parent.angle, angle])
-            angle = scalar(self.x.hide(f"{hidden}.angle", whole, given.key), hidden)
+            angle = scalar(
+                self.x.add_hidden(f"{hidden}.angle", whole, given.key), hidden
+            )
             speed = name(rate_of(str(angle.value)))
         c, s = call("cos", angle), call("sin", angle)
         return Frame(((c, call("neg", s)), (s, c)), speed, angle)
@@ -494,10 +496,10 @@ class FrameReader(SectionReader):
             signs = (float(value > 0.0) - float(value < 0.0) for value in values)
             return tuple(map(number, signs))
         raw = tuple(
-            scalar(self.x.hide(f"{name}.axis.{c}", tree, at), c)
+            scalar(self.x.add_hidden(f"{name}.axis.{c}", tree, at), c)
             for c, (tree, at) in zip(LETTERS, parts, strict=True)
         )
-        found = self.x.hide(f"{name}.direction", unit(raw), given.key)
+        found = self.x.add_hidden(f"{name}.direction", unit(raw), given.key)
         assert not isinstance(found, Tree)
         return found
 
@@ -536,7 +538,7 @@ class FrameReader(SectionReader):
             relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
             unit_length = UNIT_LENGTH + dotted(*called)
             self.x.units.append(self.x.made(unit_length, relation, given.key, text))
-        n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
+        n = scalar(self.x.add_hidden(f"{name}.square", square, given.key), name)
         return by_quaternion(p, n, speeds)
 
     def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:

@@ -5,8 +5,8 @@ functions below accept either and raise `UnfitError` where sizes do not match; t
 that evaluates an expression (`scope.Scope`) adds its place. `parsed` writes a tree as
 postfix for the reader. A tree is traversed once for each use: a tree used often, or by
 the next member of a recursion, becomes a *hidden definition*, which is no column:
-`Expansion.hide(name, value, at)` adds it as `~name` (for a vector `~name.x`, ...), and
-returns a reference to it.
+`Expansion.add_hidden(name, value, at)` adds it as `~name` (for a vector `~name.x`,
+...), and returns a reference to it.
 
 A frame has the matrix R that transforms components in the frame into components in
 space, u = R v, and its angular velocity in its own components. A frame with the

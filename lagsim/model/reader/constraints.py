@@ -86,7 +86,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
         return []
     for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
-            parts = _apart(*entry, x)
+            parts = _split_by_limit(*entry, x)
             found += parts
             x.names.constraints |= {key.text: key.place for key, _ in parts}
         else:
@@ -94,7 +94,7 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
     return found
 
 
-def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
+def _split_by_limit(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
     """Return the entries of a constraint: two if two relations share its limit.
 
     The two are named `key.1` and `key.2`. Faults are reported, with no entry returned.

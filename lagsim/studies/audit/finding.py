@@ -83,7 +83,7 @@ def audit(run: Evidence) -> Finding | None:
         return None
     found = _unsatisfied(run)
     for balance in run.balances:
-        found = found or _off(run, balance)
+        found = found or _energy_drift(run, balance)
     return found or _another_motion(run)
 
 
@@ -107,7 +107,7 @@ def _unsatisfied(run: Evidence) -> Finding | None:
     )
 
 
-def _off(run: Evidence, balance: Balance) -> Finding | None:
+def _energy_drift(run: Evidence, balance: Balance) -> Finding | None:
     """Return the finding that energy - work drifts too far, or None.
 
     The drift is too far if it exceeds the error of the energy that the error bar of the

@@ -168,7 +168,7 @@ def _by_own(
             yield from _solved(own, values, patience)
 
 
-def _others(
+def _independent_solutions(
     case: Case, first: ReferenceSolution, patience: Patience
 ) -> Iterator[ReferenceSolution]:
     """Yield solutions independent of the solution `first`, for comparison.
@@ -368,7 +368,7 @@ def make_reference(
     between = next(_solved(own, (first.value,), patience), first)
     alone = unverified(case.equations, first, between.rows)
     best: Reference | None = None
-    for second in _others(case, first, patience):
+    for second in _independent_solutions(case, first, patience):
         found = alone.against(second)
         if best is None or found.rank > best.rank:
             best = found

@@ -203,7 +203,11 @@ class ConstrainedStart:
                 place, x, (step, J @ step), touching, target, share
             )
             slow = nearest > (1.0 - SLOW) * far
-            if slow and (found := self._beside(place, x, target, touching)) is not None:
+            if (
+                slow
+                and (found := self._nearer_state(place, x, target, touching))
+                is not None
+            ):
                 x, far = found, self._far(place, found, target)
                 continue
             x, far = best, nearest
@@ -280,7 +284,7 @@ class ConstrainedStart:
             return True
         return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] < DEPENDENT_ROWS)
 
-    def _beside(
+    def _nearer_state(
         self, place: _Place, x: Point, target: Floats, touching: frozenset[int]
     ) -> Point | None:
         """Return a state beside the dead point x that is nearer to a target; else None.
