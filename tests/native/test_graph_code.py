@@ -191,6 +191,7 @@ def test_pieces_and_tapes_give_the_same_bits(
     g = Graph()
     functions = long_functions(g)
     monkeypatch.setattr(keys, "PIECE", piece)
+    monkeypatch.setattr(keys, "WHOLE", piece)
     shifted = ({k: x + shift for k, x in VALUES.items()} for shift in (0.0, 0.4, -1.9))
     code = same(g, functions, *shifted)
     ir = code.code.ir

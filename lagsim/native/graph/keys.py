@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 # Nodes in one piece: LLVM's time per instruction grows with the length of a function
 # (a 40-link chain: 0.9 s at 800, 0.7 s at 400, and little less below).
 PIECE = 400
+# A function of up to so many nodes is one piece: values passed from piece to piece go
+# through memory (Andrews' mechanism: 0.97 of the time of a run).
+WHOLE = 800
 
 
 class Layout(NamedTuple):
@@ -139,7 +142,7 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
         repr(sys.version_info[:2]),
         text_beside(__file__),
         repr([(x.native, x.declares, x.condition) for x in rows]),
-        repr((PIECE, LANES, orders, manner)),
+        repr((PIECE, WHOLE, LANES, orders, manner)),
         repr([*kinds]),
         repr(leaves),
         repr([(name, place[nodes].tolist()) for name, nodes in made.items()]),

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 # Largest number of components in one vector. More are computed in a loop.
 WIDEST = 8
+# Numbers of components that are loaded by one instruction.
+SINGLE = (1, 2, 4)
 # Number of polynomials into which one is split.
 SPLIT = 4
 # Largest number E of coefficients beyond the order. With 6 a residual between the ends
@@ -308,6 +310,10 @@ def _function(
     count = count or size
     parameters = [f"double %{x}" for x in numbers] + [f"ptr %{x}" for x in arrays]
     whole, rest = divmod(count, WIDEST)
+    # The last vector may overlap those before, but where values are changed in place.
+    width = rest
+    if whole and rest not in SINGLE and "q" not in arrays:
+        width = WIDEST
     text = [f"define void @{name}({', '.join(parameters)}) {{", "entry:"]
     if whole:
         vectors = _VectorWriter(size, count, WIDEST, "v")
@@ -321,9 +327,9 @@ def _function(
         text.append(f"%again = icmp slt i64 %next, {whole * WIDEST}")
         text += ["br i1 %again, label %each, label %rest", "rest:"]
     if rest:
-        vectors = _VectorWriter(size, count, rest, "r")
+        vectors = _VectorWriter(size, count, width, "r")
         write(vectors)
-        begin = whole * WIDEST
+        begin = count - width
         text += [
             f"%{x}.rest = getelementptr double, ptr %{x}, i64 {begin}" for x in arrays
         ]

@@ -67,6 +67,16 @@ def evaluation_order(
     return list(sorted_ | dict.fromkeys(order))
 
 
+def _piece(count: int) -> int:
+    """Return the length of the pieces of a function of `count` nodes.
+
+    Pieces are of equal lengths: a short last one would be a call more, for little.
+    """
+    if count <= keys.WHOLE:
+        return max(1, count)
+    return -(-count // -(-count // keys.PIECE))
+
+
 class FunctionWriter(Lines):
     """Writer of the IR of one function, or of the pieces of a long one.
 
@@ -118,7 +128,8 @@ class FunctionWriter(Lines):
         cleared : int
             This many numbers of `out` are set to 0 before any value is stored.
         longest : int
-            A function of more pieces is compiled without optimisation.
+            A function of more pieces, unless it is one, is compiled without
+            optimisation.
         first : sequence of str
             Functions that are called first.
         vectors : sequence of (nodes, place)
@@ -129,9 +140,9 @@ class FunctionWriter(Lines):
         roots = [node for node, _ in stores]
         roots += [node for nodes, _ in vectors for node in nodes]
         order = evaluation_order(self.g, roots, places)
-        length, end = keys.PIECE, ") {"
-        if len(order) > longest * length:
-            length, end = -(-length // 2), ") noinline optnone {"
+        length, end = _piece(len(order)), ") {"
+        if len(order) > max(longest * keys.PIECE, keys.WHOLE):
+            length, end = -(-keys.PIECE // 2), ") noinline optnone {"
         pieces = [order[i : i + length] for i in range(0, len(order), length)] or [[]]
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
