@@ -41,7 +41,6 @@ QUADRATURES = True
 STATES = True
 
 CONSTRAINED = True
-LOCALIZED = True
 SWITCHES = True
 
 # Coefficients as published by E. Hairer with his code dop853.f: 12 stages of order 8,

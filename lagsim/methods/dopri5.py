@@ -42,7 +42,6 @@ QUADRATURES = True
 STATES = True
 
 CONSTRAINED = True
-LOCALIZED = True
 SWITCHES = True
 
 C = (0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0)

@@ -27,9 +27,8 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.newton import SparseNewton
-from lagsim.methods.parts.state import LOCAL, derivative, jacobian
+from lagsim.methods.parts.state import LOCAL, check_features, derivative, jacobian
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, TINY, UNIT_ROUNDOFF
@@ -46,7 +45,6 @@ NEEDS = ("jacobian",)
 STATES = True
 
 CONSTRAINED = True
-LOCALIZED = True
 SPARSE = False  # whether Newton's matrices are sparse; set by the translator
 
 # The step size at which Newton's method failed is avoided; the limit grows by this
@@ -372,7 +370,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
     s.previous_h = h
     s.sampled_h = 0.0
     s.evaluations += 1.0
-    if LOCALIZED:
+    if s.signals > 0:
         before = s.z
         before[:size] = slope
         derivative(s.t + h, new, p, slope)

@@ -33,11 +33,11 @@ from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import foresee
-from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
     bend,
+    check_features,
     extend,
     lengthen,
     reached,
@@ -64,7 +64,6 @@ NEEDS = ("series",)
 STATES = True
 
 CONSTRAINED = True
-LOCALIZED = True
 SWITCHES = True
 
 LEAST_ORDER = 4
@@ -232,7 +231,7 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
     # First the results that the next step needs, then the results that it does not wait
     # for.
     next_ = chosen_step(s, following, s.t + h)
-    if LOCALIZED:
+    if s.signals > 0:
         before = s.series[buffer(size, s.which) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:

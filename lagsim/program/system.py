@@ -20,7 +20,6 @@ from lagsim.mechanics.equations import has_poles
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.mechanics.rows import RowTable
 from lagsim.methods import method, moreau, taylor
-from lagsim.methods.parts import driver, no_sections, search
 from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.methods.parts.search_table import POINTS
 from lagsim.native.graph import keys, lanes, polynomials
@@ -30,7 +29,7 @@ from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runti
 from lagsim.native.link.engine import Engine, target
 from lagsim.plan.formulation import GAIN, evaluation_cost
 from lagsim.plan.method_choice import coupled
-from lagsim.program import dense, laws, sliding
+from lagsim.program import dense, kernel_parts, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,
     functions,
@@ -239,7 +238,7 @@ class System:
         code |= self._observed(nodes_of.get("observe", []), plan)
         p = self._parameters()
         layout = self._layout(p)
-        kernel_part(*of_method(self, plan.method)).begin()
+        kernel_parts.of_method(self, plan.method).begin()
         written = graph_part(
             keys.fingerprint(equations.graph, code, layout, plan.tape, self._manner),
             lambda: self._code(code, layout),
@@ -667,16 +666,14 @@ class Runner:
     """
 
     def __init__(self, system: System, name: str) -> None:
-        statics = _statics(system, name)
         at_instants = AT_SECTIONS if system.columns.wants_sections else {}
-        method_part = kernel_part(*of_method(system, name))
         self.program = [
             *system.program,
-            method_part,
-            kernel_part([driver.advance], statics),
-            *_of_output(system, statics),
+            kernel_parts.of_method(system, name),
+            *kernel_parts.of_steps(system, name),
+            *kernel_parts.of_output(system, name),
         ]
-        if statics["UNTIL"]:
+        if system.equations.model.located:
             known = {"RATED": system.moreau is None}
             self.program.append(kernel_part(list(AT_CONDITIONS), known))
             at_instants = at_instants | AT_CONDITIONS
@@ -843,42 +840,3 @@ class Runner:
                 states, count, size, self.system.p.address, address(out), self._columns
             )
         return out
-
-
-def of_method(
-    system: System, name: str
-) -> tuple[list[Callable[..., Any]], dict[str, object]]:
-    """Return a method's kernels to compile, and their compile-time constants by name.
-
-    name : the name of the method.
-    """
-    by, statics = method(name), _statics(system, name)
-    del statics["ADAPTIVE"]
-    statics |= {"SPARSE": system.newton is not None, "PAIR": getattr(by, "PAIR", None)}
-    kernels = [by.start, by.step, by.interpolate]
-    kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
-    return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
-
-
-def _of_output(system: System, statics: dict[str, object]) -> Iterator[ProgramPart]:
-    """Yield the kernels of columns and of sections.
-
-    statics : the compile-time constants of the driver.
-    """
-    kernels: list[Callable[..., Any]] = [driver.tabulate]
-    if system.columns.wants_sections:
-        known = {name: x for name, x in statics.items() if name != "ADAPTIVE"}
-        yield kernel_part([search.find_crossings, *AT_SECTIONS], known)
-    else:
-        kernels.append(no_sections.find_crossings)
-    yield kernel_part(kernels, {"TOGETHER": system.together})
-
-
-def _statics(system: System, name: str) -> dict[str, object]:
-    return {
-        "CONSTRAINED": system.m > 0 and system.plan.projected,
-        "UNTIL": bool(system.equations.model.located),
-        "SWITCHES": system.watched > 0,
-        "LOCALIZED": bool(system.indicators),
-        "ADAPTIVE": method(name).ADAPTIVE,
-    }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-from lagsim.methods.parts import driver
+from lagsim.methods.parts import driver, no_search, search
 from lagsim.program.signatures import FUNCTION
 from tests.kernels import bind
 
@@ -22,6 +22,10 @@ class Plain:
         own = {"start", "step", "interpolate"}
         own |= {"interpolate_rates"} if method.ADAPTIVE else {"make"}
         self.driven = model | {name: self.kernel(name) for name in own}
+        may_end = self.statics["UNTIL"] or self.statics["SWITCHES"]
+        ends = search if may_end else no_search
+        for kernel in (ends.find_end, search.loses_rank):
+            self.driven[kernel.__name__] = bind(kernel, self.driven, self.statics)
 
     def kernel(self, name):
         """Return a kernel of the method."""

@@ -4,8 +4,9 @@
 the output columns of states.
 
 Names in capitals are constants at compile time: `advance` is compiled once for each
-combination of CONSTRAINED, UNTIL, SWITCHES, LOCALIZED and ADAPTIVE that models need,
-and `tabulate` for both values of TOGETHER (several rows in one vector).
+combination of CONSTRAINED, SWITCHES and ADAPTIVE that models need, and `tabulate` for
+both values of TOGETHER (several rows in one vector). The searches of a step are linked:
+each is compiled for the constants that it depends on.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts import missed, search
+from lagsim.methods.parts import missed
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
@@ -22,8 +23,11 @@ from lagsim.methods.parts.parameters import FOLLOWED, PUSH, REDUNDANT, Parameter
 from lagsim.methods.parts.state import (
     event_functions,
     find_crossings,
+    find_end,
     inertias,
     interpolate,
+    loses_rank,
+    missed_feature,
     observe,
     observe_rows,
     project_sliding,
@@ -42,9 +46,7 @@ from lagsim.tolerances import (
 )
 
 CONSTRAINED = True
-UNTIL = True
 SWITCHES = True
-LOCALIZED = True
 ADAPTIVE = True
 TOGETHER = False
 
@@ -116,7 +118,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         made += 1
         s.searched = 0.0
         inspect(s, p)
-        if CONSTRAINED and search.loses_rank(s, p):
+        if CONSTRAINED and loses_rank(s, p):
             return at.RANK_LOST
 
 
@@ -314,8 +316,8 @@ def has_missed(s: State, p: Parameters) -> int:
     Return 1 if it is rejected, else 0.
     """
     x = 0.0
-    if LOCALIZED and s.feature_possible > 0.0:
-        x = search.missed_feature(s, p)
+    if s.feature_possible > 0.0:
+        x = missed_feature(s, p)
     if x == 0.0:
         x = missed.find_defect(s, p)
         if s.defect_found > 0.0:
@@ -355,8 +357,7 @@ def inspect(s: State, p: Parameters) -> None:
     counts = s.steps > SETTLING and s.t < missed.next_end(s, p)
     if counts and (known == 0.0 or s.step_h < known):
         s.smallest_step = s.step_h
-    if SWITCHES or UNTIL:
-        search.find_end(s, p)
+    find_end(s, p)
     if SWITCHES and s.cut == 0.0:
         project_state(s, p, s.t, s.y)
     if s.inertias > 0:

@@ -19,9 +19,8 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import derivative
+from lagsim.methods.parts.state import check_features, derivative
 from lagsim.native.kernels.words import apart, total, unrolled
 from lagsim.native.layout import array, part
 from lagsim.tolerances import OVERFLOW
@@ -29,7 +28,6 @@ from lagsim.tolerances import OVERFLOW
 Row = tuple[float, ...]
 
 CONSTRAINED = True
-LOCALIZED = True
 SWITCHES = True
 
 SAFETY = 0.9
@@ -329,7 +327,7 @@ def accept(s: Embedded, p: Parameters, h: float) -> None:
     if CONSTRAINED or not PAIR.ends:  # a projection has moved the state
         derivative(s.t + h, new, p, after)
         s.evaluations += 1.0
-    if LOCALIZED:
+    if s.signals > 0:
         check_features(s, p, h, s.y, k, new, after)
     s.step_t = s.t
     s.step_h = h
@@ -340,7 +338,7 @@ def accept(s: Embedded, p: Parameters, h: float) -> None:
     )
     row = s.row_start + s.row * s.row_step
     watched = CONSTRAINED and s.watched > 0.0
-    watched = watched or (LOCALIZED and s.feature_possible > 0.0)
+    watched = watched or s.feature_possible > 0.0
     if s.located > 0.0 or watched or (row < s.row_limit and row < s.t):
         prepare_dense(s, p)
     elif s.extras > 0.0 and s.extra < s.t:

@@ -44,7 +44,6 @@ from lagsim.methods.parts.search_table import (
     lowest,
     reuse_ends,
     rows,
-    rows_at,
     store_ends,
     value_at,
     variation,
@@ -52,6 +51,7 @@ from lagsim.methods.parts.search_table import (
 )
 from lagsim.methods.parts.state import (
     derivative,
+    event_functions,
     interpolate,
     interpolate_rates,
     rounding,
@@ -444,7 +444,8 @@ def expect(s: SearchTable, p: Parameters, x: float) -> None:
     x : the fraction of the last step.
     """
     if SWITCHES:
-        rows_at(EVENT, s, p, x)
+        interpolate(s, p, x, s.point)
+        event_functions(s.step_t + x * s.step_h, s.point, p, s.values)
         for k in range(s.surfaces):
             if s.values[k] < least_allowed(EVENT, s, p, k):
                 return

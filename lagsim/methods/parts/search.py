@@ -72,7 +72,6 @@ if TYPE_CHECKING:
 UNTIL = True
 SWITCHES = True
 LOCALIZED = True
-ADAPTIVE = True
 
 # Least distance of sample points in a step: for events, for features, and for sections
 # beside a jump of the relation; largest number of points in a step with a signal.
@@ -448,7 +447,7 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
         return 0.0
     if is_open:
         return inf
-    return 1.0 if not ADAPTIVE and p.slack[k] > 0.0 else 0.0
+    return 1.0 if s.fixed_step > 0.0 and p.slack[k] > 0.0 else 0.0
 
 
 def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
@@ -476,7 +475,7 @@ def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
         moved += abs(row[i]) * s.sizes[s.n + i]
         bend = abs(last[i] - first[i]) if is_open else max(abs(last[i]), abs(first[i]))
         bend *= 0.5 * h * h if p.law_gapped[k] > 0.0 else h
-        error += abs(row[i]) * (s.tolerances[i] if ADAPTIVE else bend)
+        error += abs(row[i]) * (bend if s.fixed_step > 0.0 else s.tolerances[i])
     moved = max(moved, h * roundoff)
     if p.law_speeds[k] < -SUM_ROUNDOFF * moved or push < -SUM_ROUNDOFF * roundoff:
         return 0.0

@@ -242,6 +242,42 @@ def find_crossings(s: Clock, p: Parameters) -> int:
 
 
 @external
+def find_end(s: Clock, p: Parameters) -> None:
+    """End the last step at its first event, if any, see `search.find_end`."""
+
+
+@external
+def missed_feature(s: Clock, p: Parameters) -> float:
+    """Return the fraction of the step at which a localized term is missed, or 0.
+
+    See `search.missed_feature`.
+    """
+    raise NotImplementedError
+
+
+@external
+def loses_rank(s: Clock, p: Parameters) -> bool:
+    """Whether rank is lost within the last step, see `search.loses_rank`."""
+    raise NotImplementedError
+
+
+@external
+def check_features(
+    s: Clock,
+    p: Parameters,
+    h: float,
+    old: Floats,
+    old_rates: Floats,
+    new: Floats,
+    new_rates: Floats,
+) -> None:
+    """Set `feature_possible` after a step h, see `missed.check_features`.
+
+    old, old_rates, new, new_rates : (size,), y and y' at both ends.
+    """
+
+
+@external
 def start(s: Clock, p: Parameters) -> None:
     """Begin an arc: evaluate y' at the start, and choose the first step."""
 

@@ -1,0 +1,85 @@
+"""The kernels of a run by a method, and the constants that each is compiled for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lagsim.methods import method
+from lagsim.methods.parts import driver, missed, no_search, search
+from lagsim.native.link.cache import kernel_part
+from lagsim.program.signatures import AT_SECTIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from lagsim.native.link.cache import ProgramPart
+    from lagsim.program.system import System
+
+# The constants that the loop of steps depends on, and the search of a step for events.
+OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
+OF_SEARCH = ("UNTIL", "SWITCHES", "LOCALIZED")
+
+
+def statics(system: System, name: str) -> dict[str, object]:
+    """Return the constants at compile time of all kernels of a run, by their names.
+
+    name : the name of the method.
+    """
+    return {
+        "CONSTRAINED": system.m > 0 and system.plan.projected,
+        "UNTIL": bool(system.equations.model.located),
+        "SWITCHES": system.watched > 0,
+        "LOCALIZED": bool(system.indicators),
+        "ADAPTIVE": method(name).ADAPTIVE,
+    }
+
+
+def of_method(system: System, name: str) -> ProgramPart:
+    """Return the kernels of a method.
+
+    name : the name of the method.
+    """
+    by, known = method(name), statics(system, name)
+    known |= {"SPARSE": system.newton is not None, "PAIR": getattr(by, "PAIR", None)}
+    del known["ADAPTIVE"]
+    kernels = [by.start, by.step, by.interpolate]
+    kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
+    return kernel_part(kernels, _chosen(known, filter(vars(by).__contains__, known)))
+
+
+def of_steps(system: System, name: str) -> Iterator[ProgramPart]:
+    """Yield the loop of steps, and the searches of a step that it calls.
+
+    name : the name of the method.
+    """
+    known, none = statics(system, name), dict.fromkeys(OF_SEARCH, False)
+    yield kernel_part([driver.advance], _chosen(known, OF_DRIVER))
+    if known["UNTIL"] or known["SWITCHES"]:
+        yield kernel_part([search.find_end], _chosen(known, OF_SEARCH))
+    else:
+        yield kernel_part([no_search.find_end])
+    if known["CONSTRAINED"]:
+        yield kernel_part([search.loses_rank], none)
+    if known["ADAPTIVE"] and known["LOCALIZED"]:
+        known = none | _chosen(known, ["SWITCHES", "LOCALIZED"])
+        yield kernel_part([search.missed_feature, missed.check_features], known)
+    elif known["ADAPTIVE"]:
+        yield kernel_part([no_search.missed_feature, no_search.check_features])
+
+
+def of_output(system: System, name: str) -> Iterator[ProgramPart]:
+    """Yield the kernels of columns and of sections.
+
+    name : the name of the method.
+    """
+    kernels: list[Callable[..., Any]] = [driver.tabulate]
+    if system.columns.wants_sections:
+        known = _chosen(statics(system, name), ["CONSTRAINED", *OF_SEARCH])
+        yield kernel_part([search.find_crossings, *AT_SECTIONS], known)
+    else:
+        kernels.append(no_search.find_crossings)
+    yield kernel_part(kernels, {"TOGETHER": system.together})
+
+
+def _chosen(known: dict[str, object], names: Iterable[str]) -> dict[str, object]:
+    return {name: known[name] for name in names}
