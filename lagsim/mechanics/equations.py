@@ -77,28 +77,28 @@ class Quadrature(NamedTuple):
     rate: int
 
 
-class Begun(NamedTuple):
-    """Events that acted at the start of a run, before the first row of the table.
+class Acted(NamedTuple):
+    """Events of the file that have acted together at one instant.
 
     Attributes
     ----------
-    acts : tuple of str
+    names : tuple of str
         The names of the events that acted, in order.
     chatter : tuple of str
         The names of events that undo each other's assignments without end.
     is_over : bool
         The condition `until` became true by these assignments.
-    impulses : tuple of float
-        The sum (n,) of their generalized impulses, which act in the run; () for none.
+    impulse : tuple of float
+        The sum (n,) of their generalized impulses; () for none.
     """
 
-    acts: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
     chatter: tuple[str, ...] = ()
     is_over: bool = False
-    impulses: tuple[float, ...] = ()
+    impulse: tuple[float, ...] = ()
 
 
-NOT_BEGUN = Begun()
+NOT_BEGUN = Acted()
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +141,8 @@ class Equations:
         contains it.
     states : tuple of FirstOrderState
         The first-order states, with rates in the variables of these equations.
-    begun_by : Begun
-        The events that acted at the start.
+    begun_by : Acted
+        The events that acted at the start of the run, before the first row.
     tree : TreeOfFrames or None
         The tree of frames whose recursions these equations contain, if any.
     """
@@ -163,10 +163,10 @@ class Equations:
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
-    begun_by: Begun = NOT_BEGUN
+    begun_by: Acted = NOT_BEGUN
     tree: TreeOfFrames | None = None
 
-    def of(self, model: Model, *, begun_by: Begun = NOT_BEGUN) -> Equations:
+    def of(self, model: Model, *, begun_by: Acted = NOT_BEGUN) -> Equations:
         """Return these equations for `model`, which has other values of parameters.
 
         begun_by : the events that have acted at the start of `model`.

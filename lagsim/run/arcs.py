@@ -51,7 +51,7 @@ from lagsim.run.settle import (
     may_strike,
     new_record,
     settle,
-    settle_start,
+    started,
     unless_overflow,
 )
 from lagsim.run.trajectory import (
@@ -313,7 +313,7 @@ class Run:
 
         None if the run continues.
         """
-        ending = self._recorded(settle_start(self.arc, self.deciders))
+        ending = self._recorded(settle(started(self.arc, self.deciders), self.deciders))
         if ending is None:
             self._begin_arc(self.arc.settings.end)
         return ending

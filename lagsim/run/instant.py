@@ -50,10 +50,7 @@ class InstantRecord:
     stale : bool
         Whether the branches of t are to be selected again.
     before : Before or None
-        The row before the instant, where equalities may jump.
-    shown : ndarray, shape (k,), or None
-        Columns of the table before the events acted; an impact at this instant has
-        these columns as its first row.
+        The row before the acts of this pass, where velocities may jump.
     impacts : bool
         Whether velocities have jumped since conditions were decided.
     admissible : LawState or None
@@ -79,7 +76,6 @@ class InstantRecord:
     laws: LawsAt | None = None
     stale: bool = True
     before: Before | None = None
-    shown: Floats | None = None
     impacts: bool = False
     admissible: LawState | None = None
     rows: tuple[Floats, ...] = ()

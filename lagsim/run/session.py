@@ -374,7 +374,7 @@ def after_start_events(
     """
     from lagsim.admissibility.examination import examine
     from lagsim.mechanics.forces import lost_impulses
-    from lagsim.mechanics.initial_events import after_initial_events
+    from lagsim.run.events.rounds import after_acts_at_start
 
     if problems := lost_impulses(equations):
         raise InputError(problems)
@@ -382,7 +382,7 @@ def after_start_events(
     report = examine(equations, time, rest=rest, classify=classify)
     begun = equations
     if equations.model.events:
-        begun = after_initial_events(equations, report.state)
+        begun = after_acts_at_start(equations, report.state)
     if begun is not equations:
         equations = begun
         report = examine(begun, time, rest=rest, classify=classify)

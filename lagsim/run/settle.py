@@ -28,13 +28,26 @@ import numpy as np
 
 from lagsim.mechanics.equations import may_jump
 from lagsim.run.events.accumulation import STUCK
-from lagsim.run.events.constraints import at_start, before_event, inelastic_impact
+from lagsim.run.events.constraints import (
+    at_start,
+    before_event,
+    inelastic_impact,
+    row_of,
+)
 from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.records import NO_SURFACES, NOTHING
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
-from lagsim.run.modes import TrialModes, write
-from lagsim.run.trajectory import GO_ON, NOWHERE, Decision, Ending, Outcome, quoted
+from lagsim.run.modes import ArcModes, TrialModes, write
+from lagsim.run.trajectory import (
+    GO_ON,
+    NOWHERE,
+    STARTED,
+    Decision,
+    Ending,
+    Outcome,
+    quoted,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,7 +59,6 @@ if TYPE_CHECKING:
     from lagsim.run.events.switching import Switching
     from lagsim.run.events.times import KnotTimes, TimeBreaks
     from lagsim.run.events.transitions import Transitions
-    from lagsim.run.modes import ArcModes
     from lagsim.run.trajectory import JumpImpulses, Located
 
 P = ParamSpec("P")
@@ -154,7 +166,7 @@ def first_record(arc: Arc, last: InstantRecord, located: Located) -> InstantReco
         )  # fmt: skip
     return last.replaced(
         arc=arc, located=located, surfaces=with_located_surface(last.surfaces, located),
-        stale=not alone, impacts=False, shown=None, rows=(), events=(), cautions=(),
+        stale=not alone, impacts=False, rows=(), events=(), cautions=(),
     )  # fmt: skip
 
 
@@ -237,27 +249,27 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     All events due together act in the order of the file; events whose conditions these
     acts make true act next, until no further condition becomes true. Then the sum of
-    the impulses of all these events changes the velocities. Where equalities may jump
+    the impulses of all these events changes the velocities. Where velocities may jump
     at the instant, the row before all of it is stored first.
 
     now : the record before the phase.
     by : the parts of the run that decide.
     """
-    if by.jumping and now.before is None and (now.stale or now.due.acts):
-        now = now.replaced(before=before_event(now.arc))
-    if by.transitions is None or not now.due.acts:
+    arc, due = now.arc, now.due.acts
+    if now.before is None and not now.located.begins:
+        if by.jumping and (now.stale or due):
+            now = now.replaced(before=before_event(arc))
+        elif due and (arc.system.laws or arc.equations.model.kicks):
+            now = now.replaced(before=row_of(arc))
+    if by.transitions is None or not due:
         return now
-    arc = now.arc
-    # The row before an impact has the modes before the event.
-    shown = arc.observed() if arc.system.laws else None
     with TrialModes(arc) as trial:
         corners = corners_at(now, by)
-        found, acted = by.transitions.act(arc, now.due, now.acts, corners)
+        row = None if now.before is None else now.before.row
+        found, acted = by.transitions.act(arc, now.due, now.acts, row, corners)
         if corners is not None:
             corners.restore()
-    return carried_out(
-        now, found, modes=trial.found, shown=shown, acts=acted, stale=True
-    )
+    return carried_out(now, found, modes=trial.found, acts=acted, stale=True)
 
 
 @phase
@@ -320,11 +332,12 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     by : the parts of the run that decide.
     """
     law = now.located.law
-    if law >= 0:
-        return laws_struck(now.replaced(located=NOWHERE), by, law=law, decided=False)
-    if now.before is None or not may_strike(now.arc, by):
-        return now
-    return laws_struck(now, by, decided=False)
+    jumps = by.jumping and now.before is not None and not now.located.begins
+    if law < 0 and not (jumps and may_strike(now.arc, by)):
+        return now.replaced(located=NOWHERE) if now.located.begins else now
+    decided = not (now.stale or now.arc.system.surfaces)
+    now = now if law < 0 else now.replaced(located=NOWHERE)
+    return laws_struck(now, by, law=law, decided=decided)
 
 
 @phase
@@ -342,7 +355,7 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     if ending is not None:
         return now.replaced(ending=ending)
     projected = GO_ON
-    if now.before is not None:
+    if by.jumping and now.before is not None:
         now, projected = equalities_struck(now, by, now.before)
     if by.contacts is None or now.admissible is not None or now.ending is not None:
         return now if projected.rows is None else carried_out(now, projected)
@@ -394,7 +407,6 @@ def laws_struck(
     assert by.contacts is not None
     assert now.laws is not None
     arc = now.arc
-    decided |= not (arc.system.surfaces or arc.t >= arc.end)
     with TrialModes(arc) as trial:
         laws = now.laws if law < 0 else by.contacts.located(arc, now.laws, law)
         corners = corners_at(now, by)
@@ -512,24 +524,20 @@ def jumped(
 ) -> InstantRecord:
     """Return the record after a jump of velocities, with the rows before and after.
 
-    before : ndarray, shape (1, k), the columns before the jump; the row before an
-        earlier act or jump of this instant, if the record has one, is written instead.
+    before : ndarray, shape (1, k), the columns before the jump; the row before the
+        acts of this pass, if the record has one, is written instead.
     given : the impulses of the jump, or None.
     """
     arc, rows = now.arc, now.rows
     if now.after is None and arc.row_time(-1) < arc.t:
-        if now.shown is not None:
-            before = now.shown[None]
-        elif now.before is not None:
-            before = now.before.row
-        rows = (*rows, before)
+        rows = (*rows, before if now.before is None else now.before.row)
     p = arc.system.p
     if given is not None:
         p.impulses[:] += given.laws
         p.row_impulses[:] += given.rows
     after = arc.runner.tabulate(arc.row())
     arc.pass_shown()
-    return now.replaced(rows=rows, after=after, shown=None, impacts=True)
+    return now.replaced(rows=rows, after=after, impacts=True)
 
 
 # --- The events that are due, just before an instant and at the start
@@ -555,56 +563,34 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
     return carried_out(now, GO_ON, modes=trial.found, due=due, stored_truth=True)
 
 
-def settle_start(arc: Arc, by: Deciders) -> InstantRecord:
-    """Decide everything at the start of a run.
+def started(arc: Arc, by: Deciders) -> InstantRecord:
+    """Return the record with which the start of a run begins.
 
-    The acts at the start have set the modes of the file before the first row. Here
-    their impulses are applied, and the events act whose conditions become true at the
-    start.
+    The events due are those that act at the start. No arc precedes the start: its row
+    before has the values that switches of t have at the start itself, the truth just
+    before is that of the start, and no mode of a law has ended. If events give
+    impulses, the modes before are those that the state would keep without the impulses,
+    so that the row before shows the forces of a body at rest on its floor.
     """
-    switches = arc.system.switches
-    jumps = by.jumping and (switches.modes or switches.corners)
-    now = new_record(arc)
-    if jumps:
+    now, switches = new_record(arc, located=STARTED), arc.system.switches
+    if by.jumping and (switches.modes or switches.corners):
         with TrialModes(arc) as trial:
             before = at_start(arc)
         now = carried_out(now, GO_ON, modes=trial.found, before=before)
-    values = arc.located(arc.t, arc.y)
     now = branches(now, by)
-    if by.transitions is not None:
-        now = first_acts(now, by)
-    now = modes(sides_and_velocities(now, by), by)
-    if by.transitions is not None and now.ending is None:
-        struck = values if now.impacts else None
-        with TrialModes(arc) as trial:
-            due = by.transitions.decide_at_start(arc, struck)
-        now = carried_out(
-            now, GO_ON, modes=trial.found, due=due, impacts=False, stored_truth=True
-        )
-        if now.due != NOTHING:
-            return settle(now, by)
-    return bookkeep(now, by)
-
-
-@phase
-def first_acts(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """List the events that acted at the start, and apply their impulses.
-
-    The row before the impulses shows the forces of the modes that the state would keep
-    without the impulses.
-
-    now : the record of the start.
-    by : the parts of the run that decide.
-    """
-    arc, transitions = now.arc, by.transitions
-    assert transitions is not None
-    kicked = bool(arc.equations.begun_by.impulses) and not may_strike(arc, by)
-    at_rest = modes(velocities(sides(now, by), by), by) if kicked else now
+    if by.transitions is None:
+        return now
     with TrialModes(arc) as trial:
-        found = transitions.start(arc, corners_at(at_rest, by) if kicked else None)
-        if kicked and by.switching is not None:
-            by.switching.release(arc)
-    return carried_out(now.replaced(ending=at_rest.ending), found, modes=trial.found)
+        due = by.transitions.due_at_start(arc)
+    now = carried_out(now, GO_ON, modes=trial.found, due=due, stored_truth=True)
+    if due.begun is not None and due.begun.impulse:
+        first, rest, before = ArcModes.of(arc), now, now.before or row_of(arc)
+        if not may_strike(arc, by):
+            rest = modes(velocities(sides(now, by), by), by)
+            before = before._replace(row=row_of(arc).row)
+        now = now.replaced(before=before, surfaces=rest.surfaces, ending=rest.ending)
+        now = carried_out(now, GO_ON, modes=first)
+    return now
 
 
 def may_strike(arc: Arc, by: Deciders) -> bool:

@@ -163,14 +163,18 @@ class Located(NamedTuple):
     off : float
         Largest distance of the surface's expression from its level, by the error of
         the time located; negative where the expression jumps past its level.
+    begins : bool
+        Whether the run begins, before which there is no arc.
     """
 
     surface: int = -1
     law: int = -1
     off: float = 0.0
+    begins: bool = False
 
 
 NOWHERE = Located()
+STARTED = Located(begins=True)
 
 
 class Ending(NamedTuple):

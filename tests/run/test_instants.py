@@ -454,3 +454,23 @@ constraints: {{floor: {{relation: x >= 0, restitution: 0.5}}}}
     floor = text.split("}\n", 2)[2]
     ended = simulate(scene(floor, begin, 0.15, ball, until=at), error_bar="never")
     assert (ended.outcome == "until") == (ended.t[-1] == 0.0) == acts_there
+
+
+@pytest.mark.parametrize("height", [0, 0.001])
+def test_an_impact_makes_an_equation_true_at_the_start_and_later_alike(height):
+    # The rebound takes x_dot from -v through 0.2 to v/2, and gravity back through 0.2.
+    ball = FREE.replace("potential: 0", "potential: 10*x")
+    text = """
+modes: {n: 0}
+events: {up: {at: x_dot = 0.2, set: {n: n + 1}}}
+constraints: {floor: {relation: x >= 0, restitution: 0.5}}
+"""
+    begin = f"x: {height}, x_dot: -1"
+    found = simulate(
+        scene(text, begin, 0.06, ball, output_step=0.02), error_bar="never"
+    )
+    speed = math.sqrt(1 + 20 * height)
+    struck = (speed - 1) / 10
+    times = [struck, struck + (speed / 2 - 0.2) / 10]
+    assert [name for name, _ in acts(found)] == ["up", "up"]
+    assert [t for _, t in acts(found)] == pytest.approx(times, abs=1e-12)

@@ -296,7 +296,7 @@ def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
     remember(s)
     if jumped > 0:
         evaluate(s, p)
-    if not may_change(s):
+    if s.steps > 0.0 and not may_change(s):
         return 0
     evaluate_with_bounds(s, p, -1)
     count = become(s, 1)

@@ -87,8 +87,8 @@ class Truth:
         """Store the truth of all conditions at the start of the run.
 
         A condition that is true at the start to rounding is true, also to the rounding
-        of the expressions that state the start; a condition whose value is 0 and falls
-        is false from then on.
+        of the expressions that state the start. After all phases of the start
+        `settled` finds the side of each value of 0, by its rate.
         """
         state, equation = self.state, self.state.equation > 0.0
         self.run("evaluate_with_bounds", -1)
@@ -98,46 +98,15 @@ class Truth:
         state.orientation[:] = np.where(off, np.sign(values), 0.0)
         true = ~off & ~fixed
         state.leeway[true] = 2.0 * zero[true]
-        if state.fixed_step > 0.0 and self.arc.system.moreau is None:
-            rests = true & (state.trend == 0.0)
-            state.leeway[rests] += 2.0 * _errors_of_a_step(self.arc)[rests]
-        self.run("choose_sides")
-        true &= state.orientation == 0.0
-        if true.any() and self.arc.equations.model.constraints:
-            raise_leeway(self.arc, values, true)
 
-    def become_at_start(self, before: Floats | None) -> set[int]:
-        """Return indices of the conditions that become true at the start; mark them.
-
-        A condition becomes true by an impact at the start, or by a jump of a switch in
-        an inequality just after the start, as in `mod(-x, 2) >= 1` where x rises from
-        0.
-
-        Parameters
-        ----------
-        before : ndarray, shape (C,), or None
-            Values of the conditions before the impacts at the start; None if no impact.
-        """
-        state, now = self.state, self.state.worth.copy()
-        found = (state.orientation < 0.0) & self._store_start_jumps()
-        if before is not None:
-            inequality = (state.equation == 0.0) & np.isfinite(state.leeway)
-            crossed = (now >= -state.zero) & (before < -state.zero)
-            found |= inequality & crossed
-        # Their leeway is that of the values just after the start.
-        state.worth[:] += state.ahead
-        state.marked[:] = found
-        return self._marked(float(found.any()))
-
-    def _store_start_jumps(self) -> Flags:
+    def _store_start_jumps(self) -> None:
         """Store the jumps of conditions just after the start of the run in `ahead`.
 
-        Return a mask (C,) of the inequalities that such a jump makes, or keeps, true.
-        After the first step no jump is stored, and the mask is False.
+        After the first step no jump is stored.
         """
         state, arc = self.state, self.arc
         if arc.steps:
-            return np.zeros(len(state.ahead), dtype=bool)
+            return
         now, delay = arc.located(arc.t, arc.y), SOON * arc.settings.output_step
         soon, sooner = self._located_after(delay, 1.0), self._located_after(delay, PART)
         true = (sooner >= 0.0) & (soon >= 0.0)
@@ -145,7 +114,6 @@ class Truth:
         true &= np.abs(sooner - now) > np.abs(soon - now) / 2.0
         true &= (state.equation == 0.0) & np.isfinite(state.leeway)
         state.ahead[:] = np.where(true, sooner - now, 0.0)
-        return true
 
     def _located_after(self, delay: float, part: float) -> Floats:
         """Return the values (C,) of the conditions shortly after the start.
@@ -232,9 +200,15 @@ class Truth:
 
         struck : whether velocities have jumped by an impact.
         """
-        jumped = int(struck or self.set_by_modes)
+        jumped = int(struck or self.set_by_modes or not self.arc.steps)
         self._store_start_jumps()
-        return self._marked(self.run("settle", jumped))
+        count, state = self.run("settle", jumped), self.state
+        fixed = state.fixed_step > 0.0 and self.arc.system.moreau is None
+        if fixed and not self.arc.steps:
+            rests = (state.orientation == 0.0) & (state.trend == 0.0)
+            least = 2.0 * (state.zero + _errors_of_a_step(self.arc))
+            state.leeway[rests] = np.maximum(state.leeway, least)[rests]
+        return self._marked(count)
 
     def _marked(self, count: float) -> set[int]:
         """Return the indices of the conditions that the last kernel has marked as true.

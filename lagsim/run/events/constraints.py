@@ -69,6 +69,11 @@ def before_event(arc: Arc) -> Before:
     return Before(columns, _velocity_errors(arc))
 
 
+def row_of(arc: Arc) -> Before:
+    """Return the table row of the state reached, without an error of velocities."""
+    return Before(arc.runner.tabulate(arc.row()), np.zeros(arc.system.n))
+
+
 def at_start(arc: Arc) -> Before:
     """Return the table row at the start of the run, and the velocity error there.
 

@@ -12,13 +12,15 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Acted
     from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.events.kinematics import Kinematics
     from lagsim.run.events.surface_modes import Selected
 
-    # The names of the located events that acted in one round, the modes of the file
-    # and the velocities before these acts.
-    Round = tuple[tuple[str, ...], dict[str, float], Floats]
+    # The names of the located events that acted in one round, and the modes of the file
+    # before these acts; for the first round of a phase `acts` the velocities, too.
+    Round = tuple[tuple[str, ...], dict[str, float]]
+    Visit = tuple[tuple[str, ...], dict[str, float], Floats]
 
 
 class Due(NamedTuple):
@@ -34,11 +36,14 @@ class Due(NamedTuple):
         Whether the truth of the remaining conditions is decided later, after the modes
         of laws are selected: where a law may hold a rate at 0 from now on, an
         expression such as `if(x_dot < 0, 1, 0)` depends on the mode.
+    begun : Acted or None
+        The acts at the start of the run, which have set their modes already.
     """
 
     periodic: frozenset[int] = frozenset()
     conditions: frozenset[int] = frozenset()
     waits: bool = False
+    begun: Acted | None = None
 
     @property
     def acts(self) -> bool:
@@ -77,10 +82,10 @@ class ActsAt(NamedTuple):
         The number of acts of each event.
     rounds : tuple of Round
         The rounds of acts at this instant, since the state has last jumped otherwise
-        than by impulses of events. A round has the events that act together, the modes
-        of the file after these, and the state.
-    visits : tuple of Round
-        A round for each start of the phase `acts` at this instant. A repeated round
+        than by impulses of events. A round has the events that act together, and the
+        modes of the file before these acts.
+    visits : tuple of Visit
+        A visit for each start of the phase `acts` at this instant. A repeated visit
         shows that acts and impacts form a cycle. Empty in models without impulses.
     is_over : bool
         Whether `until` has come true.
@@ -88,7 +93,7 @@ class ActsAt(NamedTuple):
 
     counts: tuple[int, ...] = ()
     rounds: tuple[Round, ...] = ()
-    visits: tuple[Round, ...] = ()
+    visits: tuple[Visit, ...] = ()
     is_over: bool = False
 
 

@@ -209,15 +209,6 @@ class Switching(Source):
 
     # The modes at an instant
 
-    def release(self, arc: Arc) -> None:
-        """Set each surface that the motion follows to its lower side.
-
-        To be called within `TrialModes`, which restores the modes at its end.
-        """
-        self.modes.begin(arc)
-        self.modes.forget()
-        self.modes.write()
-
     def select(
         self,
         arc: Arc,
