@@ -28,6 +28,7 @@ from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.newton import SparseNewton
+from lagsim.methods.parts.onset import LIMITED, LIMITING, set_aside, spread_scales
 from lagsim.methods.parts.state import LOCAL, check_features, derivative, jacobian
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
@@ -45,6 +46,7 @@ NEEDS = ("jacobian",)
 STATES = True
 
 CONSTRAINED = True
+SWITCHES = True
 SPARSE = False  # whether Newton's matrices are sparse; set by the translator
 
 # The step size at which Newton's method failed is avoided; the limit grows by this
@@ -212,11 +214,13 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     s.h = 0.5 * h
     if renew(s, p, h) == 0:
         return -1.0
-    if converge(s, p, h) == 0:
+    if converge(s, p, h) == 0 and converge_others(s, p, h) == 0:
         return -1.0
     s.new[:] = s.y + s.Z[2 * s.size :]
     control.set_tolerances(s, p, s.t + h, s.new, s.slope, h)
     error = estimate(s, p, h)
+    if not CONSTRAINED and not SWITCHES:
+        error = error_at_onset(s, p, h, error)
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
@@ -225,6 +229,42 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
+
+
+def error_at_onset(s: Radau, p: SparseNewton, h: float, error: float) -> float:
+    """Return the error of a step h in tolerances, at scales by the motion of others.
+
+    An implicit step reaches all components; the tolerances are raised until those at
+    their onset limit it no longer.
+
+    error : the error in tolerances so far.
+    """
+    part = s.rtol**0.2
+    limits = error >= LIMITING
+    while limits and set_aside(s, h, s.new, s.slope, min(error - 1.0, 0.0)) > 0:
+        others = part * norm(1, s.size, s.errors, s.tolerances)
+        hops = s.hops
+        if others < 1.0 and LIMITED * others < error:
+            spread_scales(s, p, s.t, s.y, s.slope, s.new, h)
+        control.compute_tolerances(s, p, s.new, s.slope, h)
+        error = part * norm(1, s.size, s.errors, s.tolerances)
+        # Again, if more components in a row remain to be reached.
+        limits = s.hops > hops and error >= LIMITING
+    return float(error)
+
+
+def converge_others(s: Radau, p: SparseNewton, h: float) -> int:
+    """Solve for the stages without regard to components at their onset.
+
+    Their tolerances may be too small for Newton's method. Return 0 on failure, or if
+    there are none, else 1.
+    """
+    if CONSTRAINED or SWITCHES:
+        return 0
+    s.new[:] = s.y + s.Z[2 * s.size :]
+    if set_aside(s, h, s.new, s.slope, 0.0) == 0:
+        return 0
+    return converge(s, p, h)
 
 
 def allow_roundoff(s: Radau, p: SparseNewton, h: float, sigma: float) -> bool:

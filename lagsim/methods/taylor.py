@@ -33,6 +33,7 @@ from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import foresee
+from lagsim.methods.parts.onset import LIMITED, set_aside, spread_scales
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
@@ -88,6 +89,8 @@ UNKNOWN = -1.0
 PASSES = 20
 SETTLED = 0.7
 SHORTEST = 0.2
+# Part of the first step in which the bound of the motion by its series is close.
+CLOSE = 0.25
 
 
 def order_for(rtol: float) -> int:
@@ -122,17 +125,47 @@ def start(s: Taylor, p: Parameters) -> None:
     # Tolerances depend on the step, and on the motion of components at rest during the
     # step. A rejected step has an upper bound for the next trial.
     first = s.most_step if s.most_step > 0.0 else s.row_step
-    s.h = min(float(first), s.end - s.t)
-    for _ in range(PASSES):
-        before = s.h
-        lead(s.size, c, before, s.new)
-        control.set_tolerances(s, p, s.t, s.new, rates, before)
-        set_fineness(s)
-        s.h = min(before, chosen_step(s, c, s.t))
-        if s.h > SETTLED * before:
-            break
+    longest = min(float(first), s.end - s.t)
+    s.h = consistent_step(s, p, longest, OVERFLOW)
+    if not CONSTRAINED and not SWITCHES and sets_off(s):
+        others = consistent_step(s, p, longest, 0.0)
+        if others > LIMITED * s.h:
+            lead(s.size, c, CLOSE * others, s.new)
+            spread_scales(s, p, s.t, s.y, rates, s.new, CLOSE * others)
+        s.h = consistent_step(s, p, longest, OVERFLOW)
     if CONSTRAINED:
         s.h = constraints.step_past_loss(s, p, s.h)
+
+
+def sets_off(s: Taylor) -> bool:
+    """Whether a component at rest is set in motion by others in the first instant."""
+    foreseen = 0.0
+    for i in range(s.velocities.stop):
+        foreseen = max(foreseen, s.foreseen[i])
+    return foreseen > 0.0
+
+
+def consistent_step(s: Taylor, p: Parameters, longest: float, most: float) -> float:
+    """Return the first step, at most `longest`, with tolerances that depend on it.
+
+    most : components at rest count if the sizes that they reach in the first instant by
+        the motion of others are at most this number.
+    """
+    c, h = s.series, longest
+    for _ in range(PASSES):
+        before = h
+        lead(s.size, c, before, s.new)
+        control.set_tolerances(s, p, s.t, s.new, c[1 + s.size :], before)
+        for i in range(s.velocities.stop):
+            rests = s.high[i] == s.low[i] and (i >= s.n or s.y[s.n + i] == 0.0)
+            if rests and s.foreseen[i] > most:
+                s.tolerances[i] = 0.0
+                s.steady = 0.0
+        set_fineness(s)
+        h = min(before, chosen_step(s, c, s.t))
+        if h > SETTLED * before:
+            break
+    return h
 
 
 def step(s: Taylor, p: Parameters) -> int:
@@ -209,6 +242,8 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     if control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h):
         set_fineness(s)
     error = misfit(s, c[0], following[1 + size :], h)
+    if not CONSTRAINED and not SWITCHES and error > PASSED:
+        error = error_at_onset(s, p, h, error)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
     while doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
@@ -231,6 +266,8 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
     # First the results that the next step needs, then the results that it does not wait
     # for.
     next_ = chosen_step(s, following, s.t + h)
+    if not CONSTRAINED and not SWITCHES and next_ < SUDDEN * h:
+        next_ = unlimited_step(s, p, h, next_)
     if s.signals > 0:
         before = s.series[buffer(size, s.which) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
@@ -259,6 +296,44 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
         set_fineness(s)
         s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if stability_limited else -1.0), 0.0)
+
+
+def error_at_onset(s: Taylor, p: Parameters, h: float, error: float) -> float:
+    """Return the error of a step h in tolerances, at scales by the motion of others.
+
+    error : the error in tolerances so far.
+    """
+    c = s.series[buffer(s.size, s.which) :]
+    after = s.series[buffer(s.size, 1.0 - s.which) + 1 + s.size :]
+    rates = c[1 + s.size :]
+    if set_aside(s, h, s.new, rates, 0.0) == 0:
+        return error
+    set_fineness(s)
+    if misfit(s, c[0], after, h) <= PASSED:
+        spread_scales(s, p, s.t, s.y, rates, s.new, h)
+    control.compute_tolerances(s, p, s.new, rates, h)
+    set_fineness(s)
+    return misfit(s, c[0], after, h)
+
+
+def unlimited_step(s: Taylor, p: Parameters, h: float, next_: float) -> float:
+    """Return the step after a step h, `next_` if components at their onset allow it.
+
+    If these components limit it, they are given a scale by the motion of others.
+    """
+    before = s.series[buffer(s.size, s.which) + 1 + s.size :]
+    following = s.series[buffer(s.size, 1.0 - s.which) :]
+    t = s.t + h
+    if set_aside(s, h, s.new, before, 0.0) == 0:
+        return next_
+    set_fineness(s)
+    others = chosen_step(s, following, t)
+    if others > LIMITED * next_:
+        rates = following[1 + s.size :]
+        spread_scales(s, p, t, s.new, rates, s.new, others)
+    control.compute_tolerances(s, p, s.new, before, h)
+    set_fineness(s)
+    return chosen_step(s, following, t)
 
 
 def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001

@@ -67,6 +67,8 @@ SINGULAR = 2.0**16
 OF_INSTANT = 64.0
 # Negligible time, relative to the length of an arc.
 INSTANT = 1e-6
+# Part of a component's size by the motion of others that counts as a scale.
+AT_ONSET = 1e-2
 # At tight tolerances the floor is below the last place: truncation errors of the size
 # of roundoff have the same sign in every step and so grow faster than the rounding that
 # remains in compensated sums.
@@ -103,6 +105,10 @@ class Control(ArcRows):
     parts: Floats = array("size")
     roundoff: Floats = array("size")
     foreseen: Floats = array("size")
+    # The size of each component by the motion of others, in this arc; 0: unknown. The
+    # number of components in a row that are reached when it is next computed.
+    onset: Floats = array("size")
+    hops: float
     reach: Floats = array("size")  # the largest magnitudes in the step that is bounded
     # The compensation term of y, and that of the new state.
     compensation: Floats = array("size")
@@ -275,6 +281,7 @@ def compute_tolerances(
         rate = abs(rates[i])
         width = max(s.high[i], after) - min(s.low[i], after)
         sized = WIDTH * width if width > 0.0 else h * rate
+        sized = max(sized, AT_ONSET * s.onset[i])
         if instant > 0.0:
             sized = max(sized, instant * rate, s.foreseen[i])
         part = s.parts[i]

@@ -19,6 +19,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
+from lagsim.methods.parts.onset import LIMITED, set_aside, spread_scales
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import check_features, derivative
 from lagsim.native.kernels.words import apart, total, unrolled
@@ -208,13 +209,20 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
         )
     control.add_change(s, p, k, h, new)
     s.balanced_alone = 0.0
-    control.set_tolerances(s, p, t + h, new, k, h)
+    varied = control.set_tolerances(s, p, t + h, new, k, h)
     estimate(s, p, t + h)
     errors = s.errors
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
+    if (
+        not CONSTRAINED
+        and not SWITCHES
+        and error >= SLOWING
+        and (varied or error >= 1.0)
+    ):
+        error = error_at_onset(s, p, h, error)
     # The error may be rounding alone.
     least = 1.0
     if SWITCHES and error >= SHRINKING and control.hardly_moves(s, p, h, k):
@@ -230,6 +238,24 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
         constraints.note_directions(s, p, t + h, new)
         error = constraints.error_past_loss(s, error_on_constraints(s, p, h, errors))
     return error
+
+
+def error_at_onset(s: Embedded, p: Parameters, h: float, error: float) -> float:
+    """Return the error of a step h in tolerances, at scales by the motion of others.
+
+    The tolerances are those of the step. They are raised if components at their onset
+    limit it.
+
+    error : the error in tolerances so far.
+    """
+    k, new = s.k, s.new
+    if set_aside(s, h, new, k, min(error - 1.0, 0.0)) == 0:
+        return error
+    others = error_norm(s, h, s.errors)
+    if others < 1.0 and LIMITED * others < error:
+        spread_scales(s, p, s.t, s.y, k, new, h)
+    control.compute_tolerances(s, p, new, k, h)
+    return error_norm(s, h, s.errors)
 
 
 def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -> float:

@@ -15,6 +15,7 @@ from lagsim.methods.parts.control import (
     forget_roundoff,
     set_tolerances,
 )
+from lagsim.methods.parts.onset import forget_onsets
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import LOCAL, derivative, rounding
 from lagsim.tolerances import OVERFLOW, STATE_ROUNDOFF
@@ -39,6 +40,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
     k : (size,), y' at the start.
     """
+    forget_onsets(s)
     n, y, foreseen, z = s.n, s.y, s.foreseen, s.work
     slopes, accelerations = s.spare, k[s.velocities]
     instant = INSTANT * (s.end - s.t)
