@@ -43,6 +43,8 @@ STEPS = (1, 2, 2.5, 5, 10)
 OF_LABELS, ABOVE, SPARE, SPARE_ABOVE, LEAST_NAME = 12, 15, 0.4, 0.25, 7
 # Ratio of the ends above which ticks of a logarithmic scale are powers of ten.
 DECADES = 1000.0
+# Decades up to which all multiples of a power of ten have a number.
+FULL = 0.4
 
 # Longest part of the time that a spike lasts, and least ratio of its height to all
 # other values.
@@ -205,6 +207,19 @@ class Counting(ScalarFormatter):
 
 class Powers(LogFormatterSciNotation):
     """Formatter of powers of ten, or of plain numbers on a scale of few decades."""
+
+    def set_locs(self, locs: Any = None) -> None:
+        """Select the ticks with a number: powers of ten alone, if there are several.
+
+        matplotlib before 3.11 counts decades: a scale from 0.02 to 0.5 had one number.
+        """
+        assert self.axis is not None
+        low, high = sorted(self.axis.get_view_interval())
+        if low > 0.0:
+            powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
+            # Finite: with inf all ticks have a number, on any scale.
+            self.minor_thresholds = (0.0 if powers > 1 else OVERFLOW, FULL)
+        super().set_locs(locs)
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """Return the text at a tick; "" if the tick is not finite."""
