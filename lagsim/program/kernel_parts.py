@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from lagsim.methods import method
 from lagsim.methods.parts import driver, missed, no_search, search
@@ -12,15 +12,29 @@ from lagsim.program.signatures import AT_SECTIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    from lagsim.mechanics.equations import Equations
     from lagsim.native.link.cache import ProgramPart
-    from lagsim.program.system import System
+    from lagsim.plan.plan import Plan
 
 # The constants that the loop of steps depends on, and the search of a step for events.
 OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
 OF_SEARCH = ("UNTIL", "SWITCHES", "LOCALIZED")
 
 
-def statics(system: System, name: str) -> dict[str, object]:
+class Compiled(Protocol):
+    """The properties of a system on which its kernels depend, see `system.System`."""
+
+    equations: Equations
+    plan: Plan
+    m: int
+    watched: int
+    indicators: Any
+    newton: Any
+    columns: Any
+    together: bool
+
+
+def statics(system: Compiled, name: str) -> dict[str, object]:
     """Return the constants at compile time of all kernels of a run, by their names.
 
     name : the name of the method.
@@ -34,7 +48,7 @@ def statics(system: System, name: str) -> dict[str, object]:
     }
 
 
-def of_method(system: System, name: str) -> ProgramPart:
+def of_method(system: Compiled, name: str) -> ProgramPart:
     """Return the kernels of a method.
 
     name : the name of the method.
@@ -47,7 +61,7 @@ def of_method(system: System, name: str) -> ProgramPart:
     return kernel_part(kernels, _chosen(known, filter(vars(by).__contains__, known)))
 
 
-def of_steps(system: System, name: str) -> Iterator[ProgramPart]:
+def of_steps(system: Compiled, name: str) -> Iterator[ProgramPart]:
     """Yield the loop of steps, and the searches of a step that it calls.
 
     name : the name of the method.
@@ -67,7 +81,7 @@ def of_steps(system: System, name: str) -> Iterator[ProgramPart]:
         yield kernel_part([no_search.missed_feature, no_search.check_features])
 
 
-def of_output(system: System, name: str) -> Iterator[ProgramPart]:
+def of_output(system: Compiled, name: str) -> Iterator[ProgramPart]:
     """Yield the kernels of columns and of sections.
 
     name : the name of the method.
