@@ -21,7 +21,7 @@ OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
 OF_SEARCH = ("UNTIL", "SWITCHES", "LOCALIZED")
 
 
-class Compiled(Protocol):
+class SystemProperties(Protocol):
     """The properties of a system on which its kernels depend, see `system.System`."""
 
     equations: Equations
@@ -34,7 +34,7 @@ class Compiled(Protocol):
     together: bool
 
 
-def statics(system: Compiled, name: str) -> dict[str, object]:
+def statics(system: SystemProperties, name: str) -> dict[str, object]:
     """Return the constants at compile time of all kernels of a run, by their names.
 
     name : the name of the method.
@@ -48,7 +48,7 @@ def statics(system: Compiled, name: str) -> dict[str, object]:
     }
 
 
-def of_method(system: Compiled, name: str) -> ProgramPart:
+def of_method(system: SystemProperties, name: str) -> ProgramPart:
     """Return the kernels of a method.
 
     name : the name of the method.
@@ -61,7 +61,7 @@ def of_method(system: Compiled, name: str) -> ProgramPart:
     return kernel_part(kernels, _chosen(known, filter(vars(by).__contains__, known)))
 
 
-def of_steps(system: Compiled, name: str) -> Iterator[ProgramPart]:
+def of_steps(system: SystemProperties, name: str) -> Iterator[ProgramPart]:
     """Yield the loop of steps, and the searches of a step that it calls.
 
     name : the name of the method.
@@ -81,7 +81,7 @@ def of_steps(system: Compiled, name: str) -> Iterator[ProgramPart]:
         yield kernel_part([no_search.missed_feature, no_search.check_features])
 
 
-def of_output(system: Compiled, name: str) -> Iterator[ProgramPart]:
+def of_output(system: SystemProperties, name: str) -> Iterator[ProgramPart]:
     """Yield the kernels of columns and of sections.
 
     name : the name of the method.
