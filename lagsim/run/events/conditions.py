@@ -206,7 +206,7 @@ class Truth:
         fixed = state.fixed_step > 0.0 and self.arc.system.moreau is None
         if fixed and not self.arc.steps:
             rests = (state.orientation == 0.0) & (state.trend == 0.0)
-            least = 2.0 * (state.zero + _errors_of_a_step(self.arc))
+            least = 2.0 * (state.zero + _errors_from_rest(self.arc))
             state.leeway[rests] = np.maximum(state.leeway, least)[rests]
         return self._marked(count)
 
@@ -226,21 +226,13 @@ class Truth:
         return {k for k, due in enumerate(state.marked.tolist()) if due}
 
 
-def _errors_of_a_step(arc: Arc) -> Floats:
-    """Return bounds (C,) of the errors of conditions within the first fixed step.
-
-    A motion that begins from rest as a power of the time may seem to begin in the other
-    direction. The bounds follow from the change of the accelerations in the step.
-    """
-    state, n, count = arc.state, arc.system.n, arc.state.conditions
-    h = min(state.fixed_step, arc.settings.end - arc.t)
-    first = arc.rates(arc.t, arc.y)
-    later = arc.rates(arc.t + h, arc.y + h * first)
-    bend = np.nan_to_num(np.abs(later - first))[arc.velocities]
-    slopes = state.condition_slopes[count:].reshape(count, -1)
-    reach = np.zeros(slopes.shape[1])
-    reach[:n], reach[n : 2 * n] = 0.5 * h * h * bend, h * bend
-    return np.asarray(np.nan_to_num(np.abs(slopes)) @ reach)
+def _errors_from_rest(arc: Arc) -> Floats:
+    """Return bounds (C,) of the errors of conditions within the first fixed step."""
+    count, reach = arc.state.conditions, arc.errors_from_rest(arc.rates)
+    slopes = np.abs(arc.state.condition_slopes[count:].reshape(count, -1))
+    # The last slope is that in t.
+    moving = slopes.shape[1] - 1
+    return np.asarray(np.nan_to_num(slopes[:, :moving]) @ reach[:moving])
 
 
 def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:

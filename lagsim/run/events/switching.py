@@ -443,7 +443,8 @@ class Switching(Source):
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
         rest = [k for k in levels if rows.rates[k] == 0.0 and not slides[k]]
         if rest and arc.state.fixed_step > 0.0:
-            slack[rest] += self._errors_of_a_step(rows.J)[rest]
+            reach = arc.errors_from_rest(modes.rates)
+            slack[rest] += modes.changes_by_slopes(rows, reach)[rest]
         # A constant expression that is exactly at its level leaves it at any other
         # value; one that is at its level within rounding leaves it at a larger one.
         for k in modes.watched:
@@ -462,24 +463,6 @@ class Switching(Source):
         noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
         roundoff = np.maximum(noise, 0.5 * modes.p.floor)
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
-
-    def _errors_of_a_step(self, J: Floats) -> Floats:
-        """Return bounds (K,) of the expressions' errors within the next fixed step.
-
-        A motion that begins from rest as a power of the time may seem to begin in the
-        other direction: the positions after the first step of `verlet` have no part of
-        the force after the start. The bounds follow from the change of the
-        accelerations in the step.
-
-        J : (K, n + l), the rows of the surfaces.
-        """
-        arc, modes = self.modes.arc, self.modes
-        h, driven = arc.state.fixed_step, arc.state.driven
-        h = min(h, arc.settings.end - arc.t)
-        first = modes.rates(arc.t, arc.y)
-        later = modes.rates(arc.t + h, arc.y + h * first)
-        bend = np.abs(J) @ np.nan_to_num(np.abs(later - first))[driven]
-        return np.asarray(np.where(self.on_rates, h, 0.5 * h * h) * bend)
 
     def _reach(self, y: Floats) -> Floats:
         """Return the ranges (size,) so far, extended to the state y (size,).
