@@ -86,7 +86,7 @@ class RestCorner(NamedTuple):
     ----------
     equations : Equations
         The equations as a combination of both sides of each surface. The shares are
-        numbers: those with which the forces balance.
+        numbers: the numbers with which the forces balance.
     rows : tuple of Row
         Equalities that hold the state on the surfaces.
     """

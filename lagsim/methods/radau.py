@@ -234,8 +234,8 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 def error_at_onset(s: Radau, p: SparseNewton, h: float, error: float) -> float:
     """Return the error of a step h in tolerances, at scales by the motion of others.
 
-    An implicit step reaches all components; the tolerances are raised until those at
-    their onset limit it no longer.
+    An implicit step reaches all components; tolerances are raised until components at
+    their onset no longer limit it.
 
     error : the error in tolerances so far.
     """

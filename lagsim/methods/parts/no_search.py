@@ -1,4 +1,4 @@
-"""Kernels of models in which there is nothing to search, in place of those searches."""
+"""Kernels without effect, in place of searches in models with nothing to search."""
 
 from __future__ import annotations
 

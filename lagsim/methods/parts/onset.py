@@ -33,9 +33,9 @@ LIMITED = 2.0
 SMALL = 2.0**-13
 # A scale is replaced by one that is larger by this factor.
 MUCH = 8.0
-# Of the components that are reached, those count first whose work by the forces of
-# others exceeds this part of the largest work: their own forces are then not those of
-# neighbours that move farther.
+# A component that is reached counts in this pass if the work of the others' forces on
+# it exceeds this part of the largest such work. It then does not answer to neighbours
+# that move farther than it does.
 ENOUGH = 0.0625
 # Longest time for which a motion lasts, in steps.
 LASTS = 256.0
@@ -80,7 +80,7 @@ def spread_scales(
 ) -> None:
     """Set the sizes of components by the motion of others, `onset`.
 
-    Components with a tolerance of 0 are those at their onset.
+    A tolerance of 0 marks a component at its onset.
 
     y, k : (size,), a state at time t, and y' there.
     new : (size,), a state to which ranges are extended.
@@ -123,7 +123,7 @@ def spread_once(
     Of each component, `point_rates` is the acceleration by the displacement of others,
     and `exact_rates` that by their displacements times the square of the time for which
     each lasts, in units of `longest`. The components with most work by these forces are
-    raised; what their own displacements cause is added for the next call.
+    raised; the effects of their own displacements are added for the next call.
 
     longest : the square of the longest time.
     t, y, k, way : see `push`.

@@ -28,8 +28,8 @@ The conventions:
   break if the values on both sides differ.
 - Both ends of a long doubtful or undecided interval (from 1/1024 of t) are breaks if
   the prevailing value changes there: the values in it say nothing of its neighbours.
-- Breaks that accumulate (sin(1/t) toward 0) are returned one by one, as far as
-  rounding can separate them.
+- Breaks that accumulate (sin(1/t) toward 0) are returned one by one, as long as
+  rounding separates two neighbours.
 - After 200,000 cells without a break the time reached is reported as a break, so that
   each request returns within seconds. The only cost is a restart of the method.
 

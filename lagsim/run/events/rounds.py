@@ -45,7 +45,7 @@ class ActsTarget(Protocol):
         """The modes of the file, by name."""
 
     def begin_round(self, due: Collection[int], once: Collection[int]) -> None:
-        """Store as true the conditions `due`; those of `once` for the whole run."""
+        """Mark the conditions `due` as true, and `once` for the rest of the run."""
 
     def impulse(self, k: int) -> tuple[Floats, Ending | None]:
         """Return the generalized impulse (n,) of event k, and an ending or None."""

@@ -252,7 +252,7 @@ class ArcActs:
         return self.arc.modes
 
     def begin_round(self, due: Collection[int], once: Collection[int]) -> None:
-        """Store as true the conditions `due`; those of `once` for the whole run."""
+        """Mark the conditions `due` as true, and `once` for the rest of the run."""
         if due:
             self._truth.mark_true(for_ever=once)
 
