@@ -22,6 +22,7 @@ from lagsim.admissibility.newton import (
     nearest_sparse,
     reach,
     unwound,
+    with_zeros,
 )
 from lagsim.admissibility.point import (
     Condition,
@@ -444,12 +445,13 @@ class _Examiner:
         if not relations.conditions:
             return NewtonResult(relations.x0, converged=True)
         large = len(free) >= Point.LARGE and relations.block < 2
+        found = None
         if large and self.stated.is_safely_positive:
             M = self.stated.mass_entries(free).sparse(len(free), len(free))
             found = nearest_sparse(relations, M)
-            if found is not None:
-                return found
-        return nearest_solution(relations, self._metric(relations), far=far)
+        if found is None:
+            found = nearest_solution(relations, self._metric(relations), far=far)
+        return found._replace(x=with_zeros(relations, found.x))
 
     def _solved(self, relations: Relations) -> NewtonResult:
         """Solve relations for guesses; add texts on a failure or on a special root."""
@@ -677,7 +679,7 @@ class _Examiner:
                 f"other solutions are about as near to the guesses, such as {listed}; "
                 "the nearest is used",
             )
-        return NewtonResult(roots[nearest], converged=True)
+        return NewtonResult(with_zeros(relations, roots[nearest]), converged=True)
 
     # The state that is reported
 

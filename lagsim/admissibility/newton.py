@@ -709,6 +709,21 @@ def _square(x: Floats, metric: Floats) -> float:
     return float(x @ metric @ x)
 
 
+def with_zeros(relations: Relations, x: Floats) -> Floats:
+    """Return the root x (k,) with 0 for components that are rounding of their changes.
+
+    A component that should be 0 ends at the rounding of the iteration's last step, such
+    as 1e-64, for which other computations have no measure. It is replaced by 0 if no
+    residual is then larger than before.
+    """
+    tiny = (x != 0.0) & (np.abs(x) <= STATE_ROUNDOFF * np.abs(x - relations.x0))
+    if not np.any(tiny):
+        return x
+    zeros = np.where(tiny, 0.0, x)
+    r, exact = relations.sparse(x)[0], relations.sparse(zeros)[0]
+    return zeros if np.all(np.abs(exact) <= np.abs(r)) else x
+
+
 def unwound(relations: Relations, x: Floats) -> Floats:
     """Return the root x (k,), shifted by periods to the place nearest to the guess.
 

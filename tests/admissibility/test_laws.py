@@ -5,7 +5,7 @@ import math
 import pytest
 
 from tests.admissibility.scenes import codes, judged
-from tests.support import refused
+from tests.support import refused, run
 
 # A block on an incline: the angle of friction is atan(0.3) = 0.2915.
 BLOCK = """
@@ -200,6 +200,18 @@ def test_guesses_satisfy_what_they_would_violate(text, start, solved, warned):
     assert found.admissible
     assert found.state.q == pytest.approx(solved, rel=1e-14)
     assert warned is None or codes(found) == warned
+
+
+@pytest.mark.parametrize("law", [
+    "{p: {relation: a_dot = 0, when: t < T}, q: {relation: a_dot = b_dot, when: t<1}}",
+    "{p: {relation: b = 0, when: t < T}, q: 3*a_dot + 0.7*b_dot = 0}",
+])  # fmt: skip
+def test_guessed_velocities_at_rest_are_0_and_no_impact(law):
+    text = SHAFTS.replace("{c: LAW}", law).replace(" b: 0,", " b: {guess: 0.3},")
+    text = text.replace("SPEED, b_dot: 0", "{guess: 0.5}, b_dot: {guess: 0.2}")
+    assert looked_at(text).state.v.tolist() == [0.0, 0.0]
+    done = run(filled(text) + "simulation: {duration: 0.2, output_step: 0.1}\n")
+    assert not done.trajectory.events
 
 
 def test_coordinates_without_inertia_are_not_held_by_a_contact():
