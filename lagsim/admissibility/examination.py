@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.integrability import Reach
     from lagsim.admissibility.rank import Dependence, ThinSet
     from lagsim.admissibility.rest import AtRest
+    from lagsim.admissibility.verdict import Residual
     from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
@@ -409,16 +410,20 @@ class _Examiner:
         *,
         velocities: bool,
         definitions: bool = True,
+        laws: Sequence[Row] = (),
     ) -> Relations:
         """Return the relations that determine the unknowns with the indices `free`.
 
         velocities : whether the unknowns are velocities, not positions.
         definitions : whether the relations include stated start values of definitions.
+        laws : rows of laws that are equalities here, besides those of `touching`.
         """
         e = self.e
         # Contacts that touch imply no equation for the rate: an impact decides it.
         touching = self.touching.values()
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
+        known = {row.name for row in rows}
+        rows += [row for row in laws if row.name not in known]
         conditions = implied_conditions(rows, velocities=velocities)
         if definitions:
             conditions += defined_conditions(point, velocities=velocities)
@@ -490,18 +495,28 @@ class _Examiner:
             reason = f"`{name}` has no finite value near {where}"
         return found._replace(reason=reason, least=least)
 
-    def _exact_values(self, point: Point, *, velocities: bool) -> Point:
+    def _exact_values(
+        self, point: Point, laws: Sequence[Row], *, velocities: bool
+    ) -> Point:
         """Return the nearest point that satisfies the constraints to rounding.
 
-        Values that are exact to rounding stay unchanged.
+        Values that are exact to rounding stay unchanged. Beside laws this is the
+        rounding of the relations alone, without that of the expressions which gave the
+        values: a gap of 1e-16 would be a flight with impacts.
 
+        laws : rows of laws that hold at the start but for rounding.
         velocities : whether velocities are changed, not positions.
         """
-        relations = self._relations(
-            point, range(self.n), velocities=velocities, definitions=False
-        )
-        found = self._nearest(relations, far=False)
-        return relations.at(found.x) if found.converged else point
+        for own in ((), laws) if laws else ((),):
+            relations = self._relations(
+                point.at(errors={}) if own else point, range(self.n),
+                velocities=velocities, definitions=False, laws=own,
+            )  # fmt: skip
+            found = self._nearest(relations, far=False)
+            if found.converged:
+                there = relations.at(found.x)
+                point = point.at(there.q, there.v)
+        return point
 
     # Guesses
 
@@ -717,8 +732,17 @@ class _Examiner:
             if x.judged and x.position.value < 0 and not x.position.exact
         }
         self.touching |= one_sided(point, passed)
-        point = self._exact_values(point, velocities=False)
-        judged = self._analysed(self._exact_values(point, velocities=True), LEVELS)
+        always = {row.name for row in self.always.rows}
+        timed = [row for row in self.e.rows if row.name not in always]
+        own = {law.constraint: law.row for law in self.e.laws if not law.slips}
+        active = [x for x in laws if x.active]
+        at_zero = {x.name for x in active if _is_rounding(x.position)}
+        gaps = [own[name] for name in own if name in at_zero]
+        slips = [own[x.name] for x in active if _is_rounding(x.rate)]
+        slips = [x for x in slips if not x.holonomic or x.name in at_zero]
+        point = self._exact_values(point, [*timed, *gaps], velocities=False)
+        point = self._exact_values(point, [*timed, *slips], velocities=True)
+        judged = self._analysed(point, LEVELS)
         if judged.contradictions:
             unsolved = f"{_text(judged.contradictions)}: no motion can begin here"
             return judged._replace(unsolved=unsolved)
@@ -799,6 +823,7 @@ class _Examiner:
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
         """Return the values that differ by more than rounding: name -> (old, new)."""
         errors = new.solved_errors((old.q, old.v))
+        errors = {name: max(x, self.errors[name]) for name, x in errors.items()}
         pairs: Mapping[str, tuple[float, float]] = {
             name: (old.values[name], new.values[name]) for name in errors
         }
@@ -807,6 +832,11 @@ class _Examiner:
             for name, (a, b) in pairs.items()
             if abs(b - a) > REPORTED * errors[name]
         }
+
+
+def _is_rounding(found: Residual | None) -> bool:
+    """Whether a residual is 0 but for the rounding of the start's expressions."""
+    return found is not None and abs(found.value) <= found.rounding
 
 
 def _spread(relations: Relations, x: Floats) -> Floats:

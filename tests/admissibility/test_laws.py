@@ -214,6 +214,34 @@ def test_guessed_velocities_at_rest_are_0_and_no_impact(law):
     assert not done.trajectory.events
 
 
+# A mass that starts on its floor, or at rest, but for the rounding of sin(pi).
+ROUNDED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {c: LAW}
+initial: {x: 0, y: HEIGHT, x_dot: 1, y_dot: SPEED}
+simulation: {duration: 0.2, output_step: 0.1}
+"""
+FLOOR = "{relation: y >= 0, restitution: 0.5}"
+
+
+@pytest.mark.parametrize(("law", "height", "speed"), [
+    (FLOOR, "sin(pi)", "0"), (FLOOR, "-sin(pi)", "0"), (FLOOR, "0", "sin(pi)"),
+    (FLOOR, "sin(pi)", "0.1 + 0.2 - 0.3"),
+    ("{relation: y >= 0.1*x, restitution: 0}", "sin(pi)", "0.1 + sin(pi)"),
+    ("{relation: y = 0, when: t < 1}", "sin(pi)", "-sin(pi)"),
+    ("{relation: y_dot = 0, when: t < 1}", "0", "-sin(pi)"),
+    ("{relation: y_dot = 0, limit: 20}", "0", "-sin(pi)"),
+    ("y_dot >= 0", "0", "-sin(pi)"),
+])  # fmt: skip
+def test_a_law_that_holds_but_for_rounding_begins_without_events(law, height, speed):
+    text = ROUNDED.replace("LAW", law).replace("HEIGHT", height)
+    done = run(text.replace("SPEED", speed))
+    assert not done.trajectory.events
+    slope = 0.1 if "0.1*x" in law else 0.0
+    assert done["y"] == pytest.approx(slope * done["x"], abs=2e-16)
+
+
 def test_coordinates_without_inertia_are_not_held_by_a_contact():
     text = BLOCK.replace("(x_dot^2 + y_dot^2)/2", "x_dot^2/2")
     with refused("no-inertia", "coordinate y"):
