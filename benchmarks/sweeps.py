@@ -25,7 +25,7 @@ def swept(axis, bars, *, ends=False):
     values = [low + (high - low) * k / (RUNS - 1) for k in range(RUNS)]
     grid = grid_of(model, {name: values})
     found = SweepRows.of(model, grid, {}, ErrorBars(bars), ends=ends)
-    batches = Runs(found.work).made(range(RUNS), Interrupt())
+    batches = Runs(found.work).rows(range(RUNS), Interrupt())
     next(batches)  # compiles
 
     def run():
@@ -33,7 +33,7 @@ def swept(axis, bars, *, ends=False):
         began = time.process_time()
         rows = next(batches, None)
         if rows is None:
-            batches = Runs(found.work).made(range(RUNS), Interrupt())
+            batches = Runs(found.work).rows(range(RUNS), Interrupt())
             next(batches)
             return run()
         return (time.process_time() - began) / len(rows)

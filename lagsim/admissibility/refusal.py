@@ -304,7 +304,7 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
         If a friction or a limit is out of its range.
     """
     laws = point.e.laws
-    some = [
+    bounded = [
         law
         for k, law in enumerate(laws)
         if law.bounded and law.constraint in active and not 0 <= law.pair < k
@@ -312,9 +312,10 @@ def refuse_negative(point: Point, active: Collection[str]) -> None:
     places = {c.name: c.relation.place for c in point.e.model.constraints}
     found = []
     bounds, statics = (
-        point.array(x) for x in ([x.bound for x in some], [x.static for x in some])
+        point.array(x)
+        for x in ([x.bound for x in bounded], [x.static for x in bounded])
     )
-    for law, value, static in zip(some, bounds, statics, strict=True):
+    for law, value, static in zip(bounded, bounds, statics, strict=True):
         noun, why = "friction" if law.slips else "limit", ""
         if value < 0.0:
             why = f"is {value:.6g} at the start, which is negative"

@@ -33,7 +33,7 @@ from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.run.session import StartError, Stopwatch, open_case, wanted
+from lagsim.run.session import StartError, Stopwatch, open_case, settings_of
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 from lagsim.studies.drawing import other_files
 from lagsim.studies.spectrum import Spectrum, spectrum
@@ -327,7 +327,7 @@ class Result:
         appended: Callable[[Floats], Appended | None] = lambda _: None,
     ) -> None:
         columns, trajectory = made.session.columns, made.trajectory
-        self._made, self._rows, self._appended = made, rows, appended
+        self._attempt, self._rows, self._appended = made, rows, appended
         self.columns: tuple[str, ...] = columns.of_table
         self.table: Floats = rows[:, : columns.table]
         if made.appended is not None:
@@ -348,7 +348,7 @@ class Result:
     @cached_property
     def error(self) -> Error | None:
         """The estimated error; None if there is no estimate."""
-        bar = self._made.bar
+        bar = self._attempt.bar
         return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
 
     @cached_property
@@ -357,7 +357,7 @@ class Result:
 
         Sensitivities and standard deviations, the last columns, are left out.
         """
-        found, names = self._made.sections, self.columns
+        found, names = self._attempt.sections, self.columns
         return {k: dict(zip(names, x.T, strict=False)) for k, x in found.items()}
 
     @cached_property
@@ -426,16 +426,16 @@ class Result:
         0.55
         """
         times = float_array("t", t)
-        first, last = self._made.trajectory.start, self._made.trajectory.end
+        first, last = self._attempt.trajectory.start, self._attempt.trajectory.end
         outside = ~((times >= first) & (times <= last))
         if outside.any():
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
         instants = self._instants(times.ravel())
-        rows = tried(self._made.session, instants).rows
-        names = self._made.session.columns.of_table
+        rows = tried(self._attempt.session, instants).rows
+        names = self._attempt.session.columns.of_table
         columns = dict(zip(names, rows.T, strict=False))
-        if self._made.appended is not None and (more := self._appended(instants)):
+        if self._attempt.appended is not None and (more := self._appended(instants)):
             columns |= zip(more.names, more.values.T, strict=True)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns.items()}
@@ -449,7 +449,7 @@ class Result:
         above = np.minimum(np.searchsorted(known, times), len(known) - 1)
         sides = known[np.maximum(above - 1, 0)], known[above]
         near = np.where(abs(sides[0] - times) < abs(sides[1] - times), *sides)
-        start = abs(self._made.trajectory.start)
+        start = abs(self._attempt.trajectory.start)
         same = abs(near - times) <= SAME_INSTANT * np.maximum(abs(times), start)
         return np.where(same, near, times)
 
@@ -484,7 +484,7 @@ class Result:
         """
         from lagsim.outputs.figure import PlottedColumn, figure
 
-        model = self._made.session.case.model
+        model = self._attempt.session.case.model
         letters = letters_of(model)
         shown = columns or [x.name for x in model.variables]
         values = {name: self[name] for name in (against, *shown)}
@@ -528,7 +528,7 @@ class Result:
         ValueError
             If the model has neither a scene nor coordinates that can be drawn.
         """
-        for caution in nothing_to_draw(self._made.session.case.model):
+        for caution in nothing_to_draw(self._attempt.session.case.model):
             raise ValueError(caution.text)
         shown = dict(self._other_files(animate=True))[NAME]
         if not isinstance(shown, bytes):
@@ -594,7 +594,7 @@ class Result:
 
         plots, animate : whether the pictures, and the page, are included.
         """
-        made, session = self._made, self._made.session
+        made, session = self._attempt, self._attempt.session
         equations, columns = session.equations, session.columns.names
         made.thin = picture_thinning(equations.model, columns) if plots else None
         made.frames = frames_of(equations, columns) if animate else None
@@ -751,7 +751,7 @@ def simulate(
     clock, keep = Stopwatch(), Keep()
     with in_python():
         read = model_of(model)
-        settings = wanted(
+        settings = settings_of(
             read, "simulate", given_options, hint="add it, or give `duration`"
         )
         clock.lap("read")

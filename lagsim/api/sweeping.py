@@ -29,7 +29,7 @@ from lagsim.outputs.notebook import (
     text_block,
 )
 from lagsim.outputs.results import open_results
-from lagsim.run.session import wanted
+from lagsim.run.session import settings_of
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep.grid import SweepRows, grid_of
 from lagsim.studies.sweep.sweeping import (
@@ -273,7 +273,7 @@ def sweep(
     bars = one_of("error_bar", error_bar, ErrorBars)
     with in_python():
         read = model_of(model)
-        wanted(read, "sweep", settings, hint="add it, or give `duration`")
+        settings_of(read, "sweep", settings, hint="add it, or give `duration`")
         if (values is None) + (points is None) + (sample is None) != 2:
             raise TypeError("values, points or sample: one of these is expected")
         if (sample is None) is not (N is None):

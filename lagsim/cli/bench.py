@@ -34,7 +34,7 @@ from lagsim.codes.known import UNKNOWN_METHOD, USAGE
 from lagsim.errors import LagsimError, Problem, Problems, several, unusable
 from lagsim.methods import names
 from lagsim.model.reader import read_file
-from lagsim.run.session import open_case, wanted
+from lagsim.run.session import open_case, settings_of
 from lagsim.studies.bench import SCIPY
 from lagsim.studies.bench.work_precision import (
     BUDGET,
@@ -130,7 +130,7 @@ def _opened(
     model = read_file(path, overrides)
     # Every method is tried, and some need derivatives of the forces.
     model = model.written_out()
-    case = open_case(model, wanted(model, "bench"))
+    case = open_case(model, settings_of(model, "bench"))
 
     def measured(interrupt: Interrupt, progress: Progress) -> Measured:
         document = measure(case, options, interrupt=interrupt, progress=progress)

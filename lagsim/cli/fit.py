@@ -36,7 +36,7 @@ from lagsim.errors import Problems, counted
 from lagsim.model.reader import read_file
 from lagsim.model.reader.fields import OPTIONS
 from lagsim.outputs.results import Results
-from lagsim.run.session import wanted
+from lagsim.run.session import settings_of
 from lagsim.studies.fit import report
 from lagsim.studies.fit.data import read_record
 from lagsim.studies.fit.estimate import LINEAR, LOSSES
@@ -100,7 +100,7 @@ def command(
     own = {name: text for name, text in every.items() if "@" in name}
     given = {name: text for name, text in every.items() if name not in own}
     read = read_file(model, given)
-    wanted(read, "fit", options, "add it, or give --duration")
+    settings_of(read, "fit", options, "add it, or give --duration")
     problems, records = Problems(), []
     for path in data:
         with problems.gathered():

@@ -46,7 +46,7 @@ from lagsim.notes import Caution
 from lagsim.outputs.junit import CaseResult
 from lagsim.outputs.junit import document as junit_document
 from lagsim.run.interrupt import Interrupt, exception_of
-from lagsim.run.session import Case, open_case, wanted
+from lagsim.run.session import Case, open_case, settings_of
 from lagsim.studies.golden import (
     CHANGES,
     FOLDER,
@@ -271,7 +271,7 @@ def _answer(task: _Task) -> _Answer:
     model = task.model
     if isinstance(model, LagsimError):
         raise model
-    settings = wanted(model, "golden")
+    settings = settings_of(model, "golden")
     stored = None if task.update else load(task.folder, model.name)
     case = open_case(model, settings)
     if stored is None:

@@ -70,7 +70,7 @@ from lagsim.outputs.table import (
 )
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.session import Session, Stopwatch, open_case, wanted
+from lagsim.run.session import Session, Stopwatch, open_case, settings_of
 from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
 
 if TYPE_CHECKING:
@@ -296,14 +296,14 @@ class Job:
             aside = artist(model)
         with aside as self._draw:
             with self.interrupt.raised():
-                settings = wanted(model, "run", hint="add it, or give --duration")
+                settings = settings_of(model, "run", hint="add it, or give --duration")
                 self.clock.lap("read")
                 with second_processes() if is_watched() else contextlib.nullcontext():
                     case = open_case(model, settings, clock=self.clock)
                     session = case.ready(clock=self.clock)
-            return self._made(session, {**options, "set": {**overrides}})
+            return self._execute(session, {**options, "set": {**overrides}})
 
-    def _made(self, session: Session, inputs: Document) -> int:
+    def _execute(self, session: Session, inputs: Document) -> int:
         """Open the folder of results, run a session into it, and return the exit code.
 
         inputs : options of the run and its files as a document, by which `--resume`
@@ -567,14 +567,16 @@ def _store_checkpoints(
         run.tick = tick
 
 
-def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> Document:
+def _cut_short(
+    writer: Writer, attempt: Attempt, full: OSError, *, lost: bool
+) -> Document:
     """Return the entries of run.json that change if results did not fit on the disk.
 
     Parameters
     ----------
     writer : Writer
         The writer of the table.
-    made : Attempt
+    attempt : Attempt
         The run.
     full : OSError
         The error of writing.
@@ -586,8 +588,8 @@ def _cut_short(writer: Writer, made: Attempt, full: OSError, *, lost: bool) -> D
     if lost:
         lost_part = "the table"
         rest = "a CSV table is written row by row, and would keep its rows"
-    elif made.fault is not None:
-        end = made.trajectory.start if writer.last is None else writer.last
+    elif attempt.fault is not None:
+        end = attempt.trajectory.start if writer.last is None else writer.last
         kept = {"end": end, "rows": writer.rows}
         lost_part, rest = "the table", "the rows up to there were kept"
     beyond = f" beyond t = {kept['end']!r}" if kept else ""
@@ -610,10 +612,10 @@ COUNTED = (
 MOST_NAMES = 2
 
 
-def summary(made: Attempt, document: Document, folder: Path) -> str:
+def summary(attempt: Attempt, document: Document, folder: Path) -> str:
     """Return the summary of a run that is printed at its end.
 
-    made : the run.
+    attempt : the run.
     document : the content of run.json.
     folder : the folder of the results.
     """
@@ -623,7 +625,7 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
         f"t = {document['start']:g} to {document['end']:.9g}, "
         f"{counted(document['rows'], 'row')}"
     )
-    equations = made.session.equations
+    equations = attempt.session.equations
     constraints = len(equations.model.constraints)
     contacts = len({law.name for law in equations.laws if law.gapped})
     parts = {
@@ -635,16 +637,16 @@ def summary(made: Attempt, document: Document, folder: Path) -> str:
     rows = [("system", system), *titled_rows("plan", plan), _accuracy(document)]
     if document["outcome"] == "until":
         rows.append(("ended", document["reason"]))
-    if made.session.lists_events:
-        rows += titled_rows("events", _happened(made.trajectory))
+    if attempt.session.lists_events:
+        rows += titled_rows("events", _happened(attempt.trajectory))
     rows.append(("work done", _work(document)))
     unit = document["columns"]["energy"]
     drift = document["energy_drift"]
     drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
     kept = "energy - work" if "work" in document["columns"] else "energy"
-    energy = f"{made.residuals.first_energy:.7g} {unit}".rstrip()
+    energy = f"{attempt.residuals.first_energy:.7g} {unit}".rstrip()
     start = f"(energy {energy} at the start)"
-    rows.append(("error", _error(made.bar)))
+    rows.append(("error", _error(attempt.bar)))
     rows.append(("energy drift", f"{drift} in {kept} {start}"))
     if constraints:
         residual = document["constraint_residual"]

@@ -34,7 +34,7 @@ from lagsim.errors import Problems, counted, unusable
 from lagsim.language.names import member_hint
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
-from lagsim.run.session import open_case, wanted
+from lagsim.run.session import open_case, settings_of
 from lagsim.studies.bench import stability
 from lagsim.studies.bench.stability import MapOptions
 from lagsim.studies.options import STEP_RANGE, VARIED_RANGE
@@ -75,7 +75,7 @@ def command(
     """Map where each method is stable and where it fails."""
     options = _parsed_options(methods, steps, vary)
     read = read_file(model, assignments(sets)).written_out()
-    settings = wanted(read, "stability")
+    settings = settings_of(read, "stability")
     _check_parameter(read, options.name)
     usual = open_case(read, settings)
     stability.methods_for(usual, options)

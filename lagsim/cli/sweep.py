@@ -37,7 +37,7 @@ from lagsim.model.reader import read_file
 from lagsim.model.reader.runs import FROM
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.results import Results
-from lagsim.run.session import wanted
+from lagsim.run.session import settings_of
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
 from lagsim.studies.sweep.grid import EXAMPLE, Axis, Grid, SweepRows, parse_axes
@@ -136,7 +136,7 @@ def command(
         options = options | {FROM: since}
     fixed = assignments(sets)
     read = read_file(model, fixed)
-    wanted(read, "sweep", options, "add it, or give --duration")
+    settings_of(read, "sweep", options, "add it, or give --duration")
     grid = _grid(read, values or [], points, sample or [], count, seed)
     if twice := [axis.name for axis in grid.axes if axis.name in fixed]:
         text = f"{', '.join(twice)}: both swept and given by --set"

@@ -228,7 +228,7 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
         pushed: int = g.payload(args[0]).push(g, n, rates)
         return pushed
     if g.ops[n] == PART:
-        return g.kept(PART, (rates[args[0]], args[1]))
+        return g.unsimplified(PART, (rates[args[0]], args[1]))
     if g.ops[n] == "add":  # of long sums there are many
         one, other = (rates.get(a, g.zero) for a in args)
         if g.zero in (one, other):

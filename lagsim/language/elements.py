@@ -265,9 +265,9 @@ class Elements:
             node=self.graph.variable(name), places=self.count + slot.places
         )
 
-    def reads(self, slot: Slot, some: Collection[int]) -> bool:
-        """Whether a slot reads one of the arguments with the indices `some`."""
-        return not set(slot.places.tolist()).isdisjoint(some)
+    def reads(self, slot: Slot, indices: Collection[int]) -> bool:
+        """Whether a slot reads one of the arguments at `indices`."""
+        return not set(slot.places.tolist()).isdisjoint(indices)
 
     # Elements derived from these
 
@@ -281,26 +281,26 @@ class Elements:
             self._derived[method, how] = getattr(self, method)(*how)
         return self._derived[method, how]
 
-    def slopes(self, some: Collection[int]) -> Elements:
+    def slopes(self, indices: Collection[int]) -> Elements:
         """Return elements for the gradient of the sum of all terms.
 
         The elements must have this sum as their only result (size 1), as an energy has.
         Component k of the gradient, (count,), is the derivative by argument k.
 
-        some : indices of the arguments by which the sum is differentiated.
+        indices : indices of the arguments by which the sum is differentiated.
         """
         assert self.size == 1
         return self._with(
-            self._slopes([o.node for o in self.outputs], some), self.count
+            self._slopes([o.node for o in self.outputs], indices), self.count
         )
 
-    def pulled(self, some: Collection[int]) -> Elements:
+    def pulled(self, indices: Collection[int]) -> Elements:
         """Return elements for the gradient of the sum of weight_i * result_i over i.
 
         The weights, one for each component of the vector of sums, are further
         arguments. Component k of the result, (count,), is the derivative by argument k.
 
-        some : indices of the arguments by which it is differentiated.
+        indices : indices of the arguments by which it is differentiated.
         """
         g, more, terms = self.graph, list[Slot](), []
         for o in self.outputs:
@@ -313,25 +313,25 @@ class Elements:
                 own = self._second_slot("weight", own)
             more.append(own)
             terms.append(g.call("mul", own.node, o.node))
-        return self._with(self._slopes(terms, some), self.count, more)
+        return self._with(self._slopes(terms, indices), self.count, more)
 
     def _slopes(
-        self, nodes: Sequence[int], some: Collection[int]
+        self, nodes: Sequence[int], indices: Collection[int]
     ) -> list[ElementOutput]:
         g, total = self.graph, self.graph.sum(nodes)
-        read = [k for k, slot in enumerate(self.slots) if self.reads(slot, some)]
+        read = [k for k, slot in enumerate(self.slots) if self.reads(slot, indices)]
         found = gradient(g, total, [self.slots[k].node for k in read])
         pairs = zip(found, read, strict=True)
         return [ElementOutput(node, k) for node, k in pairs if node != g.zero]
 
-    def pushed(self, some: Collection[int]) -> Elements:
+    def pushed(self, indices: Collection[int]) -> Elements:
         """Return elements for the time derivatives of the results.
 
         The rates of all arguments are further arguments.
 
-        some : indices of the arguments that vary.
+        indices : indices of the arguments that vary.
         """
-        g, read = self.graph, [x for x in self.slots if self.reads(x, some)]
+        g, read = self.graph, [x for x in self.slots if self.reads(x, indices)]
         more = [self._second_slot("rate", slot) for slot in read]
         seed = {slot.node: rate.node for slot, rate in zip(read, more, strict=True)}
         rates = tangent(g, [o.node for o in self.outputs], seed)
@@ -433,21 +433,21 @@ class Elements:
         active : nodes that vary.
         """
         args = g.args[vector][1:]
-        some = _where(args, active)
+        indices = _where(args, active)
         weight = weights.get(0, g.zero)
         # A weight that varies is a factor of each term, as if the terms were written
         # out.
         if self.size == 1 and set(active).isdisjoint(g.cone([weight])):
-            made = self.derived("slopes", some)
+            made = self.derived("slopes", indices)
             found = sums(g, made, args)
             return [
                 (args[k], g.call("mul", weight, part(g, found, k)))
                 for k in made.filled
-                if k in some
+                if k in indices
             ]
-        made = self.derived("pulled", some)
+        made = self.derived("pulled", indices)
         found = sums(g, made, [*args, *_each(g, range(self.size), weights)])
-        return [(args[k], part(g, found, k)) for k in made.filled if k in some]
+        return [(args[k], part(g, found, k)) for k in made.filled if k in indices]
 
     def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
         """Return the node of the time derivative of a vector of these sums.
@@ -582,12 +582,12 @@ def sums(g: Graph, elements: Elements, arguments: Sequence[int]) -> int:
 
     arguments : nodes of the arguments, at least as many as the elements read.
     """
-    return g.kept(ELEMENTS, (g.data(elements), *arguments[: elements.count]))
+    return g.unsimplified(ELEMENTS, (g.data(elements), *arguments[: elements.count]))
 
 
 def part(g: Graph, vector: int, k: int) -> int:
     """Return the node of component k of the node `vector`, a vector of sums."""
-    return g.kept(PART, (vector, g.constant(float(k))))
+    return g.unsimplified(PART, (vector, g.constant(float(k))))
 
 
 def gathered(g: Graph) -> bool:
@@ -595,9 +595,9 @@ def gathered(g: Graph) -> bool:
     return bool(g.of((ELEMENTS,)))
 
 
-def _where(args: Sequence[int], some: Collection[int]) -> frozenset[int]:
-    """Return the indices of the arguments that are among the nodes `some`."""
-    return frozenset(k for k, a in enumerate(args) if a in some)
+def _where(args: Sequence[int], nodes: Collection[int]) -> frozenset[int]:
+    """Return the indices of the arguments that are in `nodes`."""
+    return frozenset(k for k, a in enumerate(args) if a in nodes)
 
 
 def _each(g: Graph, keys: Iterable[int], known: Mapping[int, int]) -> list[int]:

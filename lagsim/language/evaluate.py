@@ -39,8 +39,8 @@ def _of_vectors(g: Graph, cone: Sequence[int]) -> float:
     The unit is the cost of creating a node.
     """
     vectors = g.of((ELEMENTS,))
-    some = set(vectors).intersection(cone) if vectors else ()
-    return sum(float(g.payload(g.args[n][0]).cost) for n in some) / BY_ARRAYS
+    found = set(vectors).intersection(cone) if vectors else ()
+    return sum(float(g.payload(g.args[n][0]).cost) for n in found) / BY_ARRAYS
 
 
 def evaluate(
@@ -268,7 +268,7 @@ def _of_sums(
     """
     first, *others = g.args[n]
     if g.ops[n] == PART:
-        return g.kept(PART, (errors[first], *others))
+        return g.unsimplified(PART, (errors[first], *others))
     leaves = {g.variable(name) for name in state}
     bounds: int = g.payload(first).bound(g, n, varying, leaves, errors)
     return bounds
@@ -308,8 +308,8 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
             continue
         part = g.call("mul", g.call("abs", slope), error)
         if row.steep:
-            some = g.call("gt", error, g.zero)
-            part = g.call("if", some, part, g.zero)
+            inexact = g.call("gt", error, g.zero)
+            part = g.call("if", inexact, part, g.zero)
         inherited = g.call("add", inherited, part)
     return g.call("add", fresh, inherited)
 
@@ -326,5 +326,5 @@ def _of_root(g: Graph, root: int, error: int) -> int:
         return g.zero
     linear = g.call("div", error, g.call("add", root, root))
     largest = g.call("sqrt", g.call("div", error, g.constant(UNIT_ROUNDOFF)))
-    some = g.call("gt", error, g.zero)
-    return g.call("if", some, g.call("min", linear, largest), g.zero)
+    inexact = g.call("gt", error, g.zero)
+    return g.call("if", inexact, g.call("min", linear, largest), g.zero)

@@ -810,10 +810,10 @@ class Collected:
         near = all(map(known.__contains__, self.g.args[n]))
         for below in (n,) if near else self.g.cone([n], known):
             if below not in known:
-                known[below] = self._apart(below)
+                known[below] = self._factor_of_product(below)
         return known[n]
 
-    def _apart(self, n: int) -> tuple[int, int]:
+    def _factor_of_product(self, n: int) -> tuple[int, int]:
         g = self.g
         op, args = g.ops[n], g.args[n]
         if not args:

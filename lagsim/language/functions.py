@@ -683,11 +683,11 @@ ELEMENTS, PART = "elements.sums", "elements.part"
 SUMS = (
     Function(
         name=ELEMENTS, arity=1, value=lambda of, *z: of.evaluate(z), data=1,
-        simpler=lambda g, *args: g.kept(ELEMENTS, args),
+        simpler=lambda g, *args: g.unsimplified(ELEMENTS, args),
     ),
     Function(
         name=PART, arity=2, value=lambda sums, k: float(sums[int(k)]), exact=True,
-        simpler=lambda g, *args: g.kept(PART, args),
+        simpler=lambda g, *args: g.unsimplified(PART, args),
     ),
 )  # fmt: skip
 

@@ -172,7 +172,7 @@ class Graph:
         """Return the state to pickle, without memoized results."""
         return self.__dict__ | {"memoized": {}}
 
-    def kept(
+    def unsimplified(
         self,
         op: str,
         args: tuple[int, ...] = (),
@@ -254,20 +254,20 @@ class Graph:
         """Return the node of the number `x`."""
         x = float(x) + 0.0  # -0.0 becomes 0.0
         known = self._known[CONSTANT].get(x)
-        return self.kept(CONSTANT, payload=x) if known is None else known
+        return self.unsimplified(CONSTANT, payload=x) if known is None else known
 
     def truth(self, x: bool) -> int:
         """Return the node of a truth value."""
-        return self.kept(TRUTH, payload=bool(x))
+        return self.unsimplified(TRUTH, payload=bool(x))
 
     def data(self, numbers: Data | Members) -> int:
         """Return the leaf node of an array or of a table of members."""
-        return self.kept(DATA, payload=numbers)
+        return self.unsimplified(DATA, payload=numbers)
 
     def variable(self, name: str) -> int:
         """Return the node of the variable `name`."""
         known = self._known[VARIABLE].get(name)
-        return self.kept(VARIABLE, payload=name) if known is None else known
+        return self.unsimplified(VARIABLE, payload=name) if known is None else known
 
     def variables(self) -> Mapping[Any, int]:
         """Return the nodes of all variables, by name."""
@@ -302,7 +302,7 @@ class Graph:
                 return self.constant(value)
         if row.commutes and args[0] > args[1]:
             args = (args[1], args[0])
-        return self.kept(op, args)
+        return self.unsimplified(op, args)
 
     def sum(self, nodes: Iterable[int]) -> int:
         """Return the sum of `nodes`, left to right."""
@@ -360,12 +360,12 @@ class Graph:
         nodes below these.
         """
         args, leaves = self.args, [self._leaves(names) for names in several]
-        first = min(some.first for some in leaves)
+        first = min(leaf.first for leaf in leaves)
         # Older nodes depend on none of the names.
         cone = self.cone(nodes, range(first) if first > LONG else ())
         made = []
-        for some in leaves:
-            found = some.nodes.intersection(cone)
+        for leaf in leaves:
+            found = leaf.nodes.intersection(cone)
             for n in cone if found else ():
                 if not found.isdisjoint(args[n]):
                     found.add(n)
@@ -391,8 +391,8 @@ class Graph:
         found = self.dependent(nodes, names)
         rows = (OPERATIONS.get(self.ops[n]) for n in found)
         cost = sum(row.cost for row in rows if row is not None)
-        some = found.intersection(self.of((ELEMENTS,)))
-        return cost + sum(int(self._payload[self.args[n][0]].cost) for n in some)
+        elements = found.intersection(self.of((ELEMENTS,)))
+        return cost + sum(int(self._payload[self.args[n][0]].cost) for n in elements)
 
     def degree(self, node: int, names: Collection[str]) -> Degrees | None:
         """Return the degrees of the terms of `node` as a polynomial in `names`.

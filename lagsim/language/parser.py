@@ -466,18 +466,18 @@ class Parser:
         if top.op != "+":
             self.output.append((top.op, top.arity, top.token))
 
-    def _check_kinds(self, top: Pending, wanted: Sequence[bool]) -> None:
+    def _check_kinds(self, top: Pending, expects_condition: Sequence[bool]) -> None:
         """Check the kinds of an operation's arguments; remove these from `kinds`.
 
         top : the operation.
-        wanted : for each argument, whether it must be a condition.
+        expects_condition : for each argument, whether it must be a condition.
         """
-        args = self.kinds[-len(wanted) :]
-        for (condition, at), conditional in zip(args, wanted, strict=True):
+        args = self.kinds[-len(expects_condition) :]
+        for (condition, at), conditional in zip(args, expects_condition, strict=True):
             if condition != conditional:
                 expected = f"`{top.token.text}` expects a comparison here"
                 raise _wrong_kind(expected, at, conditional)
-        del self.kinds[-len(wanted) :]
+        del self.kinds[-len(expects_condition) :]
 
     def _comma(self, token: Token) -> bool:
         if not self.pending or not self.pending[-1].call:

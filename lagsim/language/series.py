@@ -64,7 +64,7 @@ class Recurrence(NamedTuple):
     factors: tuple[tuple[int, int], ...]
 
     @property
-    def made(self) -> list[int]:
+    def computed(self) -> list[int]:
         """Nodes computed in each order."""
         return [*self.following, *(n for pair in self.factors for n in pair)]
 
@@ -76,7 +76,7 @@ class Recurrence(NamedTuple):
     @property
     def nodes(self) -> tuple[list[int], list[int]]:
         """Nodes to evaluate once for order 0, and nodes for each higher order."""
-        order = [*self.variables, *self.made]
+        order = [*self.variables, *self.computed]
         return [*self.state, *self.rates], order
 
 
@@ -163,15 +163,15 @@ class Coefficients:
                     self._moves[below] = any(self._moves[a] for a in args)
         return self._moves[n]
 
-    def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
+    def twin(self, n: int, compute: Callable[[], int | None]) -> int | None:
         """Return a node of equal value whose series takes fewer operations, or None.
 
         n : the node, such as x^3.
-        made : function that computes the other node, such as x*x*x; called once for
+        compute : function that computes the other node, such as x*x*x; called once for
             each n.
         """
         if n not in self._twins:
-            self._twins[n] = made()
+            self._twins[n] = compute()
         return self._twins[n]
 
     def extend(self, nodes: Iterable[int]) -> None:
@@ -341,7 +341,7 @@ def _as_products(s: Coefficients, n: int) -> int | None:
 
     def times(a: int, b: int) -> int:
         plain = root and a != g.one
-        return g.kept("mul", (a, b)) if plain else g.call("mul", a, b)
+        return g.unsimplified("mul", (a, b)) if plain else g.call("mul", a, b)
 
     while whole:
         if whole % 2:
@@ -416,7 +416,7 @@ def taylor_series(
         for i, (variable, (a, b)) in enumerate(zip(r.sums, r.factors, strict=True)):
             columns = [row[2 * i] for row in made], [row[2 * i + 1] for row in made]
             new[variable] = _inner(g, *columns, same=a == b)
-        found = g.substitute(r.made, new)
+        found = g.substitute(r.computed, new)
         rows.append(found[:size])
         made.append(found[size:])
     return rows[: order + 1]

@@ -55,7 +55,7 @@ class Builder(Protocol):
     def cone(self, nodes: Iterable[int]) -> Sequence[int]:
         """Return `nodes` and all nodes below these, arguments first."""
 
-    def kept(self, op: str, args: tuple[int, ...]) -> int:
+    def unsimplified(self, op: str, args: tuple[int, ...]) -> int:
         """Return the node of an operation, not simplified."""
 
 
@@ -328,7 +328,7 @@ def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
         if inner is not None and is_normal(c * inner):
             return g.call("mul", g.constant(c * inner), g.args[y][1])
     if g.value(y) is None and y < x:
-        return g.kept("mul", (x, y))  # the constant comes first
+        return g.unsimplified("mul", (x, y))  # the constant comes first
     return None
 
 

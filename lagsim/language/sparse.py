@@ -169,15 +169,15 @@ class DisjointSets:
         i, j = self.leader(i), self.leader(j)
         self._leader[max(i, j)] = min(i, j)
 
-    def unite(self, some: Iterable[int | None]) -> int | None:
+    def unite(self, members: Iterable[int | None]) -> int | None:
         """Merge the sets of the given indices; return the first index, or None.
 
         The result is None if there is no index.
 
-        some : indices, of which None is skipped.
+        members : indices, of which None is skipped.
         """
         first = None
-        for j in some:
+        for j in members:
             if first is None:
                 first = j
             elif j is not None and j != first:

@@ -102,15 +102,17 @@ class Eigenmodes(NamedTuple):
         return flags
 
 
-def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
-    """Return the modes of `matrix` with the eigenvalues that `kept` marks.
+def eigenmodes(matrix: Floats, selects: Callable[[Floats], Flags]) -> Eigenmodes:
+    """Return the modes of `matrix` with the eigenvalues that `selects` marks.
 
-    kept : |eigenvalues| (size,) -> flags (size,).
+    selects : |eigenvalues| (size,) -> flags (size,).
     """
     values, right = np.linalg.eig(matrix)
     others, left = np.linalg.eig(matrix.T)
-    chosen = kept(np.abs(values))
-    return Eigenmodes(values[chosen], right[:, chosen], left[:, kept(np.abs(others))])
+    chosen = selects(np.abs(values))
+    return Eigenmodes(
+        values[chosen], right[:, chosen], left[:, selects(np.abs(others))]
+    )
 
 
 class Linear(NamedTuple):

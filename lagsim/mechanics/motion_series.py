@@ -138,7 +138,7 @@ def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
     """
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)
-    body = len(g.dependent(loop.made, (*ORDERS, *names)))
+    body = len(g.dependent(loop.computed, (*ORDERS, *names)))
     return body, len(loop.sums) - 0.5 * squares
 
 

@@ -118,8 +118,8 @@ def _named(model: Model) -> dict[str, Any]:
     return found
 
 
-def _choices(made: Sequence[Choice]) -> list[dict[str, str]]:
-    return [{"choice": c.choice, "reason": c.reason} for c in made]
+def _choices(choices: Sequence[Choice]) -> list[dict[str, str]]:
+    return [{"choice": c.choice, "reason": c.reason} for c in choices]
 
 
 def _error(bar: ErrorBar | str) -> dict[str, Any] | None:

@@ -120,12 +120,12 @@ class Results:
             self.names.remove(name)
         files.drop(self._part(name))
 
-    def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
-        """Write the files `made`; yield a warning for each that could not be drawn.
+    def fill(self, contents: Iterable[Made]) -> Iterator[Caution]:
+        """Write files; yield a warning for each that could not be drawn.
 
-        made : pairs of name and content.
+        contents : pairs of name and content.
         """
-        for name, content in made:
+        for name, content in contents:
             if isinstance(content, bytes):
                 self.write(name, content)
             else:

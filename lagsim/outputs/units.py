@@ -84,7 +84,7 @@ class Dimensions:
                 return self.known[node]
             for k in cone:
                 if k not in self.known:
-                    self.known[k] = self._made(k)
+                    self.known[k] = self._computed(k)
         return self.known[node]
 
     def unit(self, node: int) -> Unit | None:
@@ -97,7 +97,7 @@ class Dimensions:
         found = self.of(node)
         return "" if found.free else found.text or written(found.unit)
 
-    def _made(self, node: int) -> Quantity:
+    def _computed(self, node: int) -> Quantity:
         graph = self.graph
         value = graph.value(node)
         if value is not None:

@@ -439,7 +439,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     return case, choices
 
 
-def wanted(
+def settings_of(
     model: Model,
     caller: str,
     options: Mapping[str, float | str] | None = None,

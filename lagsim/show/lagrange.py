@@ -379,7 +379,7 @@ def derived(
         )
     solver = _Solver(x, found, notes)
     document = {
-        "definitions": {s.name: e for s, e in x.kept.items()} | steps,
+        "definitions": {s.name: e for s, e in x.definitions.items()} | steps,
         **found,
         "accelerations": solver.solution(insist=solve),
         "conserved": conserved,
@@ -471,7 +471,7 @@ def _in_full(x: Translation) -> _Found:
         A = [x.tidy(entry, factored=True) for entry in x.sympy(row.A)]
         (rate,) = x.sympy([row.rate])
         (drift,) = x.sympy(tangent(g, [x.node(rate, row.rate)], flow.forward))
-        moved = _moved(x, A, x.tidy(-drift))
+        moved = _acceleration_row(x, A, x.tidy(-drift))
         constraints.append(_constraint(x, c, row, (function, rate), moved))
     lines = []
     for j, Q in enumerate(x.sympy(work)):
@@ -551,7 +551,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
         values = x.sympy([row.residual, row.rate], written=True)
         moved: Part = {}
         if matrices:
-            moved = _moved(x, [known[n] for n in row.A], known[row.b])
+            moved = _acceleration_row(x, [known[n] for n in row.A], known[row.b])
         constraints.append(_constraint(x, c, row, values, moved))
     found |= {"separated": separated, "M": M, "f": f, "constraints": constraints}
     return steps, found, evident(x)
@@ -604,18 +604,18 @@ def _sides(x: Translation, left: Any, Q: Any) -> Part:
     return {"left": x.tidy(left - (Q - right)), "right": x.tidy(right)}
 
 
-def _moved(x: Translation, A: list[Any], b: Any) -> Part:
+def _acceleration_row(x: Translation, A: list[Any], b: Any) -> Part:
     """Return the row A q'' = b of a constraint: A q'' - b, A (n,) and b, by name."""
     return {"acceleration": x.tidy(_dot(A, x.a) - b), "A": A, "b": b}
 
 
 def _constraint(
-    x: Translation, c: Constraint, row: Row, values: Sequence[Any], moved: Part
+    x: Translation, c: Constraint, row: Row, values: Sequence[Any], row_entries: Part
 ) -> Part:
     """Return the entry of a constraint: function, rate, row A q'' = b, and law.
 
     values : function and rate, expressions.
-    moved : the entries of `_moved`.
+    row_entries : the entries of `_acceleration_row`.
     """
     law, given = c.law, law_of(c)
     nodes = [given["friction"], given["static_friction"], c.limit, c.static, c.when]
@@ -630,7 +630,7 @@ def _constraint(
         "kind": kind if law is None else "one-sided",
         "function": function,
         "rate": rate if row.holonomic else function,
-        **moved,
+        **row_entries,
         "restitution": given["restitution"] if e is None else e,
         "friction": friction,
         "static_friction": static,

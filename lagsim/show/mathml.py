@@ -47,7 +47,7 @@ def as_mathml(content: Content) -> str:
             if k["limit"] is None:
                 shown = write(k["function"])
                 yield f"<math display='block'>{shown}<mo>{sign}</mo>{zero}</math>"
-        for symbol, value in x.kept.items():
+        for symbol, value in x.definitions.items():
             yield row(write(symbol), value)
 
     return "\n".join(rows())

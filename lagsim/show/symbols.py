@@ -232,7 +232,7 @@ class Translation:
         Whether parameters are numbers.
     known : dict
         Node of the graph -> expression: names of definitions, numbers.
-    kept : dict
+    definitions : dict
         Definitions that keep their names, symbol -> expression, ordered so that each
         depends on earlier ones only.
     names : dict
@@ -269,10 +269,10 @@ class Translation:
             if substitute and p.name not in model.modes
         }
         kept = self._well_read(physics) if named is None else named
-        self.kept = {}
+        self.definitions = {}
         for n, name in sorted(kept.items()):
             s = symbol(rate_of(name.base, name.order))
-            self.kept[s] = self._value(n)
+            self.definitions[s] = self._value(n)
             self.known[n] = s
         self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters, kept)
@@ -280,7 +280,7 @@ class Translation:
         moving = {*self.v, *self.a, *self.multipliers, *rates}
         moving_names = {*self.q, *moving, *self.states, self.t}
         constants = {*parameters}
-        for s, e in self.kept.items():  # each depends on earlier ones only
+        for s, e in self.definitions.items():  # each depends on earlier ones only
             if e.free_symbols & moving_names:
                 moving_names.add(s)
             else:
@@ -328,7 +328,7 @@ class Translation:
     def free(self, e: Any) -> set[Any]:
         """Return the symbols in `e`, including symbols of its named definitions."""
         found = set(e.free_symbols)
-        for s, e in reversed(self.kept.items()):
+        for s, e in reversed(self.definitions.items()):
             if s in found:
                 found |= e.free_symbols
         return found
@@ -336,10 +336,10 @@ class Translation:
     # Symbols
 
     def _shown(
-        self, parameters: list[Any], kept: Mapping[int, PrintedName]
+        self, parameters: list[Any], named_nodes: Mapping[int, PrintedName]
     ) -> tuple[dict[Any, PrintedName], dict[Any, tuple[int, int]]]:
         model = self.equations.model
-        named = {self.known[n]: name for n, name in sorted(kept.items())}
+        named = {self.known[n]: name for n, name in sorted(named_nodes.items())}
         values = {s: name for s, name in named.items() if not name.order}
         names = {s: PrintedName(s.name) for s in parameters} | named
         names |= {s: PrintedName(s.name) for s in (*self.states, *self.speeds, self.t)}

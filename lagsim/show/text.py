@@ -132,7 +132,7 @@ class Outline:
         if c["dissipation"] is not None:
             rows.append((signs["F"], c["dissipation"]))
         self._rows([(label, self.families.sums(e)) for label, e, *_ in rows])
-        kept = [(self.x.names[s], e) for s, e in self.x.kept.items()]
+        kept = [(self.x.names[s], e) for s, e in self.x.definitions.items()]
         if words := self._of_families([x for x in kept if not x[0].order]):
             self._where(words)
 
@@ -310,7 +310,7 @@ class Outline:
         steps = solved["steps"]
         if self.is_long:  # the entries of M and f
             steps = self.c["definitions"] | steps
-        shown = {s.name for s in self.x.kept}
+        shown = {s.name for s in self.x.definitions}
         rows = [(self.show(name), e) for name, e in steps.items() if name not in shown]
         second = (self.show(q.name, 2) for q in self.x.q)
         rows += zip(second, solved["q_ddot"], strict=True)

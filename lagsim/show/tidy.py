@@ -64,7 +64,7 @@ class Sums(Turning[Any]):
 
     Attributes
     ----------
-    kept : bool
+    unexpanded : bool
         Whether a sum was kept unexpanded.
     """
 
@@ -76,7 +76,7 @@ class Sums(Turning[Any]):
     ) -> None:
         super().__init__(EXPONENT_BITS, parts=2)
         self.inner, self.budget, self.whole = inner, budget, whole
-        self.kept = False
+        self.unexpanded = False
         self._turns: dict[tuple[str, Any], int] = {}
 
     def of(self, e: Any) -> Terms:
@@ -131,7 +131,7 @@ class Sums(Turning[Any]):
                 for _ in range(exponent - 1):
                     whole = self.multiplied(whole, terms, self.budget)
                 return whole
-            self.kept = True
+            self.unexpanded = True
         base = self.inner(base)
         if not base.is_Add:
             return self._factor(base ** sp.Rational(exponent))
@@ -214,7 +214,7 @@ class Tidier:
         self.constants, self.moving = constants, moving
         self.left, self.cut = limits.TIDYING_PRODUCTS, False
         self._known: dict[tuple[Any, bool, bool], Any] = {}
-        self._began = time.process_time()
+        self._start_time = time.process_time()
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
         """Return the shortest form of `e`.
@@ -238,7 +238,7 @@ class Tidier:
         key = e, factored, written
         if key not in self._known:
             most = limits.DERIVING_SECONDS
-            if time.process_time() > self._began + most:
+            if time.process_time() > self._start_time + most:
                 raise too_long(
                     f"the equations are not derived within {most:.3g} s, "
                     "which is the limit"
@@ -271,7 +271,7 @@ class Tidier:
                 made.append(self._factored(sums, terms))
             weight = DRAWN_TOGETHER if joined else 1.0
             forms += [(weight * written_size(form), form) for form in made]
-            if not sums.kept:
+            if not sums.unexpanded:
                 break  # the other candidates are equal
         return min(forms, key=lambda form: form[0])[1]  # the first of equal candidates
 

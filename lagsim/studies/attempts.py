@@ -599,19 +599,19 @@ class Attempts:
         If neither passes, the outcome of the attempt is `no-answer` from the time of
         the finding on.
         """
-        first = self._made(session)
+        first = self._completed(session)
         finding = None if self.interrupt.requested else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
             return first
         others = self._second_session(first, finding) if self.replaces else None
         if others is None:
             return self._judged(first, finding)
-        second = self._made(others)
+        second = self._completed(others)
         if self.interrupt.requested:
             return second
         if second.trajectory.outcome.complete:
             return self._judged(second, audit(second))
-        return self._judged(self._made(session, first.bar), finding)
+        return self._judged(self._completed(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
         """Return an attempt with the outcome that follows from its finding.
@@ -627,7 +627,7 @@ class Attempts:
         reason = f"from t = {finding.time:.9g} on the rows are not valid: "
         reason += finding.text
         if finding.violates_constraint:
-            attempt = self._made(up_to(attempt.session, finding.time), attempt.bar)
+            attempt = self._completed(up_to(attempt.session, finding.time), attempt.bar)
             end = attempt.trajectory.end
             reason += f"; the last row, at t = {end:.9g}, satisfies it"
         reason += f" (tried: {', '.join(dict.fromkeys(self.tried))})"
@@ -639,7 +639,9 @@ class Attempts:
         attempt.end(trajectory, "the rows are not valid")
         return attempt
 
-    def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
+    def _completed(
+        self, session: Session, bar: ErrorBar | str | None = None
+    ) -> Attempt:
         """Run a session, and return its result as an attempt; earlier rows are deleted.
 
         Parameters
@@ -685,7 +687,7 @@ class Attempts:
             made.bar = self._error_bar(made)
         return made
 
-    def _error_bar(self, made: Attempt) -> ErrorBar | str:
+    def _error_bar(self, attempt: Attempt) -> ErrorBar | str:
         """Return the error bar of an attempt, or the reason why there is none.
 
         It is computed by `repeated`, with progress shown, unless the options of the run
@@ -697,7 +699,7 @@ class Attempts:
         if self.interrupt.requested:
             return "the run was cut short"
         with self.progress("error bar") as progress:
-            bar = self.repeated(made, progress)
+            bar = self.repeated(attempt, progress)
             if progress is not None and not isinstance(bar, str):
                 progress(1.0)
         self.clock.lap("error_bar")

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 IMPACT = "impact"
 
 
-def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
+def paired_times(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     """Return the times of events that both runs contain, shape (k, 2).
 
     Column 0 has the times in the first run, column 1 in the second. Two events match if

@@ -32,27 +32,27 @@ if TYPE_CHECKING:
     Draw: TypeAlias = "Callable[[PlotData, Model], Iterator[Made]]"
 
 
-def event_tables(made: Attempt) -> Iterator[Made]:
+def event_tables(attempt: Attempt) -> Iterator[Made]:
     """Yield name and content of the tables of events and sections of a run.
 
     A table of events that was written during the run is left out.
     """
-    events = made.trajectory.listed
-    if made.session.lists_events and isinstance(events, EventStore):
-        named = bool(made.session.case.model.events)
+    events = attempt.trajectory.listed
+    if attempt.session.lists_events and isinstance(events, EventStore):
+        named = bool(attempt.session.case.model.events)
         yield EVENTS, events_table(events, named=named)
-    if made.sections:
+    if attempt.sections:
         from lagsim.outputs.sections import RecordedSections, tables
 
         yield from tables(
-            RecordedSections(made.session.columns.of_table, made.sections)
+            RecordedSections(attempt.session.columns.of_table, attempt.sections)
         )
 
 
 def drawings(
-    made: Attempt, form: str = "png", draw: Draw | None = None
+    attempt: Attempt, form: str = "png", draw: Draw | None = None
 ) -> Iterator[Made]:
-    """Yield name and content of the page and the pictures of the run `made`.
+    """Yield name and content of the page and the pictures of the run `attempt`.
 
     Parameters
     ----------
@@ -61,35 +61,35 @@ def drawings(
     draw : callable, optional
         Draws the pictures; by default this process does.
     """
-    if made.frames is not None:
+    if attempt.frames is not None:
         from lagsim.outputs.animation import NAME
 
-        shown = attempted(NAME, partial(_page, made, made.frames))
+        shown = attempted(NAME, partial(_page, attempt, attempt.frames))
         if shown is not None:
             yield NAME, shown
-    if made.thin is None:
+    if attempt.thin is None:
         return
-    model = made.session.case.model
-    data = attempted("pictures", partial(_plot_data, made, made.thin, form))
+    model = attempt.session.case.model
+    data = attempted("pictures", partial(_plot_data, attempt, attempt.thin, form))
     if isinstance(data, Caution):
         yield "pictures", data
     else:
         yield from (draw or drawn_here)(data, model)
-    if made.extremes is not None:
+    if attempt.extremes is not None:
         from lagsim.outputs.sections import RecordedSections, pictures
 
-        found = RecordedSections(made.session.columns.of_table, made.sections)
-        ranges = made.extremes.stacked[1:]
-        yield from pictures(made.session.equations, found, ranges, form)
+        found = RecordedSections(attempt.session.columns.of_table, attempt.sections)
+        ranges = attempt.extremes.stacked[1:]
+        yield from pictures(attempt.session.equations, found, ranges, form)
 
 
-def other_files(made: Attempt) -> Iterator[Made]:
+def other_files(attempt: Attempt) -> Iterator[Made]:
     """Yield name and content of all files of a run other than its table."""
-    yield from event_tables(made)
-    yield from drawings(made)
+    yield from event_tables(attempt)
+    yield from drawings(attempt)
 
 
-def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
+def _plot_data(attempt: Attempt, rows: Thinning, form: str) -> PlotData:
     """Return the data that all pictures of a run share.
 
     rows : the thinned rows.
@@ -99,9 +99,9 @@ def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
     from lagsim.outputs.plot_data import PlotData, marked
     from lagsim.outputs.units import units
 
-    equations, trajectory = made.session.equations, made.trajectory
-    if made.corners is not None:
-        rows.meet(made.corners.rows())
+    equations, trajectory = attempt.session.equations, attempt.trajectory
+    if attempt.corners is not None:
+        rows.meet(attempt.corners.rows())
     model = equations.model
     happened = marked(trajectory.events) if model.output.event_marks else {}
     listed, count = len(trajectory.events), sum(trajectory.event_counts.values())
@@ -110,33 +110,33 @@ def _plot_data(made: Attempt, rows: Thinning, form: str) -> PlotData:
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
     return PlotData(
-        model.name, rows, units(equations, made.session.columns.of_table),
-        happened, note, _horizon(made), letters_of(model), form,
-        equations.energy_is_sum, made.appended,
+        model.name, rows, units(equations, attempt.session.columns.of_table),
+        happened, note, _horizon(attempt), letters_of(model), form,
+        equations.energy_is_sum, attempt.appended,
     )  # fmt: skip
 
 
-def _page(made: Attempt, frames: Frames) -> bytes | None:
+def _page(attempt: Attempt, frames: Frames) -> bytes | None:
     """Return the page that plays a motion; None if the model has nothing to draw.
 
-    frames : the observer that has stored the frames of the run `made`.
+    frames : the observer that has stored the frames of the run `attempt`.
     """
     from lagsim.outputs.animation import film, page, record
     from lagsim.outputs.units import units
 
-    equations, trajectory = made.session.equations, made.trajectory
+    equations, trajectory = attempt.session.equations, attempt.trajectory
     complete = trajectory.outcome.complete
     shown = film(
-        equations, frames, trajectory.events, horizon=_horizon(made),
-        units=units(equations, made.session.columns.of_table),
+        equations, frames, trajectory.events, horizon=_horizon(attempt),
+        units=units(equations, attempt.session.columns.of_table),
         notes=[] if complete else [f"incomplete: {trajectory.reason}"],
     )  # fmt: skip
     return None if shown is None else page([record(shown)], shown.name)
 
 
-def _horizon(made: Attempt) -> float:
+def _horizon(attempt: Attempt) -> float:
     """Return the horizon of the run; inf if there is none."""
-    horizon = None if isinstance(made.bar, str) else made.bar.horizon
+    horizon = None if isinstance(attempt.bar, str) else attempt.bar.horizon
     return math.inf if horizon is None else horizon
 
 

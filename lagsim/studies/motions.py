@@ -20,7 +20,7 @@ from lagsim.language.columns import RESIDUAL
 from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.monitors import ResidualMonitor, grid_numbers
-from lagsim.studies.comparison import moved, mutually_nearest, nearest_times
+from lagsim.studies.comparison import mutually_nearest, nearest_times, paired_times
 from lagsim.studies.trials import NO_ROWS, Compiled, tried
 from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 
@@ -133,18 +133,18 @@ def perturbed(case: Case, seed: int) -> Case:
     """
     random = np.random.default_rng(seed)
 
-    def moved(x: Floats) -> Floats:
+    def shifted(x: Floats) -> Floats:
         other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
         return np.where(x == 0.0, 0.0, other)
 
     model, start = case.model, case.start
-    values = moved(np.array([p.value for p in model.parameters])).tolist()
+    values = shifted(np.array([p.value for p in model.parameters])).tolist()
     parameters = tuple(
         p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
     )
     e, changed = case.equations, replace(model, parameters=parameters)
     equations = e.of(changed, begun_by=e.begun_by)
-    state = Instant(start.t, moved(start.q), moved(start.v), moved(start.s))
+    state = Instant(start.t, shifted(start.q), shifted(start.v), shifted(start.s))
     return case._replace(equations=equations).at(state)
 
 
@@ -292,7 +292,7 @@ def kept_rows(
     delays = np.full(len(times), BESIDE * spacing)
     common = t[before_impacts(t)]
     for other in others:
-        pairs = moved(events, other.trial.events)
+        pairs = paired_times(events, other.trial.events)
         by = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
         np.maximum.at(delays, np.searchsorted(times, pairs[:, 0]), by)
         impacts = other.rows[before_impacts(other.rows[:, 0]), 0]
@@ -304,8 +304,8 @@ def kept_rows(
     alone = before_impacts(t) & np.isin(t, common) & (counts == 0)
     on_grid = alone & (grid_numbers(t, settings.start, spacing) >= 0)
     first = np.flatnonzero(alone & ~on_grid)
-    some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
-    for k in (*first[np.rint(some).astype(int)], *np.flatnonzero(on_grid)):
+    chosen = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
+    for k in (*first[np.rint(chosen).astype(int)], *np.flatnonzero(on_grid)):
         kept[k : k + 2] = True
     kept[[0, -1]] = True
     rows = np.flatnonzero(kept)

@@ -114,13 +114,13 @@ def responses(
         ("parameters", [*_parameters(model)], changes.of_parameter),
         ("initial", [*_starts(case, base)], changes.of_start),
     ):
-        some = _evenly(len(numbers), MOST_NUMBERS)
+        chosen = _evenly(len(numbers), MOST_NUMBERS)
         found[section] = {
             name: response(name, size).record
-            for name, size in (numbers[k] for k in some)
+            for name, size in (numbers[k] for k in chosen)
         }
-        if len(some) < len(numbers):
-            untried[section] = len(numbers) - len(some)
+        if len(chosen) < len(numbers):
+            untried[section] = len(numbers) - len(chosen)
     if model.tables:
         found["tables"] = {table.name: _table(changes, table) for table in model.tables}
     return found | ({"untried": untried} if untried else {})
@@ -184,16 +184,16 @@ def _table(changes: _Changes, table: Table) -> Document:
     entry: Document = {"points": count, "changed": len(found)}
     if least is not None:
         entry |= {"least": detected[least].record | {"point": least + 1}}
-    for word, some in (
+    for word, group in (
         ("unseen", {k: r for k, r in found.items() if r.is_undetected}),
         (
             "unresponsive",
             {k: r for k, r in found.items() if not (r.is_detected or r.is_undetected)},
         ),
     ):
-        if some:
-            worst = max(r.response for r in some.values())
-            entry[word] = [k + 1 for k in some]
+        if group:
+            worst = max(r.response for r in group.values())
+            entry[word] = [k + 1 for k in group]
             entry[f"{word}_response"] = float(f"{worst:.3g}")
     return entry
 

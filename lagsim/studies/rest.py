@@ -708,19 +708,19 @@ class Search:
         text += f" and from {starts} others" if starts else ""
         return f"{text}: {', '.join(left[:8])} remain at the start"
 
-    def _add(self, kept: list[Equilibrium], other: Equilibrium) -> None:
-        """Add a rest to `kept`, unless `kept` has it or a rest of its family.
+    def _add(self, rests: list[Equilibrium], other: Equilibrium) -> None:
+        """Add a rest to `rests`, unless `rests` has it or a rest of its family.
 
         Rests are of one family if they are connected by rests. Of two such rests the
         one nearer to the start is kept.
         """
-        for k, one in enumerate(kept):
+        for k, one in enumerate(rests):
             if self._is_same(one.steady, other.steady):
                 nearer = min(one, other, key=lambda x: x.distance)
                 from_start = one.from_start or other.from_start
-                kept[k] = nearer._replace(from_start=from_start)
+                rests[k] = nearer._replace(from_start=from_start)
                 return
-        kept.append(other)
+        rests.append(other)
 
     def _is_same(self, one: Steady, other: Steady) -> bool:
         """Whether two rests are equal, or belong to one continuous family of rests."""

@@ -118,12 +118,12 @@ class RunCheckpoint(NamedTuple):
     ----------
     tables : tuple of TablePart
         The tables as far as they were written.
-    kept : bytes
+    objects : bytes
         The encoded state of the run, see `encoded`.
     """
 
     tables: tuple[TablePart, ...]
-    kept: bytes
+    objects: bytes
 
 
 class Digest:
@@ -211,12 +211,12 @@ class Restart:
         seal, _, rest = content.partition(b"\n")
         if self._key is None or not hmac.compare_digest(seal, _seal(self._key, rest)):
             raise _refused(path, "is damaged, or not written by you on this machine")
-        head, _, kept = rest.partition(b"\n")
+        head, _, objects = rest.partition(b"\n")
         there, tables = json.loads(head)
         other = [x for x, own in self.identity.items() if there.get(x) != own]
         if other:
             raise _refused(path, f"is that of a run with another {', '.join(other)}")
-        return RunCheckpoint(tuple(TablePart(*x) for x in tables), kept)
+        return RunCheckpoint(tuple(TablePart(*x) for x in tables), objects)
 
     # A run
 
@@ -243,7 +243,7 @@ class Restart:
                 rows = _blocks(file, table.size)
                 writers[table.name].go_on(rows, table.rows, table.last)
         states, memories, others = decoded(
-            self.stand.kept, CLASSES, lambda name: _given(name, self._things)
+            self.stand.objects, CLASSES, lambda name: _given(name, self._things)
         )
         run.__dict__.update(states)
         for name, memory in memories.items():
@@ -271,11 +271,11 @@ class Restart:
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
         memories = {k: x.p.flat for k, x in systems.items()}
         others = [x.__dict__ for x in _observers(run, self._relay)]
-        kept = encoded(
+        objects = encoded(
             [states, memories, others], CLASSES, lambda x: _name(x, self._names)
         )
         tables = [self._synced(name, x) for name, x in self._writers.items()]
-        rest = json.dumps([self.identity, tables]).encode() + b"\n" + kept
+        rest = json.dumps([self.identity, tables]).encode() + b"\n" + objects
         write_atomically(
             self.folder / RESTART, _seal(key, rest) + b"\n" + rest, locked=True
         )

@@ -45,7 +45,7 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep, Moments
-from lagsim.run.session import StartError, examined, suited, wanted
+from lagsim.run.session import StartError, examined, settings_of, suited
 from lagsim.run.trajectory import Outcome, Statistics
 from lagsim.studies.workers import Died, cores, in_batches, processes
 
@@ -349,7 +349,7 @@ class Form:
         self.structure: dict[str, str] = {}
         while (found := structural_values(model, texts)) != self.structure:
             model, self.structure = model.bind(**found), found
-        self.model = suited(model, wanted(model, caller, options))
+        self.model = suited(model, settings_of(model, caller, options))
         self.equations = equations_of_motion(self.model, gathers=True)
         self._options, self._caller = options, caller
         self.compiled = Compiled()
@@ -376,7 +376,7 @@ class Form:
                 x._replace(guess=x.guess or x.name in guesses) for x in model.initial
             )
             model = replace(model, initial=tuple(initial))
-        given = wanted(model, self._caller, self._options)._replace(**settings)
+        given = settings_of(model, self._caller, self._options)._replace(**settings)
         case = examined(self.equations, model, given)
         plan = case.plan()
         found = self.compiled.fitting(case, plan)
@@ -545,7 +545,7 @@ class Trials:
         interrupt = interrupt or Interrupt()
         items, done = [*enumerate(variants)], 0
         for found in in_batches(
-            self._made, items, jobs or cores(), interrupt, requested=jobs is not None,
+            self._listed, items, jobs or cores(), interrupt, requested=jobs is not None,
             workers=workers,
         ):  # fmt: skip
             done += len(found)
@@ -554,7 +554,7 @@ class Trials:
             if progress is not None:
                 progress(done / max(1, len(items)))
 
-    def _made(
+    def _listed(
         self, items: Sequence[tuple[int, Variant]], interrupt: Interrupt
     ) -> Iterator[Sequence[Trial]]:
         for _, variant in items:

@@ -266,7 +266,7 @@ Made: TypeAlias = "Callable[[Sequence[Piece], Interrupt], Iterator[Sequence[Foun
 
 
 def in_batches(
-    made: Made[Piece, Found],
+    compute: Made[Piece, Found],
     items: Sequence[Piece],
     most: int,
     interrupt: Interrupt,
@@ -282,7 +282,7 @@ def in_batches(
 
     Parameters
     ----------
-    made : callable
+    compute : callable
         Function of items and an interrupt that yields results in the order of the
         items. It can be pickled, and must not raise.
     items : sequence
@@ -297,7 +297,7 @@ def in_batches(
     others = 0 if most == 1 and workers is processes else most
     # The processor time of this process alone.
     done, began, lasted = 0, time.process_time(), 0.0
-    for results in made(items, interrupt):
+    for results in compute(items, interrupt):
         yield [*zip(items[done : done + len(results)], results, strict=True)]
         done += len(results)
         lasted = max(time.process_time() - began, SHORTEST_SECONDS)
@@ -308,11 +308,13 @@ def in_batches(
     left = items[done:]
     if left and not interrupt.requested:
         size = min(PIECE_SECONDS * done / lasted, len(left) / (PIECES * others))
-        yield from _by_others(made, left, max(1, int(size)), others, interrupt, workers)
+        yield from _by_others(
+            compute, left, max(1, int(size)), others, interrupt, workers
+        )
 
 
 def _by_others(
-    made: Made[Piece, Found],
+    compute: Made[Piece, Found],
     items: Sequence[Piece],
     size: int,
     most: int,
@@ -326,22 +328,22 @@ def _by_others(
     parts = [items[k : k + size] for k in range(0, len(items), size)]
     lost: list[Piece] = []
     for k, results in completed_pieces(
-        partial(_listed, made), parts, most, interrupt, workers
+        partial(_listed, compute), parts, most, interrupt, workers
     ):
         if isinstance(results, Died):
             lost += parts[k]
         else:
             yield [*zip(parts[k], results, strict=False)]  # fewer after an interrupt
     if size > 1 and lost:
-        yield from _by_others(made, lost, 1, most, interrupt, workers)
+        yield from _by_others(compute, lost, 1, most, interrupt, workers)
     elif lost:
         yield [(item, Died()) for item in lost]
 
 
 def _listed(
-    made: Made[Piece, Found], items: Sequence[Piece], interrupt: Interrupt
+    compute: Made[Piece, Found], items: Sequence[Piece], interrupt: Interrupt
 ) -> list[Found]:
-    return [x for results in made(items, interrupt) for x in results]
+    return [x for results in compute(items, interrupt) for x in results]
 
 
 @contextlib.contextmanager

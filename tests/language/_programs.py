@@ -34,7 +34,7 @@ class AsWritten(Graph):
     """A graph that keeps every operation as written, for running error analysis."""
 
     def call(self, op: str, *args: int) -> int:
-        return self.kept(op, args)
+        return self.unsimplified(op, args)
 
 
 def build(g: Graph, text: str) -> int:

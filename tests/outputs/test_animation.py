@@ -87,7 +87,7 @@ simulation: {duration: 3, output_step: 0.5}
 def filmed(text, **options):
     """Return the film of a model, and its result."""
     result = lagsim.simulate(lagsim.load(text), error_bar="never", **options)
-    made = result._made
+    made = result._attempt
     equations = made.session.case.equations
     frames = animation.frames_of(equations, made.session.system.columns.names)
     frames.add(result._rows)
@@ -255,7 +255,7 @@ initial: {{q: 0, q_dot: 1}}
 simulation: {{duration: 1, output_step: 0.1}}
 scene: {{points: {{{many}}}}}
 """
-    made = lagsim.simulate(lagsim.load(text), error_bar="never")._made
+    made = lagsim.simulate(lagsim.load(text), error_bar="never")._attempt
     columns = made.session.system.columns.names
     equations = made.session.case.equations
     frames = animation.frames_of(equations, columns)

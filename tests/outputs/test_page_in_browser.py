@@ -119,7 +119,7 @@ def places(result, model, t):
     row = min(np.searchsorted(rows[:, 0], t - 1e-9), len(rows) - 1)
     there = rows[row, 0] >= t or row == len(rows) - 1
     near = abs(rows[row, 0] - t) < 1e-9 or row == len(rows) - 1
-    names = result._made.session.system.columns.names
+    names = result._attempt.session.system.columns.names
     found = {}
     for name, parts in animation.stage(model).points.items():
         columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]

@@ -52,9 +52,9 @@ def block(t, w=0.4, h=0.2):
 def sheet(text, shapes):
     """Draw the picture of a trajectory."""
     film, result = filmed(filled(text, shapes))
-    names = result._made.session.system.columns.names
+    names = result._attempt.session.system.columns.names
     rows = record(dict(zip(names, result._rows.T, strict=True)))
-    model = result._made.session.case.equations.model
+    model = result._attempt.session.case.equations.model
     return drawn(plots.trajectory, rows, ["a"], model.scene, model=model), film
 
 
@@ -203,8 +203,10 @@ def test_other_sizes_follow_a_binding():
 
 def filmed_of(model):
     result = lagsim.simulate(model, error_bar="never")
-    equations = result._made.session.case.equations
-    frames = animation.frames_of(equations, result._made.session.system.columns.names)
+    equations = result._attempt.session.case.equations
+    frames = animation.frames_of(
+        equations, result._attempt.session.system.columns.names
+    )
     frames.add(result._rows)
     return animation.film(equations, frames, ()).shapes
 

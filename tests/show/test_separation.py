@@ -225,7 +225,9 @@ def test_text_is_short_and_says_the_same(model, monkeypatch):
                     found = value(at(right[0], "i", k), values)
                     assert found == pytest.approx(values[name], rel=1e-4, abs=1e-4), row
                     stated.add(name)
-    kept = {str(x) for x in c.translation.kept if not re.match(r"[^.]*_dot", str(x))}
+    kept = {
+        str(x) for x in c.translation.definitions if not re.match(r"[^.]*_dot", str(x))
+    }
     adjoint = [name for k in ("momenta", "reactions") for name in d["separated"][k]]
     assert stated >= {*kept, *adjoint, *d["coordinates"], *letters}
     monkeypatch.undo()

@@ -179,11 +179,11 @@ class Expansion:
         letters = ("",) if single else trees.components(len(parts))
         names = [dotted(f"{HIDDEN}{name}", (), letter) for letter in letters]
         for full, part in zip(names, parts, strict=True):
-            self.hidden.append(self.made(full, trees.parsed(part, at.text), at))
+            self.hidden.append(self.entry(full, trees.parsed(part, at.text), at))
         found = tuple(trees.name(full) for full in names)
         return found[0] if single else found
 
-    def made(
+    def entry(
         self, name: str, parsed: Parsed | ParsedRelation, at: Scalar, text: str = ""
     ) -> Entry:
         """Return an entry for the reader that the file does not contain.

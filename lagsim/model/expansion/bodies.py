@@ -196,7 +196,7 @@ class Bodies(SectionReader):
             with suppress(ExpressionError):
                 parts = self.vector(gravity, {}, [2, 3], "`gravity`")
                 pairs = zip(LETTERS, parts, strict=False)
-                self._gravity = tuple(self._kept(f"gravity.{c}", p) for c, p in pairs)
+                self._gravity = tuple(self._named(f"gravity.{c}", p) for c, p in pairs)
         for key, node in entries_of(section):
             with suppress(ExpressionError):  # reported
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
@@ -229,7 +229,7 @@ class Bodies(SectionReader):
             found.append("`gravity` does not act: `potential` lacks the word `bodies`")
         return found
 
-    def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
+    def _named(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
         """Return a tree that can be used often at little cost: a number or a reference.
 
         An expression becomes a hidden definition, to which the reference refers.
@@ -273,10 +273,10 @@ class Bodies(SectionReader):
         """Add the kinetic and potential energy of a body to the file's energies."""
         label, name, below, indices = one
         mass = self.number(below["mass"], indices, f"the mass of {label}")
-        m = self._kept(f"body.{name}.mass", mass)
+        m = self._named(f"body.{name}.mass", mass)
         parts = self.vector(below["at"], indices, [2, 3], f"`at` of {label}")
         pairs = zip(LETTERS, parts, strict=False)
-        at = tuple(self.moved(f"body.{name}.{c}", *part) for c, part in pairs)
+        at = tuple(self.with_rate(f"body.{name}.{c}", *part) for c, part in pairs)
         speeds = [trees.name(rate_of(str(x.value))) for x in at]
         squares = total(product(v, v) for v in speeds)
         energy = call("div", product(m, squares), number(2.0))
@@ -320,7 +320,7 @@ class Bodies(SectionReader):
         label, counts = f"the inertia of {one.label}", [1, 3, 6] if n > 2 else [1]
         parts = self.vector(node, one.indices, counts, label)
         kept = [
-            self._kept(f"body.{one.name}.J{k}", part) for k, part in enumerate(parts)
+            self._named(f"body.{one.name}.J{k}", part) for k, part in enumerate(parts)
         ]
         return tuple(kept) if len(kept) > 1 else kept[0]
 
@@ -355,7 +355,7 @@ class Bodies(SectionReader):
         else:
             parts = self.vector(value, one.indices, [known[kind]], label)
             pairs = enumerate(parts, 1)
-            sizes = [self._kept(f"body.{one.name}.size{k}", part) for k, part in pairs]
+            sizes = [self._named(f"body.{one.name}.size{k}", part) for k, part in pairs]
             found = solid(kind, m, sizes, n)
         off = rotate(frame, found.centre) if frame else found.centre
         origin = tuple(
@@ -374,7 +374,7 @@ class Bodies(SectionReader):
             parts = self.vector(item, one.indices, [2], f"a corner of {label}")
             pairs = zip(LETTERS, parts, strict=False)
             name = f"body.{one.name}.corner{k}"
-            corners.append(tuple(self._kept(f"{name}.{c}", part) for c, part in pairs))
+            corners.append(tuple(self._named(f"{name}.{c}", part) for c, part in pairs))
         return polygon(m, corners)
 
 
@@ -442,5 +442,5 @@ class Shapes(SectionReader):
         return Sequence(rows, at.place)
 
     def _list(self, parts: Iterable[Tree], at: Scalar) -> Sequence:
-        made = (self.x.made(f"{HIDDEN}{at.text}", parsed(x, ""), at) for x in parts)
+        made = (self.x.entry(f"{HIDDEN}{at.text}", parsed(x, ""), at) for x in parts)
         return Sequence(tuple(key for key, _ in made), at.place)

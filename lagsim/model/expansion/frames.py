@@ -103,8 +103,8 @@ class TurnedFrame(NamedTuple):
     omega: tuple[Parsed, ...]
 
 
-def _all_parsed(some: Iterable[Tree]) -> tuple[Parsed, ...]:
-    return tuple(parsed(x, "") for x in some)
+def _all_parsed(trees: Iterable[Tree]) -> tuple[Parsed, ...]:
+    return tuple(parsed(x, "") for x in trees)
 
 
 class _DeclaredFrame(NamedTuple):
@@ -173,7 +173,7 @@ class SectionReader:
             self.x.fault(fault, node)
             raise silent() from None
 
-    def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
+    def with_rate(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
         """Add a hidden definition that has a rate; return a reference to it.
 
         Energies use the rate; other hidden definitions have none.
@@ -236,7 +236,7 @@ class FrameReader(SectionReader):
         given = entries_of(section)
         turning = {key.text for _, node in given for key, _ in entries_of(node)}
         self.n = 3 if turning & {"axis", "angles", "axes", "quaternion"} else 2
-        self._made: dict[Called, Frame | None] = {_SPACE: space(self.n)}
+        self._frames: dict[Called, Frame | None] = {_SPACE: space(self.n)}
         for key, node in given:
             self._declare(key, node)
 
@@ -348,14 +348,14 @@ class FrameReader(SectionReader):
         called : the name and the subscripts.
         """
         chain: list[Called] = []
-        while called not in self._made:
+        while called not in self._frames:
             if called in chain:
                 circle = [*chain[chain.index(called) :], called]
                 shown = " -> ".join(dotted(*one) for one in circle)
                 text = f"the frame `{dotted(*called)}` is on itself: {shown}"
                 node = self._given[called].below["on"]
                 self.report(CYCLE, text, node)
-                self._made |= dict.fromkeys(chain)
+                self._frames |= dict.fromkeys(chain)
                 break
             chain.append(called)
             called = self._parent(called)
@@ -363,13 +363,13 @@ class FrameReader(SectionReader):
             if one in self._making:
                 text = f"the frame `{dotted(*one)}` depends on itself"
                 raise ExpressionError(0, 1, text, "", EXPRESSION_FRAME)
-            if one not in self._made:
+            if one not in self._frames:
                 self._making.add(one)
                 try:
-                    self._made[one] = self._frame(one)
+                    self._frames[one] = self._frame(one)
                 finally:
                     self._making.discard(one)
-        frame = self._made[chain[0] if chain else called]
+        frame = self._frames[chain[0] if chain else called]
         if frame is None:
             raise silent()
         return frame
@@ -392,7 +392,7 @@ class FrameReader(SectionReader):
         except ExpressionError as fault:
             if isinstance(node, Scalar):
                 self.x.fault(fault, node)
-            self._made[called] = None
+            self._frames[called] = None
             return _SPACE
 
     def _frame(self, called: Called) -> Frame | None:
@@ -400,7 +400,7 @@ class FrameReader(SectionReader):
 
         called : name and subscripts of the frame.
         """
-        given, parent = self._given[called], self._made[self._parent(called)]
+        given, parent = self._given[called], self._frames[self._parent(called)]
         if parent is None:
             return None
         name, below = "frame." + dotted(*called), given.below
@@ -442,7 +442,7 @@ class FrameReader(SectionReader):
         """Return the trees of an angle (or a component) and of its rate, for energies.
 
         A constant has the rate 0; an expression becomes a hidden definition, see
-        `SectionReader.moved`.
+        `SectionReader.with_rate`.
 
         hidden : name of that definition.
         tree : the angle.
@@ -451,7 +451,7 @@ class FrameReader(SectionReader):
         if tree.op == "number":
             return tree, ZERO
         if tree.op != "name" or not self._is_coordinate(tree):
-            tree = self.moved(hidden, tree, at)
+            tree = self.with_rate(hidden, tree, at)
         return tree, name(rate_of(str(tree.value)))
 
     def _is_coordinate(self, tree: Tree) -> bool:
@@ -537,7 +537,7 @@ class FrameReader(SectionReader):
             text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
             relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
             unit_length = UNIT_LENGTH + dotted(*called)
-            self.x.units.append(self.x.made(unit_length, relation, given.key, text))
+            self.x.units.append(self.x.entry(unit_length, relation, given.key, text))
         n = scalar(self.x.add_hidden(f"{name}.square", square, given.key), name)
         return by_quaternion(p, n, speeds)
 

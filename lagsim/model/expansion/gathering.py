@@ -211,8 +211,8 @@ def _sums(tree: Tree) -> list[Sum]:
     return [Sum((), _unrolled(tree))]
 
 
-def _times(one: Sum, made: Callable[[Tree], Tree]) -> Sum:
-    return one._replace(term=made(one.term))
+def _times(one: Sum, scaled: Callable[[Tree], Tree]) -> Sum:
+    return one._replace(term=scaled(one.term))
 
 
 # Terms of an inner sum that is written out within the term.

@@ -620,8 +620,8 @@ class File:
 def _frames(given: Iterable[TurnedFrame], x: Expressions) -> tuple[TurningFrame, ...]:
     """Return the frames `given` with graph nodes in place of their expressions."""
 
-    def built(some: tuple[Parsed, ...]) -> tuple[int, ...]:
-        return tuple(map(x.build, some))
+    def built(vector: tuple[Parsed, ...]) -> tuple[int, ...]:
+        return tuple(map(x.build, vector))
 
     return tuple(
         TurningFrame(

@@ -662,9 +662,9 @@ class _SceneReader:
             hint = f"`{other}` belongs to {quoted_list(of)}" if of else ""
             text = f"unknown key `{other}` in {label}"
             faults.add(UNKNOWN_KEY, text, known.place_of(other), hint)
-        return self._made(label, key.text, kind, known)
+        return self._entry(label, key.text, kind, known)
 
-    def _made(self, label: str, name: str, kind: str, known: Fields) -> Shape | None:
+    def _entry(self, label: str, name: str, kind: str, known: Fields) -> Shape | None:
         node, x = known.found[kind][1], self.x
         if isinstance(node, Broken):
             return None

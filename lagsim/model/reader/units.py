@@ -124,7 +124,7 @@ class _UnitCheck:
         energy = self._energy()
         for label, (scalar, _) in self.read.items():
             kind, _, name = label.partition(" `")
-            expected = self._wanted(kind, name.rstrip("`"), energy)
+            expected = self._expected(kind, name.rstrip("`"), energy)
             text = f"{label} is in {{}} here, where {{}} is expected"
             self._compare(scalar, None, self.value(label), expected, text)
         return sorted(self.found.values(), key=lambda x: x.place[1:3])
@@ -154,7 +154,7 @@ class _UnitCheck:
             found = found if found.unit else own
         return found
 
-    def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
+    def _expected(self, kind: str, name: str, energy: Quantity) -> Quantity:
         """Return the quantity that an expression should have; unknown if any is right.
 
         kind : such as `the force on`.

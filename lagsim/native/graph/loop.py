@@ -266,7 +266,7 @@ def _with_edges(
         The variables of a_1 and b_1 of each sum.
     """
     parts = zip(r.sums, edges, strict=False)
-    made = g.substitute(r.made, {s: g.call("add", s, e) for s, e in parts})
+    made = g.substitute(r.computed, {s: g.call("add", s, e) for s, e in parts})
     firsts, following = [], []
     factors = made[len(r.state) :]
     for i in range(len(edges)):

@@ -357,8 +357,8 @@ class MembersFunction(Lines):
             self._loop(column.length, scattered)
 
 
-def written(some: Sequence[Elements]) -> tuple[set[str], list[str]]:
+def written(elements: Sequence[Elements]) -> tuple[set[str], list[str]]:
     """Return declarations and IR lines of the functions of the given elements."""
-    made = [MembersFunction(of) for of in some]
+    made = [MembersFunction(of) for of in elements]
     declared = set().union(*(x.declared for x in made))
     return declared, [line for x in made for line in x.lines]

@@ -93,7 +93,7 @@ class _Orders:
         self.row = 2 * -(-count // WIDEST) * WIDEST
         self._factors: dict[int, Factors] = {}
         self._ahead: list[str] = []  # names of the sums of the next order, but its ends
-        once = hoisted(g, r.made, {*self._numbers, *r.carried, *r.sums})
+        once = hoisted(g, r.computed, {*self._numbers, *r.carried, *r.sums})
         begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
         self._once = w.values(begin, once, places)
         self._places = places
@@ -107,7 +107,7 @@ class _Orders:
         if k == 1:
             new |= dict.fromkeys(r.sums, g.zero)
         last = k + 1 == self.order
-        made = g.substitute(r.following if last else r.made, new)
+        made = g.substitute(r.following if last else r.computed, new)
         values = dict(zip(r.carried, self._state, strict=True))
         if k > 1:
             values |= zip(r.sums, self._sums(k), strict=True)

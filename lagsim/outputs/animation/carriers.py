@@ -160,13 +160,13 @@ class Carriers:
             Whether the row determines the forces on these points.
         """
         step = max(1, (self._count - 1) // (TRIED - 1))
-        some = slice(0, None, step)
+        sample = slice(0, None, step)
         several: tuple[str, ...] = ()
         for points in self._candidates():
             reached = {j for p in points for part in self.jacobians[p] for j in part}
             if not A or not A.keys() <= reached:
                 continue
-            _, holds, unique = self._forces(A, points, some)
+            _, holds, unique = self._forces(A, points, sample)
             if np.mean(holds & unique) >= MOSTLY:
                 return points, True
             if np.mean(holds) >= MOSTLY:
@@ -271,9 +271,9 @@ def reactions(
     dimension = scene.dimension
     for point, parts in scene.points.items():
         found = [columns.get(REACTION.of(str(names.get(node)))) for node in parts]
-        some = next((x for x in found if x is not None), None)
-        if some is not None:
-            force = np.zeros((len(some), dimension))
+        first = next((x for x in found if x is not None), None)
+        if first is not None:
+            force = np.zeros((len(first), dimension))
             for k, x in enumerate(found):
                 if x is not None:
                     force[:, k] = x

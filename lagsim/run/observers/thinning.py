@@ -437,7 +437,7 @@ class Frames:
         self._last = block[-1:].copy()
         # The last row is processed with the next block, when its successor is known.
         done = block[:-1]
-        self._append(done[self._wanted(done)])
+        self._append(done[self._selected(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
         """Return a mask (k,) of a block's rows that are stored as rows of impacts."""
@@ -445,7 +445,7 @@ class Frames:
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
 
-    def _wanted(self, block: Floats) -> Flags:
+    def _selected(self, block: Floats) -> Flags:
         even: Flags = block[:, NUMBER] % self.stride == 0
         return even | self._struck_in(block)
 
@@ -463,7 +463,7 @@ class Frames:
                 self._of_impacts *= 2
             else:
                 self.stride *= 2
-            table = table[self._wanted(table)]
+            table = table[self._selected(table)]
         self._kept, self._count = [table], len(table)
 
     def _whole(self) -> Floats:

@@ -217,7 +217,7 @@ def _gained(run: Evidence, balance: Balance) -> list[Caution]:
     plan, settings = run.plan, run.session.case.settings
     least, change = UNEXPLAINED * balance.in_play, balance.farthest
     if plan.rtol is None or not math.isfinite(change):
-        change = gained(balance.kept)
+        change = gained(balance.conserved)
     if not abs(change) > least or abs(change) <= energy_rounding(run, balance):
         return []
     since = balance.since(least)

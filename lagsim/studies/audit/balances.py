@@ -61,7 +61,7 @@ class Balance(NamedTuple):
         The deviation of size `drift`, with its sign.
     worst_row : ndarray or None
         The row with the largest deviation: time, coordinates, velocities and more.
-    kept : ndarray, shape (k,)
+    conserved : ndarray, shape (k,)
         Energy - work at `rows`.
     rows : ndarray, shape (k, 1 + 2 n)
         Times, coordinates and velocities of some rows.
@@ -77,7 +77,7 @@ class Balance(NamedTuple):
     drift: float
     farthest: float
     worst_row: Floats | None
-    kept: Floats
+    conserved: Floats
     rows: Floats
     since: Callable[[float], float | None]
 
@@ -241,11 +241,11 @@ def energy_jumps(equations: Equations, balance: Balance) -> Floats:
 
 
 def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
-    """Return `balance.kept`, energy - work of rows, less the jumps of the energy, (k,).
+    """Return `balance.conserved` (k,) less the jumps of the energy.
 
     None if the energy does not jump.
     """
-    jumped, kept = energy_jumps(equations, balance)[1:], balance.kept
+    jumped, kept = energy_jumps(equations, balance)[1:], balance.conserved
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None

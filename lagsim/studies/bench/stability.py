@@ -162,11 +162,11 @@ class Subject:
         self.period = min(periods, default=math.inf)
         self.costs: dict[str, float] = {}
         motion = self._trusted()
-        some = motion[:: max(1, len(motion) // STATES)]
+        sample = motion[:: max(1, len(motion) // STATES)]
         values: dict[str, Any] = e.model.parameter_values
-        values |= dict(zip(("t", *e.state), some.T, strict=True))
+        values |= dict(zip(("t", *e.state), sample.T, strict=True))
         nodes = e.kinetic_form, e.energy
-        kinetic, energy = evaluate_rows(e.graph, nodes, values, len(some))
+        kinetic, energy = evaluate_rows(e.graph, nodes, values, len(sample))
         rest = energy - kinetic
         self.highest = float(np.max(energy))
         self.energy = max(float(np.max(kinetic)), float(np.ptp(rest)))

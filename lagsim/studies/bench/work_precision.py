@@ -47,7 +47,7 @@ from lagsim.studies.bench import (
     today,
     with_method,
 )
-from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
+from lagsim.studies.comparison import IMPACT, paired_times, range_or_size, within
 from lagsim.studies.trials import TOO_SLOW, Patience
 from lagsim.tolerances import COMPUTED_ZERO, SAME_STEP
 
@@ -197,7 +197,7 @@ class Reference:
     ----------
     columns : tuple of str
         Names of the columns.
-    made : str
+    origin : str
         Method and setting of the rows.
     rows : ndarray, shape (k, columns)
     state, multipliers : list of int
@@ -214,7 +214,7 @@ class Reference:
     """
 
     columns: tuple[str, ...]
-    made: str
+    origin: str
     rows: Floats
     state: list[int]
     multipliers: list[int]
@@ -238,7 +238,7 @@ class Reference:
     @property
     def trust(self) -> str:
         """Text on the accuracy of the reference, and on its horizon."""
-        text = f"{self.made}; {self.verified} agrees with it to {self.floor:.1g}"
+        text = f"{self.origin}; {self.verified} agrees with it to {self.floor:.1g}"
         if self.horizon is not None:
             end = self.rows[-1, 0]
             text += (
@@ -280,7 +280,7 @@ class Reference:
                 [e for e in run if e.kind in only or not only]
                 for run in (self.events, events)
             )
-            same = within(rows[:count, 0], moved(own, other))
+            same = within(rows[:count, 0], paired_times(own, other))
             differences[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
         return differences
 
@@ -321,7 +321,7 @@ class Reference:
         named = {self.columns[c]: c for c in (*self.state, *self.multipliers)}
         scales = {name: float(self.scales[c]) for name, c in named.items()}
         return {
-            "made": self.made,
+            "made": self.origin,
             "verified": self.verified,
             "trust": self.trust,
             "floor": self.floor,

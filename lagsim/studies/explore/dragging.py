@@ -372,13 +372,13 @@ class ConstrainedStart:
         return there
 
 
-def _beyond(expected: Floats, moved: Floats) -> bool:
+def _beyond(expected: Floats, displacement: Floats) -> bool:
     """Whether a displacement differs from its prediction by more than half of it.
 
     expected : the linear prediction.
-    moved : the displacement.
+    displacement : the displacement.
     """
-    off = np.linalg.norm(moved - expected)
+    off = np.linalg.norm(displacement - expected)
     return bool(off > np.linalg.norm(expected) / 2.0)
 
 

@@ -96,7 +96,7 @@ class Server(ThreadingHTTPServer):
         self.explorer, self.secret = explorer, secrets.token_urlsafe(SECRET_BYTES)
         self._pages, self._closed = 0, math.inf
         self._seats = threading.BoundedSemaphore(MOST_CONNECTIONS)
-        self._told = threading.Condition()
+        self._changed = threading.Condition()
         self._news = 0
         self.over = threading.Event()
         super().__init__((HOST, port), Handler)
@@ -152,19 +152,19 @@ class Server(ThreadingHTTPServer):
     # --- Pages that wait for events of the server
 
     def _notify(self) -> None:
-        with self._told:
+        with self._changed:
             self._news += 1
-            self._told.notify_all()
+            self._changed.notify_all()
 
     def opened(self) -> None:
         """Count a page that has begun to receive events."""
-        with self._told:
+        with self._changed:
             self._pages += 1
             self._closed = math.inf
 
     def closed(self) -> None:
         """Count a page that receives no more events."""
-        with self._told:
+        with self._changed:
             self._pages -= 1
             if not self._pages:
                 self._closed = time.monotonic()
@@ -175,9 +175,9 @@ class Server(ThreadingHTTPServer):
         The number of the last news is returned, after SIGN seconds at the latest; it is
         then `known`.
         """
-        with self._told:
+        with self._changed:
             if self._news == known:
-                self._told.wait(SIGN)
+                self._changed.wait(SIGN)
             return self._news
 
 

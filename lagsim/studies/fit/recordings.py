@@ -168,7 +168,7 @@ class Team:
     """
 
     def __init__(self, jobs: int | None) -> None:
-        self.most, self._wanted = jobs or cores(), jobs is not None
+        self.most, self._in_parallel = jobs or cores(), jobs is not None
         self._workers: Workers | None = None
         self._stack = contextlib.ExitStack()
 
@@ -195,7 +195,7 @@ class Team:
         runs : the recordings of this process, by the index of their record.
         """
         known: dict[int, Derivative | LagsimError | Died] = {}
-        if self._wanted and self.most > 1 and len(tasks) > 1:
+        if self._in_parallel and self.most > 1 and len(tasks) > 1:
             interrupt = interrupt or Interrupt()
             self._workers = self._workers or self._stack.enter_context(
                 shared_processes(self.most)
@@ -214,5 +214,5 @@ class Team:
             if isinstance(one, LagsimError):
                 raise one
             found.append(one)
-        self._wanted |= time.process_time() - began > WORTH_SECONDS
+        self._in_parallel |= time.process_time() - began > WORTH_SECONDS
         return found

@@ -33,7 +33,7 @@ from lagsim.run.arcs import Run, statistics_of
 from lagsim.run.interrupt import FIRST_CHECK
 from lagsim.run.observers import Extremes, Measures, extremes_of
 from lagsim.run.observers.monitors import MOST_ROWS, energy_in_play, energy_parts
-from lagsim.run.session import wanted
+from lagsim.run.session import settings_of
 from lagsim.run.trajectory import Outcome, Trajectory
 from lagsim.studies.attempts import (
     BUDGET,
@@ -298,7 +298,7 @@ class Batch:
         for k, number in enumerate(numbers):
             with contextlib.suppress(LagsimError):
                 model = unbound.bind(**self.grid.texts(number))
-                equal = wanted(model, "sweep", self.options) == case.settings
+                equal = settings_of(model, "sweep", self.options) == case.settings
                 if equal and not (constrained and self._begins_elsewhere(model)):
                     found[k] = [p.value for p in model.parameters]
                     initial = [x.value for x in model.initial[: sizes[1]]]

@@ -246,7 +246,7 @@ class SweepInput(NamedTuple):
         Options of runs by name.
     grid : Grid
     error_bars : ErrorBars
-    kept : str or None
+    folder : str or None
         The folder in which each run has a folder; None if only rows are stored.
     plots : bool
         Whether pictures of the runs are drawn.
@@ -258,7 +258,7 @@ class SweepInput(NamedTuple):
     options: tuple[tuple[str, str], ...]
     grid: Grid
     error_bars: ErrorBars
-    kept: str | None = None
+    folder: str | None = None
     plots: bool = False
     ends: bool = False
 

@@ -85,7 +85,7 @@ class Runs:
                 return of_table(session.equations, self.columns)
         return {}
 
-    def made(
+    def rows(
         self, numbers: Sequence[int], interrupt: Interrupt
     ) -> Iterator[list[SweepRow]]:
         """Make runs; yield their rows in lists: a single row, or the rows of a batch.
@@ -129,7 +129,7 @@ class Runs:
             return SweepRow(grid.values(number), found.outcome, reason=found.reason)
         own, work = session.columns.of_table, self.work
         extremes = observer_of(session)
-        if work.kept is not None:
+        if work.folder is not None:
             made = self._written(number, session, extremes, interrupt)
         else:
             bars = work.error_bars
@@ -139,7 +139,7 @@ class Runs:
         trajectory, bar = made.trajectory, made.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
-        if work.kept is None and not self._tried:
+        if work.folder is None and not self._tried:
             self._tried = True
             batch = Batch(session, work, len(self.columns))
             self.batch = None if batch.refusal else batch
@@ -169,10 +169,10 @@ class Runs:
         from lagsim.outputs.results import MANIFEST, open_results
 
         clock, work = Stopwatch(), self.work
-        assert work.kept is not None
+        assert work.folder is not None
         # the number of the run is its row in sweep.csv, from 1
         width = len(str(work.grid.runs))
-        folder = Path(work.kept, f"run-{number + 1:0{width}}")
+        folder = Path(work.folder, f"run-{number + 1:0{width}}")
         units = of_table(session.equations, session.columns.of_table)
         with open_results(folder) as results:
             path = results.part(TableFormat.CSV.file)

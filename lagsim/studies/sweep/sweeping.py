@@ -172,7 +172,7 @@ def sweep(
     interrupt = interrupt or Interrupt()
     requested |= workers is not processes
     for results in in_batches(
-        own.made,
+        own.rows,
         found.missing,
         most,
         interrupt,
@@ -226,7 +226,7 @@ def identity(found: SweepRows) -> dict[str, Any]:
         "parameters": model.parameter_values,
         "grid": [[axis.name, list(axis.texts)] for axis in work.grid.axes],
         "options": dict(work.options) | {"error_bar": work.error_bars.value},
-        "kept": [work.kept is not None, work.plots],
+        "kept": [work.folder is not None, work.plots],
         **({"ends": True} if work.ends else {}),
         **({"together": True} if work.grid.together else {}),
     }

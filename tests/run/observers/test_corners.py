@@ -31,7 +31,7 @@ simulation: {duration: 1, output_step: 0.01}
 def shown(text):
     """A function that gives times and values of a column as pictures show it."""
     result = simulate(lagsim.load(text))
-    made = result._made
+    made = result._attempt
     names = made.session.system.columns.names
     thin = Thinning(names)
     thin.add(result._rows)

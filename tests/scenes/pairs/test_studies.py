@@ -10,7 +10,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.outputs.animation import recorded
-from lagsim.run.session import open_case, wanted
+from lagsim.run.session import open_case, settings_of
 from lagsim.studies.bench.stability import Subject
 from lagsim.studies.bench.work_precision import make_reference
 from lagsim.studies.restart import RESTART
@@ -102,7 +102,7 @@ def test_a_page_plays_the_motion(name, lagsim, write):
 @pytest.mark.parametrize("name", each(13))
 def test_the_reference_of_a_chart_is_the_closed_form(name):
     model = read(coupled(name), "model.yaml")
-    reference = make_reference(open_case(model, wanted(model, "bench")))
+    reference = make_reference(open_case(model, settings_of(model, "bench")))
     assert reference.horizon is None
     assert reference.floor < 1e-6
     t = reference.rows[:, 0]
@@ -123,7 +123,7 @@ def test_stability_refuses_what_holds_at_times(name, lagsim, write):
 @pytest.mark.parametrize("name", EIGENVALUES)
 def test_stability_has_the_eigenvalues_of_the_closed_form(name):
     model = read(coupled(name), "model.yaml")
-    subject = Subject(open_case(model, wanted(model, "stability")))
+    subject = Subject(open_case(model, settings_of(model, "stability")))
     found = [complex(z) for z in subject.at_start]
     expected = [*EIGENVALUES[name], 2j, -2j]
     assert len(found) == len(expected)

@@ -5,7 +5,7 @@ import pytest
 
 from lagsim.model.model import Settings
 from lagsim.notes import Event
-from lagsim.studies.comparison import kind, match, moved, on_grid, scales, within
+from lagsim.studies.comparison import kind, match, on_grid, paired_times, scales, within
 
 COLUMNS = (
     "t", "x", "y", "x_dot", "y_dot", "x_ddot", "y_ddot", "tension", "kinetic",
@@ -67,14 +67,14 @@ def impacts(*times, constraint="floor"):
 
 def test_the_same_is_nearest_either_way():
     # The second is missing, and its neighbours are nearer to others.
-    found = moved(impacts(1.0, 2.0, 3.0), impacts(1.1, 2.8))
+    found = paired_times(impacts(1.0, 2.0, 3.0), impacts(1.1, 2.8))
     assert found.tolist() == [[1.0, 1.1], [3.0, 2.8]]
 
 
 def test_another_constraint_or_kind_is_not_the_same():
     other = [*impacts(1.1, constraint="wall"), Event(1.1, "contact", "floor")]
-    assert len(moved(impacts(1.0), other)) == 0
-    assert len(moved([], impacts(1.0))) == 0
+    assert len(paired_times(impacts(1.0), other)) == 0
+    assert len(paired_times([], impacts(1.0))) == 0
 
 
 def test_times_between_a_pair():
