@@ -145,7 +145,7 @@ def command(
     kept = str(where.absolute()) if keep else None
     plots = not no_plots
     found = SweepRows.of(
-        read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
+        read, grid, options, error_bar, folder=kept, plots=keep and plots, ends=ends
     )
     known = _earlier_record(found, where) if resume else None
     if known is not None:

@@ -357,7 +357,7 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
     grid, options = parse_axes(model, names), {"duration": "0.1"}
     bars = ErrorBars.NEVER
     runs = Runs(
-        SweepRows.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
+        SweepRows.of(model, grid, options, bars, folder=str(tmp_path), plots=True).work
     )
     gc.collect()
     gc.disable()
