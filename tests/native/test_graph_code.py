@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import keys, straight_line, tapes
+from lagsim.native.graph import keys, straight_line, tapes, writer
 from lagsim.native.graph.keys import Layout, Manner
 from lagsim.native.graph.lines import number
 from lagsim.native.graph.straight_line import Code, generate
@@ -276,6 +276,22 @@ def test_products_are_contracted_where_asked_for() -> None:
     nodes = build(g, "x*y + z", "x - y*z")
     ir = generate(g, {"exact": nodes, "fused": nodes}, LAYOUT, Manner(("fused",))).ir
     assert [body(ir, name).count("contract") for name in ("exact", "fused")] == [0, 4]
+
+
+def test_stretches_for_the_scheduler_change_no_bits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    g = Graph()
+    functions, codes = long_functions(g), []
+    for accesses in (1, 10**9):
+        monkeypatch.setattr(writer, "ACCESSES", accesses)
+        write = partial(generate, manner=Manner(contracted=("f",)))
+        codes.append(Compiled(g, functions, write))
+    many, none = (code.code.ir.count(writer.END_OF_STRETCH) for code in codes)
+    assert many > 100
+    assert none == 0
+    for name in functions:
+        assert bits(codes[0].at(VALUES, name)) == bits(codes[1].at(VALUES, name))
 
 
 @pytest.mark.parametrize("many", [3, 2 * keys.PIECE])  # in one piece, and in several
