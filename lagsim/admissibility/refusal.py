@@ -483,7 +483,7 @@ def _of_inertia(
     hint += "dampers balance other forces on it, it is one of `states`, with its rate"
     timed = [law for law in point.e.laws if law.when is not None and law.pair >= 0]
     if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in timed for q in moving):
-        hint = "a slider of two relations that has no mass cannot have `when`"
+        hint = "`when` is not possible for a slider without mass that has two relations"
     drops = [law for law in point.e.laws if law.static != law.bound]
     if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in drops for q in moving):
         hint = "a slider that has no mass has one limit: static and dynamic need a mass"

@@ -142,7 +142,7 @@ class Retired(NamedTuple):
 RETIRED = (
     Retired("E109", "split-by-comma",
         "A comma within `{}` or `[]` ended a value too early.",
-        "a comma within parentheses ends no value"),
+        "a comma within parentheses does not end a value"),
     Retired("W205", "spectral-radius-unused",
         "`spectral_radius` had no effect, since the method of the run does not use it.",
         "W206 (`option-unused`) reports this for the options of all methods"),

@@ -238,13 +238,14 @@ def _join(
     sums: Sequence[int],
     moving: frozenset[str],
 ) -> bool:
-    """Add to `found` the joint of massless `velocities` that occur in `sums`.
+    """Add the joint of massless `velocities` to `found`; return whether there is one.
 
-    The joint is supported if there are at most 3 sums, and as many sums as velocities
-    or one more; else return False. On lines and in planes, fixed unit directions
-    replace the missing velocities of space.
+    There is one if these velocities occur in at most 3 sums of `laws`, and in as many
+    sums as there are velocities or one more. In fewer than 3 dimensions, fixed unit
+    vectors replace the missing velocities.
 
-    laws : Newton's laws.
+    laws : Newton's laws, as sums of products of forces and factors.
+    sums : indices of the sums of `laws` in which the velocities occur.
     moving : names of variables that change along a motion.
     """
     flat = 3 - len(sums)

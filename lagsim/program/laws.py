@@ -331,10 +331,10 @@ FALLS, SETTLED, SHARED = 1e-4, 4e-16, 1e-10
 def share_loads(_t: float, _y: Floats, p: Parameters, out: Floats) -> None:
     """Replace multipliers of dependent rows in out (m,) by those of least norm.
 
-    The multipliers are unchanged if the iteration does not converge. Output rows show
-    the least norm. Modes end by the multipliers of the rows that hold: the least norm
-    is not linear in the forces, so that it cannot be combined along surfaces, and a
-    multiplier of least norm stays on a bound that it has reached.
+    The multipliers are unchanged if the iteration does not converge. The multipliers of
+    least norm are for output rows only, not for the event functions that end modes:
+    they are not linear in the forces, so that they cannot be combined along surfaces,
+    and one that has reached its bound stays there.
     """
     lam = out[p.m - p.laws :]
     p.factored = min(p.factored, 1.0)  # S is overwritten

@@ -296,10 +296,10 @@ class _IndicatorSearch:
         return []
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
-        """Return an indicator of the zeros of a sum of two exponentials or constants.
+        """Return a list with the indicator of the zeros of a sum of two nodes `args`.
 
-        The argument of the indicator is the difference of the logarithms of the two
-        nodes `args`; [] for other sums.
+        Each node is an exponential or a constant; for other nodes the list is empty.
+        The argument of the indicator is the difference of the logarithms of |node|.
         """
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:

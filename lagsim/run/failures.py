@@ -146,7 +146,7 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
-    """Return advice to use the method `ANY`; "" where this would not help.
+    """Return advice to use `ANY`, the method for any model; "" if it would not help.
 
     outcome : the outcome of the run.
     """

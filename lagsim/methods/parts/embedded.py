@@ -299,9 +299,10 @@ def error_norm(s: Embedded, h: float, errors: Floats) -> float:
 
     The norm is the root mean square over the components with an error. Errors of works
     are added one by one, each by the amount by which it increases the norm of the
-    motion alone. Otherwise a work with a large estimate of order 3 only, such as a
-    polynomial in t with a tolerance near 0, would hide all other errors. The norm is
-    nan if an error is nan, and the step is then rejected.
+    motion alone. The estimate of order 3 can be large for a work whose true error is
+    small, such as a polynomial in t with a tolerance near 0; in a common mean it would
+    dominate all other errors. The norm is nan if an error is nan, and the step is then
+    rejected.
 
     errors : (2 size,), both estimates of the error of the slope; the second one is not
         used if the pair has only one.

@@ -95,8 +95,8 @@ def spread_scales(
         if s.tolerances[i] > 0.0:
             own[i] = max(own[i], width_with(s, i, new))
         moves[i] = own[i]
-    for way in range(2):
-        push(s, p, t, y, k, way, forces)
+    for signs in range(2):
+        raise_to_changes(s, p, t, y, k, signs, forces)
     for i in range(n):
         lasting = part_of(own[i], longest * forces[i])
         if 0.0 < own[i] <= s.onset[i]:
@@ -104,7 +104,7 @@ def spread_scales(
             lasting = max(lasting, part_of(pace * pace, longest))
         moves[i] = lasting * own[i]
         moves[n + i] = lasting * own[n + i]
-    push(s, p, t, y, k, 0, found)
+    raise_to_changes(s, p, t, y, k, 0, found)
     for hop in range(int(s.hops)):
         if spread_once(s, p, t, y, k, longest, hop % 2) == 0:
             # The others are known not to be reached. If none is, the step may be too
@@ -116,7 +116,13 @@ def spread_scales(
 
 
 def spread_once(
-    s: Control, p: Parameters, t: float, y: Floats, k: Floats, longest: float, way: int
+    s: Control,
+    p: Parameters,
+    t: float,
+    y: Floats,
+    k: Floats,
+    longest: float,
+    signs: int,
 ) -> int:
     """Raise the sizes `onset` of components that others reach; return their number.
 
@@ -126,7 +132,7 @@ def spread_once(
     raised; the effects of their own displacements are added for the next call.
 
     longest : the square of the longest time.
-    t, y, k, way : see `push`.
+    t, y, k, signs : see `raise_to_changes`.
     """
     n, own, moves, back = s.n, s.reach, s.point, s.far_before
     forces, found = s.point_rates, s.exact_rates
@@ -143,7 +149,7 @@ def spread_once(
         size = longest * found[i] if counts else 0.0
         moves[i] = size
         moves[n + i] = sqrt(size) * sqrt(forces[i])
-    push(s, p, t, y, k, way, back)
+    raise_to_changes(s, p, t, y, k, signs, back)
     most = 0.0
     raised = 0
     for i in range(n):
@@ -168,7 +174,7 @@ def spread_once(
             moves[n + i] = lasting * speed
     for i in range(n):
         forces[i] = max(forces[i], most * back[i])
-    push(s, p, t, y, k, way, found)
+    raise_to_changes(s, p, t, y, k, signs, found)
     for i in range(n):
         found[i] = 0.0 if moves[i] > 0.0 else found[i]
     return 1
@@ -184,21 +190,21 @@ def part_of(part: float, whole: float) -> float:
     return part / whole if part < whole else 1.0
 
 
-def push(
-    s: Control, p: Parameters, t: float, y: Floats, k: Floats, way: int, out: Floats
+def raise_to_changes(
+    s: Control, p: Parameters, t: float, y: Floats, k: Floats, signs: int, out: Floats
 ) -> None:
-    """Raise out (n,) to the changes of accelerations by the displacements `point`.
+    """Raise out (n,) to the sizes of the changes of q'' by displacements `s.point`.
 
-    The displacements of positions and velocities are multiplied by pseudorandom parts
-    from 3/4 to 5/4 of either sign, so that effects of neighbours do not cancel.
+    The displacements of positions and velocities are multiplied by pseudorandom factors
+    of size 3/4 to 5/4 and either sign, so that effects of neighbours do not cancel.
 
     y, k : (size,), a state at time t, and y' there.
-    way : the set of parts, 0 or 1.
+    signs : the set of factors, 0 or 1.
     """
     s.evaluations += 1.0
     s.work[: s.size] = y[: s.size]
     for i in range(s.velocities.stop):
-        part = pseudorandom(i, way) - 0.5
+        part = pseudorandom(i, signs) - 0.5
         part += 0.75 if part > 0.0 else -0.75
         s.work[i] += SMALL * s.point[i] * part
     derivative(t, s.work, p, s.spare)

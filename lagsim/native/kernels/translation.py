@@ -785,7 +785,7 @@ class _Translation:
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:
-        """Return the IR of the functions that wait, and of all that they call."""
+        """Return the IR of the functions in `waiting`, and of all that they call."""
         defined = []
         used: set[str] = set()
         while self.waiting:

@@ -424,12 +424,12 @@ class Switching(Source):
         return quoted(self.sides[k].text for k in sorted(several))
 
     def _set_slack(self, crossing: Crossing) -> None:
-        """Set how far each mode may be off its condition before it ends.
+        """Set the tolerances of the conditions on which each mode ends.
 
-        The distances are `slack` and `band`, shape (modes.count,), bounds of rounding
-        and of tolerated errors.
+        These are `slack` and `band`, shape (modes.count,): bounds of the roundoff of
+        the conditions, and of their errors within the tolerance of the run.
 
-        crossing : the selection of the modes.
+        crossing : the modes that were selected, with their conditions.
         """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc

@@ -53,13 +53,13 @@ COMMANDS_HEAD = """
 ## Commands and outputs
 
 Each command and output with each feature, most with another feature in the same
-expressions. `check` counts degrees of freedom. A `sweep` has the bits of single runs,
-a resumed run those of an uninterrupted one. A `golden` passes with other methods, and
-fails for a change of some millionths. `run --animate` plays the rows. The reference of
-`bench` equals the closed form to 1e-9. `stability` gives the eigenvalues of the
-linearised closed form. The closed form satisfies the equations of `derive`. `action` is
-the integral of L over the rows, `gauss.G` that of the constraint forces, and the
-`reactions` of free coordinates are 0.
+expressions. `check` counts degrees of freedom. A `sweep` has the bits of single runs, a
+resumed run those of an uninterrupted one. A `golden` passes with other methods, and
+fails if a number of the file changes by some millionths. `run --animate` plays the
+rows. The reference of `bench` equals the closed form to 1e-9. `stability` gives the
+eigenvalues of the linearised closed form. The closed form satisfies the equations of
+`derive`. `action` is the integral of L over the rows, `gauss.G` that of the constraint
+forces, and the `reactions` of free coordinates are 0.
 
 """
 REFUSALS_HEAD = """
