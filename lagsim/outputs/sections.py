@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # A column whose variation on a section is below these parts of its range in the run,
 # and of its largest value, counts as constant there.
 FIXED, ROUNDED = 1e-6, 2.0**-40
+# Number of rows from which on a straight line through them is no accident.
+SOME = 4
 
 
 class RecordedSections(NamedTuple):
@@ -118,12 +120,19 @@ def without_noise(
     return np.full(len(values), 0.0 if abs(value) <= least else value)
 
 
+def _bent(x: Floats, y: Floats) -> float:
+    """Return the range of y (k,) about the straight line in x (k,) that fits best."""
+    x, y = x - np.mean(x), y - np.mean(y)
+    return float(np.ptp(y - x * ((x @ y) / (x @ x))))
+
+
 def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[str]:
     """Return the names of the two columns that the picture of a section shows.
 
     These are the first two columns that vary on the section; if only one varies, time
-    comes first. Energies and columns of constraints are not considered. Arguments are
-    as for `without_noise`.
+    comes first. Energies and columns of constraints are not considered. A section such
+    as x + y = 1 fixes y by x: the second column is the first one that is not an affine
+    function of the first, if there is one. Arguments are as for `without_noise`.
     """
     motion = [
         n for n in names[1:] if n not in ENERGIES and not is_of_kind(n, *OF_CONSTRAINTS)
@@ -135,5 +144,11 @@ def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[
     differs = dict(zip(names, np.max(np.abs(rows), axis=0) > least, strict=True))
     found = [n for n in motion if varies[n]]
     if len(found) > 1:
-        return found[:2]
+        first, *others = found
+        x, *columns = (rows[:, names.index(n)] for n in found)
+        bends = dict(zip(others, (_bent(x, y) for y in columns), strict=True))
+        free = [
+            n for n in others if len(rows) < SOME or bends[n] > least[names.index(n)]
+        ]
+        return [first, (free or others)[0]]
     return ["t", *found, *(n for n in motion if differs[n]), *motion][:2]

@@ -264,6 +264,17 @@ def test_pictures_leave_out_what_a_section_fixes(changes, columns):
     )
 
 
+def test_pictures_leave_out_a_column_that_a_section_fixes_by_another():
+    # on 0.5 y + x = 5e5 + 1; x_dot is free
+    x = np.linspace(-0.9, 0.9, 9)
+    rows = np.array([[t, a, 1e6 + 2 - 2 * a, a**2, 0.5, 0.1] for t, a in enumerate(x)])
+    assert section_columns(NAMES, rows, RANGES) == ["x", "x_dot"]
+    # Where all columns lie on straight lines, or rows are few, the first two are drawn.
+    assert section_columns(NAMES, rows[:3], RANGES) == ["x", "y"]
+    rows[:, 3] = 0.2 * x
+    assert section_columns(NAMES, rows, RANGES) == ["x", "y"]
+
+
 def test_a_strobe_without_a_period_is_refused():
     for every in ("w - 1", "-w", "1e-6"):
         with refused("out-of-range", "`every`", "`cut`"):
