@@ -65,10 +65,10 @@ class Reach(NamedTuple):
 def classified(
     point: Point, verdicts: Sequence[RelationResiduals]
 ) -> tuple[list[RelationResiduals], Reach]:
-    """Return the verdicts with `integrable` set, and the reach of all rows.
+    """Return the verdicts with `integrable` set, and the reach of the motion.
 
-    `integrable` is set for each Pfaffian relation, examined without the other
-    relations.
+    `integrable` is set for each Pfaffian relation, as if it were the only one. The
+    reach is the set of positions that are accessible under all relations.
     """
     rows = {row.name: row for row in point.e.rows}
     whole = reach_of(point, point.e.rows)

@@ -500,7 +500,7 @@ class Result:
         return figure(model.name, drawn[against], others)
 
     def _closer(self, columns: dict[str, Floats]) -> dict[str, Floats]:
-        """Return columns (rows,) for a plot, with values from `at` between few rows."""
+        """Return columns for a plot; between few rows, values of `at` are inserted."""
         t = self.t
         more = -(-SMOOTH // max(len(t), 1))
         if more < 2 or len(t) < 2 or self.record["steps"] > MOST_REPEATED:

@@ -151,10 +151,11 @@ def show(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def set_cells(t: float, y: Floats, p: Parameters) -> None:
-    """Set the cell of each table at the state, for tables whose points end no step.
+    """Set the cell of each table that contains its argument at the state.
 
-    A cell is the interval between neighbouring points of a linear table. A table along
-    a level of which the motion slides is left out, since both of its cells are in use.
+    A cell is the interval between neighbouring points of a linear table. Only cells of
+    p.first_met to p.last_met are set, between which steps do not end. A table along a
+    level of which the motion slides is left out, since both of its cells are in use.
     """
     for k in range(p.surfaces):
         p.side_before[k] = p.side[k]

@@ -80,7 +80,7 @@ class Sums(Turning[Any]):
         self._turns: dict[tuple[str, Any], int] = {}
 
     def of(self, e: Any) -> Terms:
-        """Return an expression as a sum of products: product code -> coefficient."""
+        """Return an expression as a sum: the coefficient of each product, by its code."""
         if e.is_Rational:
             return {0: exact(e)} if e != 0 else {}
         if e.is_Add:

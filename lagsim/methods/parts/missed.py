@@ -480,9 +480,10 @@ def is_off(s: SearchTable, p: Parameters, x: float) -> bool:
 
 
 def is_rounding(s: SearchTable, p: Parameters, x: float, most: float) -> bool:
-    """Whether the defect that `differs` stored is due to rounding of the state alone.
+    """Whether rounding of the state alone can cause the defect stored by `differs`.
 
-    Near a root no slope shows the effect of rounding.
+    The effect of rounding is computed at displaced states. It does not follow from
+    derivatives, which are unbounded near the zero of a square root.
 
     x : the fraction of the last step.
     most : the bound, in tolerances, as in `differs`.
