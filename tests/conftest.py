@@ -24,7 +24,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from lagsim.run.interrupt import heard
-from tests.choosing import COMMIT, chosen, share, slices, tonight
+from tests.choosing import COMMIT, chosen, share, slices, tonight, turn
 from tests.patience import PATIENCE
 
 # No test is held to a time of the clock.
@@ -55,9 +55,14 @@ def heeded_signals():
 
 
 # Of a test with this many cases or more every tenth is quick, others with each commit;
-# the rest waits for the slow suite.
+# the rest waits for the slow suite. Of two or three cases one is quick where each is a
+# run of a model, or several.
 MANY_CASES = 4
 QUICK_ONE_IN = 10
+RUNS = tuple(
+    f"tests/{room}/"
+    for room in ("cli", "invariance", "methods", "outputs", "run", "scenes", "studies")
+)
 # Not where a case takes a millisecond, and not the goldens and files that are derived:
 # all of these are quick. A shipped model takes longer.
 ALL_CASES = (
@@ -130,13 +135,11 @@ def pytest_generate_tests(metafunc):
     cases, test = metafunc._calls, metafunc.definition
     whole = test.nodeid.startswith(ALL_CASES) and "::test_shipped_" not in test.nodeid
     marked = {mark.name for mark in test.iter_markers()}
-    if len(cases) >= MANY_CASES and not (EVERY or whole):
-        for case in cases:
-            # A nightly case stays out of the slow suite.
-            if {*LATER} & (marked | {m.name for m in case.marks}):
-                continue
-            if not chosen(f"{test.nodeid}[{case.id}]", COMMIT, QUICK_ONE_IN):
-                case.marks.append(pytest.mark.slow.mark)
+    # A nightly case stays out of the slow suite.
+    free = [x for x in cases if not {*LATER} & (marked | {m.name for m in x.marks})]
+    if free and not (EVERY or whole):
+        for case in waiting(test.nodeid, free, many=len(cases) >= MANY_CASES):
+            case.marks.append(pytest.mark.slow.mark)
     config = metafunc.config
     if config.option.markexpr == QUICK and not any("::" in x for x in config.args):
         quick = [
@@ -144,6 +147,20 @@ def pytest_generate_tests(metafunc):
         ]
         cases[:] = quick or cases[:1]
     return result
+
+
+def waiting(test, cases, *, many):
+    """Return the cases of a test that wait for the slow suite at this commit."""
+    if many:
+        return [
+            case
+            for case in cases
+            if not chosen(f"{test}[{case.id}]", COMMIT, QUICK_ONE_IN)
+        ]
+    if not test.startswith(RUNS):
+        return []
+    quick = turn(test, COMMIT, cases)
+    return [case for case in cases if case is not quick]
 
 
 @pytest.hookimpl(tryfirst=True)

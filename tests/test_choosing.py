@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.choosing import chosen, share, slices, turn
-from tests.conftest import QUICK_ONE_IN
+from tests.conftest import QUICK_ONE_IN, waiting
 from tests.patience import PATIENCE, finished
 from tests.support import ROOT
 
@@ -78,6 +78,13 @@ def test_of_many_cases_some_are_quick(tmp_path, marked):
     done = pytest_of(tmp_path, f"import pytest\n{many}", marked)
     assert 0 < quick < 60
     assert f" {60 - quick if marked else quick} passed" in done.stdout, done.stdout
+
+
+def test_of_few_runs_one_is_quick():
+    for cases in ([1], [1, 2], [1, 2, 3]):
+        left = waiting("tests/run/test_one.py::test_a", cases, many=False)
+        assert len(left) == len(cases) - 1
+        assert not waiting("tests/model/test_one.py::test_a", cases, many=False)
 
 
 def test_slices_are_read():

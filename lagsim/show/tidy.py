@@ -80,7 +80,7 @@ class Sums(Turning[Any]):
         self._turns: dict[tuple[str, Any], int] = {}
 
     def of(self, e: Any) -> Terms:
-        """Return an expression as a sum: the coefficient of each product, by its code."""
+        """Return the sum of products that equals e: product code -> coefficient."""
         if e.is_Rational:
             return {0: exact(e)} if e != 0 else {}
         if e.is_Add:

@@ -93,7 +93,7 @@ class ProgramPart:
 
     @property
     def p_size(self) -> int:
-        """Length of the array p of parameters that the functions read; 0 for kernels."""
+        """Length of the array p that the functions read; 0 for kernels."""
         return int(_SIZE.unpack_from(self._content)[0])
 
     @property
