@@ -36,7 +36,7 @@ from lagsim.outputs.stills import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from matplotlib.axes import Axes
 
@@ -140,10 +140,10 @@ def _bode(name: str, response: FrequencyResponse, undamped: Sequence[float]) -> 
         degrees = np.degrees(np.angle(pairs[key]))
         jumps = np.abs(np.diff(degrees, prepend=degrees[:1])) > 270.0
         line(below, f, np.where(jumps, np.nan, degrees), pen)
-        _label_peaks(above, f, amplitudes[key], undamped)
     below.set_ylim(-195.0, 195.0)
     below.set_yticks([-180, -90, 0, 90, 180])
     above.set_xlim(f[0], f[-1])
+    _label_peaks(above, f, [amplitudes[key] for key in pens], undamped)
     name_axis(above.yaxis, "amplitude", "")
     name_axis(below.yaxis, "phase", "°")
     name_axis(below.xaxis, "frequency", "Hz")
@@ -151,11 +151,43 @@ def _bode(name: str, response: FrequencyResponse, undamped: Sequence[float]) -> 
 
 
 def _label_peaks(
-    axes: Axes, f: Floats, amplitude: Floats, undamped: Sequence[float]
+    axes: Axes, f: Floats, curves: Sequence[Floats], undamped: Sequence[float]
 ) -> None:
     """Label the largest peaks, and the deepest valleys, with their frequencies.
 
     The peak at an undamped mode is infinite; its label has the frequency of the mode.
+    Labels of several curves are stacked where they would overlap, equal ones written
+    once. The limits of the axes are known.
+
+    f : (k,), frequencies.
+    curves : of amplitudes (k,).
+    undamped : frequencies of undamped modes.
+    """
+    width, height = 0.6 * SMALL, 1.25 * SMALL  # of a letter, in points
+    points = 72.0 / axes.figure.dpi
+    placed: list[tuple[float, float, float, str]] = []
+    found = [x for amplitude in curves for x in _peaks(f, amplitude, undamped)]
+    for x, y, label, below in sorted(found, key=lambda peak: -peak[1]):
+        axes.plot(x, y, **marker_pen("o", 2.6, INK))
+        across, up = axes.transData.transform((x, y)) * points
+        offset, step = (-9.0, -height) if below else (4.0 + height / 2, height)
+        half = width * len(label) / 2
+        beside = [p for p in placed if abs(p[0] - across) < p[2] + half]
+        if any(text == label for *_, text in beside):
+            continue
+        while any(abs(at - up - offset) < height for _, at, _, _ in beside):
+            offset += step
+        placed.append((across, up + offset, half, label))
+        axes.annotate(
+            mathtext(label), (x, y), (0.0, offset), textcoords="offset points",
+            size=SMALL, ha="center", va="center",
+        )  # fmt: skip
+
+
+def _peaks(
+    f: Floats, amplitude: Floats, undamped: Sequence[float]
+) -> Iterator[tuple[float, float, str, bool]]:
+    """Yield frequency, amplitude and label of peaks, and whether each is a valley.
 
     f, amplitude : (k,), frequencies and amplitudes.
     undamped : frequencies of undamped modes.
@@ -166,14 +198,9 @@ def _label_peaks(
         tops = (np.flatnonzero(inner) + 1).tolist()
         deep = [k for k in tops if _stands_out(values, k) > np.log(LEAST_PEAK)]
         for k in sorted(deep, key=lambda k: -values[k])[:MOST_PEAKS]:
-            axes.plot(f[k], amplitude[k], **marker_pen("o", 2.6, INK))
             own = (x for x in undamped if f[k - 1] <= x <= f[k + 1] and not below)
             label = f"{read_off(next(own, float(f[k])))} Hz"
-            axes.annotate(
-                mathtext(label), (f[k], amplitude[k]),
-                (0.0, -9.0 if below else 4.0), textcoords="offset points", size=SMALL,
-                ha="center", va="center" if below else "bottom",
-            )  # fmt: skip
+            yield float(f[k]), float(amplitude[k]), label, below
 
 
 def _stands_out(values: Floats, k: int) -> float:

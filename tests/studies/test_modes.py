@@ -1,11 +1,15 @@
 """Modes, responses and matrices against closed forms, and against runs."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
 import lagsim
+from lagsim.outputs.figure import encoded_figure
+from lagsim.studies.modes import FrequencyResponse
+from lagsim.studies.modes_drawing import _bode
 from tests.support import MODELS, refused, simulate
 
 CHAIN = """
@@ -424,3 +428,23 @@ initial: {w(1..n): 0}
         sine = np.sin(j * math.pi * places / (n + 1))
         across = shape - sine * (shape @ sine) / (sine @ sine)
         assert np.max(np.abs(across)) < 1e-7
+
+
+def test_labels_of_peaks_of_several_curves_do_not_overlap():
+    # Two modes of 1 and 1.6 Hz; the peaks near 1.6 Hz differ by 1 %.
+    f = np.geomspace(0.1, 10, 4001)
+    peaks = {"a": (1.0, 1.6, 1.0), "b": (1.0, 1.616, 0.6), "c": (1.0, 1.584, 0.8)}
+    pairs = {
+        f"F:{name}": k / (p**2 - f**2 + 0.02j * f) + k / (q**2 - f**2 + 0.02j * f)
+        for name, (p, q, k) in peaks.items()
+    }
+    picture = _bode("bodies", FrequencyResponse(f, pairs), [])
+    encoded_figure(picture)
+    texts = [text for text in picture.axes[0].texts if text.get_text()]
+    said = [text.get_text() for text in texts]
+    assert said.count("1 Hz") == 1
+    high = sorted(x for text in said if (x := float(text.split()[0])) > 1.5)
+    assert high == pytest.approx([1.584, 1.6, 1.616], abs=2e-3)  # a step of f
+    boxes = [text.get_window_extent() for text in texts]
+    for one, other in itertools.combinations(boxes, 2):
+        assert not one.padded(-1).overlaps(other.padded(-1))
