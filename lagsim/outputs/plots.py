@@ -8,6 +8,7 @@ against time or against another column.
 from __future__ import annotations
 
 import gc
+import re
 from functools import partial
 from itertools import pairwise, zip_longest
 from typing import TYPE_CHECKING, TypeAlias
@@ -33,6 +34,7 @@ from lagsim.outputs.figure import (
     LOST,
     MARKS,
     NOTHING,
+    OF_SMALL_PRINT,
     OTHERS,
     PENS,
     SMALL,
@@ -287,7 +289,7 @@ class Panels:
             )  # fmt: skip
             picture.when_placed(bands_around, axes, bands, PENS)
             picture.when_placed(against_time, data, axes, drawn, PENS, draw)
-            label_greatest(axes, scale, drawn, above=above)
+            label_greatest(axes, scale, drawn, above=picture if above else None)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
         if not above:
@@ -340,12 +342,12 @@ def label_greatest(
     scale: Scale,
     drawn: Sequence[tuple[Array, Array]],
     *,
-    above: bool = False,
+    above: Picture | None = None,
 ) -> None:
     """Label the linear part of a scale, and the greatest value of the curves.
 
     drawn : the curves (times, values).
-    above : whether the labels are above the panel.
+    above : the picture, if the labels are above the panel, as far as there is space.
     """
     if not scale.linear:
         return
@@ -354,13 +356,27 @@ def label_greatest(
     most = read_off(values[at])
     beyond = f"logarithmic beyond {read_off(scale.linear)}"
     if above:  # in a small panel it would cover the curve
-        axes.set_title(f"peak {most}; {beyond}", loc="right", color=DIM)
+        above.when_placed(_label_above, axes, f"peak {most}", beyond)
         return
     # On the side away from the greatest value.
     side = "left" if t[at] > 0.5 * (t[0] + t[-1]) else "right"
     text = f"peak {most} at t = {read_off(t[at], 5)}; {beyond}"
     style: Pen = {"size": SMALL, "color": DIM}
     axes.add_artist(AnchoredText(text, f"upper {side}", frameon=False, prop=style))
+
+
+def _label_above(axes: Axes, most: str, beyond: str) -> None:
+    """Write the labels that fit above a panel beside its name.
+
+    most, beyond : the labels of the greatest value, and of the linear part.
+    """
+    width = axes.get_window_extent().width / axes.figure.dpi
+    name = re.sub(r"\\[a-z]+|\W", "", axes.get_title(loc="left"))
+    letters = width * OF_SMALL_PRINT - len(name)
+    for text in (f"{most}; {beyond}", beyond.replace("arithmic", ".")):
+        if len(text) < letters:
+            axes.set_title(text, loc="right", color=DIM)
+            return
 
 
 def largest(data: PlotData, sizes: Mapping[str, float]) -> dict[str, float]:

@@ -345,20 +345,43 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
     series = [values for _, values in drawn]
     plain = value_scale(*series, size=size)
     sizes = np.abs(np.concatenate(series))
-    sizes = sizes[np.isfinite(sizes)]
+    weights = np.concatenate([_durations(t) for t, _ in drawn])
+    finite = np.isfinite(sizes)
+    sizes, weights = sizes[finite], weights[finite]
     most = float(sizes.max(initial=0.0))
     if most <= 0.0 or not math.isfinite(most) or most <= 1e-9 * size:
         return plain
-    usual = float(np.quantile(sizes, 1.0 - SPIKE))
+    usual = _quantile(sizes, weights, 1.0 - SPIKE)
     if 0.0 < usual < most / HIGH:
         return _beyond(plain, _round(usual), most)
-    usual = float(np.median(sizes))
+    usual = _quantile(sizes, weights, 0.5)
     if not 0.0 < usual < most / EXPLOSION or not _ends(drawn):
         return plain
     if all(np.nanmin(values) > 0.0 for values in series):
         return log_scale(*series)
-    least = max(float(np.quantile(sizes, 0.1)), most * 1e-30)
+    least = max(_quantile(sizes, weights, 0.1), most * 1e-30)
     return _beyond(plain, _round(least), most, FEWEST)
+
+
+def _durations(t: Array) -> Array:
+    """Return the part of the time that each row stands for, (n,).
+
+    Impacts of other bodies add many rows within a short time.
+    """
+    if len(t) < 2 or not t[-1] > t[0]:
+        return np.ones(len(t))
+    between = (t[1:] + t[:-1]) / 2.0
+    return np.asarray(np.diff(np.concatenate([t[:1], between, t[-1:]])))
+
+
+def _quantile(values: Array, weights: Array, part: float) -> float:
+    """Return the value below which the weights of values are `part` of all weights.
+
+    values, weights : (n,), n > 0, with weights that are not all 0.
+    """
+    order = np.argsort(values, kind="stable")
+    up_to = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return float(np.interp(part * np.sum(weights), up_to, values[order]))
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:

@@ -20,7 +20,14 @@ from lagsim.outputs.scale import (
     time_scale,
     value_scale,
 )
-from tests.outputs.drawn import LABEL, PLAIN, coordinates, drawn, record
+from tests.outputs.drawn import (
+    LABEL,
+    PLAIN,
+    assert_legible,
+    coordinates,
+    drawn,
+    record,
+)
 
 FLAT = value_scale(np.array([0.0, 1.0]))
 
@@ -192,6 +199,23 @@ def test_what_is_no_spike_and_does_not_explode_stays_linear(values):
     scale = spread_scale((T, values))
     assert not scale.linear
     assert not scale.log
+
+
+def test_many_rows_within_a_short_time_make_no_spike():
+    # A body that is at rest while others bounce, which gives it rows.
+    t = np.concatenate([np.linspace(0.0, 0.3, 31), np.linspace(0.4, 0.5, 4000), [2.0]])
+    values = np.maximum(1.0 - (t / 0.3) ** 2, 0.0) + 1e-7 * (t < 0.45)
+    assert not spread_scale((t, values)).linear
+
+
+def test_labels_of_scales_fit_above_small_panels():
+    # 5 panels abreast have space for no label, 3 for a short one.
+    for count, short in ((40, 0), (24, 24)):
+        columns = {"t": T} | {f"quantity{k}": spiked(900.0) for k in range(count)}
+        drawing = coordinates(columns, [*columns][1:])
+        assert_legible(drawing)
+        said = [text for text in drawing.written() if "beyond" in text]
+        assert said == ["log. beyond 2"] * short
 
 
 def test_an_explosion_is_a_line_and_to_both_sides_shows_its_swings():
