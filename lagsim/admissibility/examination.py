@@ -640,10 +640,10 @@ class _Examiner:
         flat, still = (
             np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
         )
-        moved = found.x != x0
-        stays = [names[k] for k in sorted(named) if flat[k] & still[k] & ~moved[k]]
+        changed = found.x != x0
+        stays = [names[k] for k in sorted(named) if flat[k] & still[k] & ~changed[k]]
         self._undetermined(stays, "to first order no relation determines")
-        if np.any(moved) and np.all(flat[moved]):
+        if np.any(changed) and np.all(flat[changed]):
             self._warn(
                 OTHER_ROOTS,
                 "at the guess the relations have no slope: other solutions are as "
@@ -709,12 +709,12 @@ class _Examiner:
 
     def _analysed(self, point: Point, levels: Sequence[str]) -> _Judged:
         sizes = point.sizes
-        moved = [
+        corrections = [
             np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes)
             for x, x0 in zip((point.q, point.v), self.origin, strict=True)
         ]
         point = self._inexact(point)
-        ranks = analyse(point, levels, moved, double=self.double)
+        ranks = analyse(point, levels, corrections, double=self.double)
         against = tuple(d for d in ranks.dependences if d.contradictions)
         unsolved = f"{ranks.thin}: {SIMPLE}" if ranks.thin and not against else ""
         return _Judged(point, ranks, against, unsolved=unsolved)

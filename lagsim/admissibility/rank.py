@@ -139,7 +139,7 @@ class RankReport(NamedTuple):
 def analyse(
     point: Point,
     levels: Sequence[str] = LEVELS,
-    moved: Sequence[Floats] | None = None,
+    corrections: Sequence[Floats] | None = None,
     *,
     double: bool = False,
 ) -> RankReport:
@@ -152,11 +152,12 @@ def analyse(
         Some of LEVELS, in this order: in the equations for positions, velocities or
         accelerations contradictions are searched. They are the ones that the state
         satisfies, and the first one that it violates.
-    moved : sequence of ndarray, shape (n,), optional
+    corrections : sequence of ndarray, shape (n,), optional
         Change of positions and of velocities on the way to the state. If given, and the
         state satisfies the equations of all levels, thin sets are searched around it.
     double : bool
-        Whether the state is a double root, known to half of the digits of `moved`.
+        Whether the state is a double root, known to half of its digits. Its error is
+        then as large as `corrections`.
     """
     rows = point.e.rows
     if not rows:
@@ -166,7 +167,7 @@ def analyse(
         if smallest > SAFELY_INDEPENDENT:
             return RankReport(len(rows), smallest, len(rows), smallest)
     Y, lengths = scaled_rows(point, rounded=True)
-    around = moved[0] if double and moved else None
+    around = corrections[0] if double and corrections else None
     if around is not None:
         lengths = _without_traces(point, Y, lengths, around)
     flags = dependent_rows(Y, DEPENDENT_ROWS if around is None else HALF_OF_DIGITS)
@@ -193,8 +194,8 @@ def analyse(
     if generic is None or generic.rank < rank:
         generic = _Generic(rank, smallest, tuple(flags))
     thin = None
-    if moved is not None and levels == LEVELS:
-        nearby = (np.zeros(point.n) if around is None else around, moved[1])
+    if corrections is not None and levels == LEVELS:
+        nearby = (np.zeros(point.n) if around is None else around, corrections[1])
         thin, real = thin_set(point, dependences, nearby)
         # The row is not redundant, though no other state was found nearby.
         dependences = [
@@ -414,7 +415,7 @@ class Neighbourhood:
     Parameters
     ----------
     point : Point
-    moved : sequence of ndarray, shape (n,), or None
+    corrections : sequence of ndarray, shape (n,), or None
         Change of positions and of velocities on the way to the point: within this
         distance of a double root, lengths are unknown.
 
@@ -427,14 +428,14 @@ class Neighbourhood:
     """
 
     def __init__(
-        self, point: Point, moved: Sequence[Floats | None] = (None, None)
+        self, point: Point, corrections: Sequence[Floats | None] = (None, None)
     ) -> None:
         self.point, v = point.at(errors={}), point.v
         self.metric = rank_metric(point.mass_matrix, point.gradients)
         speed = np.sqrt(v @ self.metric @ v) or 1.0
         rates = np.where(v != 0, np.abs(v), speed / np.sqrt(np.diag(self.metric)))
         self.spreads = [of_rows(point, point.e.rows).spread, rates]
-        for k, (spread, own) in enumerate(zip(self.spreads, moved, strict=True)):
+        for k, (spread, own) in enumerate(zip(self.spreads, corrections, strict=True)):
             if own is not None:
                 self.spreads[k] = np.where(spread > 0.0, np.fmax(spread, own), 0.0)
 
@@ -500,8 +501,8 @@ class Neighbourhood:
         states = self.states(relations, n + 2)
         if len(states) < n + 1:
             return None
-        moved = (np.array(states) - relations.x0) / (FAINT * spread)
-        return int(np.sum(np.linalg.svd(moved, compute_uv=False) > THIN))
+        deviations = (np.array(states) - relations.x0) / (FAINT * spread)
+        return int(np.sum(np.linalg.svd(deviations, compute_uv=False) > THIN))
 
 
 class _Generic(NamedTuple):
@@ -553,7 +554,9 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
     return max(found, key=lambda g: (g.rank, g.smallest), default=None)
 
 
-def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> Floats:
+def _without_traces(
+    point: Point, Y: Floats, lengths: Floats, correction: Floats
+) -> Floats:
     """Set rows of Y to zero that nearly vanish at the point, but not around it.
 
     Such a row is a trace of rounding at a double root. Return the lengths (m,) with 0
@@ -565,14 +568,14 @@ def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> 
         The rows scaled to length 1, changed in place.
     lengths : ndarray, shape (m,)
         The lengths of the rows before scaling.
-    moved : ndarray, shape (n,)
+    correction : ndarray, shape (n,)
         Distances from the point within which the rows are evaluated.
     """
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)
     for _ in range(SAMPLES):
         kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
-        usual = np.fmax(usual, scaled_rows(point.at(point.q + moved * kick))[1])
+        usual = np.fmax(usual, scaled_rows(point.at(point.q + correction * kick))[1])
     vanish = lengths <= HALF_OF_DIGITS * usual
     Y[vanish] = 0.0
     return np.asarray(np.where(vanish, 0.0, lengths))
@@ -622,7 +625,7 @@ class ThinSet(NamedTuple):
 
 
 def thin_set(
-    point: Point, dependences: Sequence[Dependence], moved: tuple[Floats, Floats]
+    point: Point, dependences: Sequence[Dependence], corrections: tuple[Floats, Floats]
 ) -> tuple[ThinSet | None, tuple[str, ...]]:
     """Return the rows with a multiple root on the whole solution set through the point.
 
@@ -630,7 +633,7 @@ def thin_set(
     ----------
     point : Point
     dependences : sequence of Dependence
-    moved : tuple of ndarray, shape (n,)
+    corrections : tuple of ndarray, shape (n,)
         See `Neighbourhood`.
 
     Returns
@@ -644,10 +647,10 @@ def thin_set(
     if not suspects or point.is_large:
         return None, ()
     dependent = {d.name for d in dependences}
-    around, rows, real = Neighbourhood(point, moved), point.e.rows, list[str]()
+    around, rows, real = Neighbourhood(point, corrections), point.e.rows, list[str]()
     moving = frozenset(point.e.velocities)
     holonomic = [row for row in rows if row.holonomic]
-    for k, those in enumerate((holonomic, rows)):
+    for k, examined in enumerate((holonomic, rows)):
         if k:
             # For positions there are no further rows; for velocities the curved rows.
             curved = {
@@ -657,12 +660,12 @@ def thin_set(
                 and point.g.depends(row.A.entries.values()) & moving
             }
             suspects = [d for d in suspects if d.name in curved]
-        found = _violated(around, those, suspects, dependent, velocities=bool(k))
+        found = _violated(around, examined, suspects, dependent, velocities=bool(k))
         real += [d.name for d in found]
         thin = tuple(d.name for d in found if d.everywhere)
         if not thin:
             continue
-        dimension = around.dimension(relations_of(point, those, velocities=bool(k)))
+        dimension = around.dimension(relations_of(point, examined, velocities=bool(k)))
         if k:
             return ThinSet(thin, None, dimension), tuple(real)
         free = {row.name for row in rows if not row.holonomic} - dependent

@@ -88,7 +88,7 @@ class Factorisation:
     g : Graph
         Expression graph in which new nodes are created.
     rows : sequence of Vector
-        The rows of S; changed in place. After the elimination of `some` unknowns only,
+        The rows of S; changed in place. After the elimination of `unknowns` only,
         they hold the remaining Schur complement.
     budget : Budget
         The number of multiplications that are permitted.
@@ -98,7 +98,7 @@ class Factorisation:
     moving : container of int
         Unknowns with a varying diagonal entry, eliminated later than others of equal
         degree.
-    some : collection of int, optional
+    unknowns : collection of int, optional
         The unknowns that are eliminated; by default all.
 
     Attributes
@@ -124,7 +124,7 @@ class Factorisation:
         budget: Budget,
         sums: Mapping[int, Vector] | None = None,
         moving: Container[int] = (),
-        some: Collection[int] | None = None,
+        unknowns: Collection[int] | None = None,
     ) -> None:
         self.g, self.budget, self.rows = g, budget, rows
         self.sums, self.moving = sums or {}, moving
@@ -135,11 +135,11 @@ class Factorisation:
         for k, form in self.sums.items():
             self.depths[k] = 1 + max(self.depths[i] for i in form)
         self._diagonal = [row.get(k, g.zero) for k, row in enumerate(rows)]
-        self._eliminate_all(range(len(rows)) if some is None else some)
+        self._eliminate_all(range(len(rows)) if unknowns is None else unknowns)
 
-    def _eliminate_all(self, some: Collection[int]) -> None:
+    def _eliminate_all(self, chosen: Collection[int]) -> None:
         users = Counter(i for form in self.sums.values() for i in form)
-        queue = [self._rank(k) for k in some if not users[k]]
+        queue = [self._rank(k) for k in chosen if not users[k]]
         heapify(queue)
         while queue:
             rank = heappop(queue)
@@ -149,7 +149,7 @@ class Factorisation:
             users.subtract(self.sums.get(k, {}).keys())
             touched = self._substitute(k) if k in self.sums else self._eliminate(k)
             for i in touched:
-                if i in some and not users[i]:
+                if i in chosen and not users[i]:
                     heappush(queue, self._rank(i))
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:

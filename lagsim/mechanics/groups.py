@@ -245,16 +245,16 @@ def _of_groups(
     return (made[0]._replace(name=WORK),) if len(made) == 1 else tuple(made)
 
 
-def _power(e: Equations, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:
-    """Return the node of the power of all forces on the coordinates `some`.
+def _power(e: Equations, Q: Sequence[int], dL_dt: int, indices: Sequence[int]) -> int:
+    """Return the node of the power of all forces on the coordinates `indices`.
 
     The partial derivative dL_dt is subtracted, so that the result is d(energy)/dt.
 
     Q : the generalized forces, nodes (n,).
     """
-    g, among = e.graph, {*some}
+    g, among = e.graph, {*indices}
     rates = [g.variable(name) for name in e.velocities]
-    power = g.product_sum((Q[j], rates[j]) for j in some)
+    power = g.product_sum((Q[j], rates[j]) for j in indices)
     power = g.call("sub", power, dL_dt)
     for row in e.rows:
         if row.transport != g.zero and row.A.entries.keys() <= among:

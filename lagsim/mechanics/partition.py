@@ -326,7 +326,7 @@ class Partition(Elimination):
             M[i][j] = node
         right = self._in_differences([row.b for row in self.rows])
         self._solved = [self._solve_block(block, M, right) for block in blocks]
-        self._reduced = Factorisation(self.g, M, self.budget, some=self.independent)
+        self._reduced = Factorisation(self.g, M, self.budget, unknowns=self.independent)
         shifts = [block.shift for block in self._solved]
         self._motion = self._accelerated(dict(enumerate(self.forces)), shifts)
 

@@ -221,10 +221,12 @@ class _Pieces:
         several : the pieces of each argument.
         """
         found: dict[Piece, None] = {}
-        for some in product(*several):
-            if all(x.fits(y) for x, y in combinations(some, 2)):
-                node = self.g.call(op, *(x.node for x in some))
-                found[Piece(node, frozenset().union(*(x.sides for x in some)))] = None
+        for combination in product(*several):
+            if all(x.fits(y) for x, y in combinations(combination, 2)):
+                node = self.g.call(op, *(x.node for x in combination))
+                found[
+                    Piece(node, frozenset().union(*(x.sides for x in combination)))
+                ] = None
             if len(found) > MOST:
                 break
         return list(found)
@@ -267,14 +269,14 @@ class _Pieces:
             return self._each("min" if op == "min" else "max", *both)
         return [*self._on(u, 1, both[0]), *self._on(u, -1, both[1])]
 
-    def _on(self, u: int, side: int, some: list[Piece]) -> list[Piece]:
-        """Return the pieces in `some` that exist on one side of the kink at u = 0.
+    def _on(self, u: int, side: int, pieces: list[Piece]) -> list[Piece]:
+        """Return the pieces that exist on one side of the kink at u = 0.
 
         side : 1 or -1; it is added to each piece.
         """
         node, sign = oriented(self.g, Surface(u, "sign", u))
         own = frozenset([(node, side * sign)])
-        return [Piece(x.node, x.sides | own) for x in some if x.fits(Piece(0, own))]
+        return [Piece(x.node, x.sides | own) for x in pieces if x.fits(Piece(0, own))]
 
     def sign(self, node: int, *, strict: bool = False) -> int:
         """Return the sign, 1 or -1, of a node for all states; 0 if undetermined.

@@ -496,13 +496,13 @@ class _Edges(NamedTuple):
         span = Independent(self.closed.columns, turn, regular=self.rows.regular)
         edges = [i for i, k in self.rows.problem.discs if k in tied and pressed[k]]
         # Rows that are not coupled with tied rows have no influence.
-        some = sorted(
+        turning = sorted(
             k for rows in self.rows.groups if not rows.isdisjoint(tied) for k in rows
         )
-        place = {k: i for i, k in enumerate(some)}
+        place = {k: i for i, k in enumerate(turning)}
         free = [place[k] for k in (*held, *edges) if k in place and span.takes(k)]
-        unit, S = np.eye(len(some)), np.eye(len(some))  # p' = S turn x
-        for k in some:
+        unit, S = np.eye(len(turning)), np.eye(len(turning))  # p' = S turn x
+        for k in turning:
             n = self.closed.table.normals[k]
             if n >= 0 and p[n] > 0.0:
                 S[place[k], place[n]] = p[k] / p[n]
@@ -510,12 +510,12 @@ class _Edges(NamedTuple):
         inside = [k for k in tied if pressed[k] and k not in edges]
         turned = p if turn is None else p @ turn
         ways += [-turned[k] * unit[place[k]] for k in inside]
-        both = np.ix_(some, some)
+        both = np.ix_(turning, turning)
         own = unit if turn is None else turn[both]
         D, (change, noise) = own.T @ self.closed.D[both] @ S @ own, self.ahead(p)
-        c, rounding = own.T @ change[some], np.abs(own.T) @ noise[some]
-        x[some], w[some] = rates_at(
-            D, c, rounding, free, np.array(ways).reshape(-1, len(some))
+        c, rounding = own.T @ change[turning], np.abs(own.T) @ noise[turning]
+        x[turning], w[turning] = rates_at(
+            D, c, rounding, free, np.array(ways).reshape(-1, len(turning))
         )
         return x, w
 
@@ -566,10 +566,10 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
     alone = [k for k in held if k in rows.alone]
     p[alone] = -h[alone] / own[alone]
     for group in rows.groups:
-        some = sorted(group.intersection(held)) if len(group) > 1 else []
-        if some:
-            x, ratio = _solved_together(rows, E, h, some)
-            p += E[:, some] @ x
+        coupled = sorted(group.intersection(held)) if len(group) > 1 else []
+        if coupled:
+            x, ratio = _solved_together(rows, E, h, coupled)
+            p += E[:, coupled] @ x
             paradox |= (
                 slides and closed.pushes is None and ratio <= ACCELERATION_ROUNDOFF
             )
@@ -584,7 +584,7 @@ def _decided(rows: ContactRows, modes: list[Mode], directions: Floats) -> RowMod
 
 
 def _solved_together(
-    rows: ContactRows, E: Floats, h: Floats, some: list[int]
+    rows: ContactRows, E: Floats, h: Floats, coupled: list[int]
 ) -> tuple[Floats, float]:
     """Solve for the multipliers (k,) of k held rows that are coupled.
 
@@ -600,7 +600,7 @@ def _solved_together(
         As returned by `_expressed`.
     h : ndarray, shape (r,)
         Accelerations of all rows with the multipliers p0.
-    some : list of int, length k
+    coupled : list of int, length k
         Indices of the held rows.
 
     Returns
@@ -611,16 +611,16 @@ def _solved_together(
         The determinant of B relative to that without friction, det(R)^2.
     """
     closed = rows.closed
-    with_friction = np.count_nonzero(E[:, some]) > len(some)
+    with_friction = np.count_nonzero(E[:, coupled]) > len(coupled)
     if closed.pushes is None and not with_friction:
-        found = solved_regular(closed.D[np.ix_(some, some)], -h[some])
+        found = solved_regular(closed.D[np.ix_(coupled, coupled)], -h[coupled])
         if found is not None:
             return found, 1.0
-    Q, R = np.linalg.qr(closed.factor[:, some])
-    forces = Q.T @ (closed.columns @ E[:, some])
-    B, x = closed.D[some] @ E[:, some], np.zeros(len(some))
+    Q, R = np.linalg.qr(closed.factor[:, coupled])
+    forces = Q.T @ (closed.columns @ E[:, coupled])
+    B, x = closed.D[coupled] @ E[:, coupled], np.zeros(len(coupled))
     for _ in range(2):
-        right = np.linalg.solve(R.T, B @ x + h[some])
+        right = np.linalg.solve(R.T, B @ x + h[coupled])
         x -= least_squares(forces, right, DEPENDENT_SQUARE)
     sign, size = np.linalg.slogdet(forces)
     other, plain = np.linalg.slogdet(R)

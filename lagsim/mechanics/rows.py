@@ -126,12 +126,12 @@ class RowTable:
             np.array([law.poisson for law in laws], dtype=bool),
         )
 
-    def part(self, some: Sequence[int]) -> RowTable:
-        """Return the table of the rows with the indices `some`; memoized.
+    def part(self, indices: Sequence[int]) -> RowTable:
+        """Return the table of the rows at `indices`; memoized.
 
         A slip whose contact is not among these rows loses its contact.
         """
-        key = tuple(some)
+        key = tuple(indices)
         found = self._parts.get(key)
         if found is None:
             at, place = np.array(key, dtype=int), np.full(len(self) + 1, -1)

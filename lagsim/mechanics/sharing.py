@@ -93,14 +93,14 @@ class ContactRows:
         parts = np.where(on_discs, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
         return np.asarray(np.maximum(self.roundoff, parts * terms))
 
-    def part(self, p: Floats, some: Flags) -> float:
-        """Return the largest friction of the rows `some`, as a part of its bound.
+    def part(self, p: Floats, mask: Flags) -> float:
+        """Return the largest friction of marked rows, as a part of its bound.
 
         p : multipliers (r,).
-        some : mask (r,).
+        mask : (r,).
         """
         limits, most = self.problem.limits(p), 0.0
-        for k in np.flatnonzero(some & (limits > 0.0)).tolist():
+        for k in np.flatnonzero(mask & (limits > 0.0)).tolist():
             most = max(most, float(np.linalg.norm(p[self.disc(k)])) / limits.item(k))
         return most
 
@@ -336,14 +336,14 @@ def _spread(
     sided, equal = rests & table.one_sided, rests & table.equal
     pushes = sided & (p > 0.0)
     has_friction = rests & (rows.problem.limits(p) > 0.0)
-    some = np.flatnonzero(has_friction | pushes | equal)
-    if not len(some):
+    shared = np.flatnonzero(has_friction | pushes | equal)
+    if not len(shared):
         return None
-    lengths = np.linalg.norm(closed.columns[:, some], axis=0)
-    K = closed.columns[:, some] / lengths
+    lengths = np.linalg.norm(closed.columns[:, shared], axis=0)
+    K = closed.columns[:, shared] / lengths
     if not balanced:
         for _ in range(2):
-            p[some] -= rows.unbalanced(p, rests, K) / lengths
+            p[shared] -= rows.unbalanced(p, rests, K) / lengths
         if not (p[pushes] > 0.0).all():
             return None
     discs, radii = np.zeros((2, len(p), len(p)))
@@ -351,17 +351,17 @@ def _spread(
         first = rows.disc(k)[0]
         discs[first, k], radii[first, table.normals[k]] = 1.0, table.normals[k] >= 0
     own = discs.any(axis=1)
-    discs, radii = discs[own][:, some], radii[own][:, some]
+    discs, radii = discs[own][:, shared], radii[own][:, shared]
     limits = rows.problem.limits(p)
-    bounds = np.where(has_friction, limits, np.where(pushes, p, 1.0))[some]
-    most = (limits[some] * lengths).max()
-    bounds = np.where(equal[some], most / lengths, bounds)
+    bounds = np.where(has_friction, limits, np.where(pushes, p, 1.0))[shared]
+    most = (limits[shared] * lengths).max()
+    bounds = np.where(equal[shared], most / lengths, bounds)
     free = null_space(K) / (lengths * bounds)[:, None]
     shifted = p.copy()
     if free.size and (balanced or rows.part(p, rests) > INSIDE):
         free = np.linalg.qr(free)[0]
-        parts = least_parts(p[some] / bounds, free, discs, radii, pushes[some])
-        shifted[some] = parts * bounds
+        parts = least_parts(p[shared] / bounds, free, discs, radii, pushes[shared])
+        shifted[shared] = parts * bounds
     part = rows.part(shifted, rests)
     most = min(1.0, rows.part(p, rests)) if balanced else 1.0 + SETTLED_IMPULSE
     if not part < most:

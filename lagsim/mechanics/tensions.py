@@ -386,7 +386,7 @@ class Squares(Factorisation):
             for i in group.members:
                 self.those[i].add(k)
         self.after = [0] * len(rows)
-        super().__init__(g, rows, Budget(), some=some)
+        super().__init__(g, rows, Budget(), unknowns=some)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Return the sort key of unknown k: first by neighbours, then by depth."""

@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.linearisation import NewtonMatrix
     from lagsim.native.link.cache import ProgramPart
     from lagsim.plan.plan import Plan
+    from lagsim.program.localized import Indicator
+    from lagsim.program.output_row import Columns
 
 # The constants that the loop of steps depends on, and the search of a step for events.
 OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
@@ -28,9 +31,9 @@ class SystemProperties(Protocol):
     plan: Plan
     m: int
     watched: int
-    indicators: Any
-    newton: Any
-    columns: Any
+    indicators: list[Indicator]
+    newton: NewtonMatrix | None
+    columns: Columns
     together: bool
 
 
