@@ -487,7 +487,7 @@ def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
     nodes, form = list(nodes), _Form(g)
     for n in g.cone(nodes):
         form.sums[n] = form.of(n)
-    whole = [form.single(form.sums[n]) for n in nodes if n != g.zero]
+    whole = [form.as_monomial(form.sums[n]) for n in nodes if n != g.zero]
     shared, inverse = _shared(monomial for monomial, _ in whole)
     rest = iter([form.written({_product(m, inverse): c}) for m, c in whole])
     common = form.written({shared: g.one})
@@ -534,10 +534,10 @@ class _Form:
         g = self.g
         if not a or not b:
             return {}
-        (m, c), (k, d) = self.single(a), self.single(b)
+        (m, c), (k, d) = self.as_monomial(a), self.as_monomial(b)
         return {_product(m, k): g.call("mul", c, d)}
 
-    def single(self, a: Sum) -> tuple[Monomial, int]:
+    def as_monomial(self, a: Sum) -> tuple[Monomial, int]:
         """Return the sum `a` as one monomial and its constant factor.
 
         A sum of several terms becomes the product of their common factor and an atom.
@@ -552,7 +552,7 @@ class _Form:
         g = self.g
         if not a:  # all terms have cancelled
             return {(): g.call("pow", g.zero, g.constant(float(exponent)))}
-        monomial, factor = self.single(a)
+        monomial, factor = self.as_monomial(a)
         if exponent.denominator == 1:
             raised = tuple((atom, e * exponent) for atom, e in monomial)
             p = g.constant(float(abs(exponent)))
@@ -567,7 +567,7 @@ class _Form:
         """Return the node of a sum."""
         if not a:
             return self.g.zero
-        monomial, factor = self.single(a)
+        monomial, factor = self.as_monomial(a)
         return self._term(monomial, factor)
 
     def _sum(self, a: Sum) -> int:

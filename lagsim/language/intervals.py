@@ -60,7 +60,7 @@ class Interval(NamedTuple):
         return np.asarray(np.isnan(self.lo))
 
     @property
-    def single(self) -> Flags:
+    def is_constant(self) -> Flags:
         """Whether the expression is constant (nan counts as a value)."""
         return np.asarray(self.undefined | ((self.lo == self.hi) & ~self.partial))
 

@@ -231,7 +231,7 @@ class Division:
             effort += int(np.count_nonzero(cells["task"] == _NEW))
             self._enclose(cells)
             cells = cells[cells["task"] != _CLEAR]
-            self._return_narrow(cells, rough)
+            self._end_division(cells, rough)
             splits = np.flatnonzero(cells["task"] == _SPLIT)
             ready = int(splits[0]) if len(splits) else len(cells)
             done = (cells[name][:ready].tolist() for name in ("lo", "hi", "states"))
@@ -248,8 +248,8 @@ class Division:
                     yield Cell(at, at, [])
                 stack.append(_divided(cells[ready:]))
 
-    def _return_narrow(self, cells: Cells, rough: tuple[float, float]) -> None:
-        """Change the task of cells that are too narrow from `_SPLIT` to `_READY`.
+    def _end_division(self, cells: Cells, rough: tuple[float, float]) -> None:
+        """Set the task of cells that are too narrow to be divided to `_READY`.
 
         A cell is too narrow to be divided at the spacing of doubles; next to the
         interval `rough`, also where it is shorter than the length of `rough` over
@@ -300,7 +300,7 @@ class Division:
                 task[state == OPEN] = _SPLIT
         for n, rule, args in self.joined:
             verdicts[n] = rule(*(verdicts[a] for a in args))
-        task[verdicts[self.discrete].single] = _CLEAR
+        task[verdicts[self.discrete].is_constant] = _CLEAR
         cells["task"][new] = task
 
 
@@ -375,7 +375,7 @@ def _enclosed(
     verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
     # Monotone, with known values at both ends: constant if these are equal.
     has_one_sign = is_smooth & ((slope.lo > 0.0) | (slope.hi < 0.0))
-    monotone = has_one_sign & at_lo.single & at_hi.single
+    monotone = has_one_sign & at_lo.is_constant & at_hi.is_constant
     equal = monotone & (at_lo.lo == at_hi.lo)
     known = interval(
         np.where(equal, at_lo.lo, verdict.lo),
@@ -386,7 +386,7 @@ def _enclosed(
     # Further division is of no use: rounding errors hide the step.
     error = np.minimum(at_middle.width, beside.width)
     about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
-    hidden = is_smooth & ~_steps(op, about).single
+    hidden = is_smooth & ~_steps(op, about).is_constant
     # Errors grow with t (a phase): they are compared only within a factor of 2 in t.
     hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
     most = np.where(slope.jumps, KINKED, SMOOTH)
@@ -395,7 +395,7 @@ def _enclosed(
         flat &= _vanishing(op, samples, slopes)
     hidden &= refined.width <= 2.0 * FAINT * error
     state = np.select(
-        [known.single, crossed, hidden, flat], [KEPT, CROSSED, HIDDEN, FLAT], OPEN
+        [known.is_constant, crossed, hidden, flat], [KEPT, CROSSED, HIDDEN, FLAT], OPEN
     )
     return known, state
 
@@ -419,7 +419,7 @@ def _vanishing(op: str, samples: Sequence[Interval], slopes: Interval) -> Flags:
     error = FAINT * np.maximum.reduce([x.width for x in samples])
     noise = FAINT * np.maximum.reduce([x.width for x in rates])
     for x, rate in zip(samples, rates, strict=True):
-        found &= ~_steps(op, interval(x.lo - error, x.hi + error)).single
+        found &= ~_steps(op, interval(x.lo - error, x.hi + error)).is_constant
         found &= (rate.lo - noise <= 0.0) & (rate.hi + noise >= 0.0)
     return found
 

@@ -155,14 +155,16 @@ class CornerSides:
             found.append(SLIDING if modes.kind[k] in AT_LEVEL else side)
         return tuple(found)
 
-    def _is_solution(self, jump: Jump, sides: Sides, some: list[int]) -> bool:
+    def _is_solution(self, jump: Jump, sides: Sides, movable: list[int]) -> bool:
         """Whether a jump with given sides leads onto these sides.
 
         sides : the sides of all corners.
-        some : the indices of the corners whose stops are examined.
+        movable : the indices of the corners that are examined if stopped.
         jump : see `after`.
         """
-        return self._least(jump, sides) > 1.0 and self._stops(jump, sides, some)
+        return self._least_speed(jump, sides) > 1.0 and self._stops(
+            jump, sides, movable
+        )
 
     def _found(self, jump: Jump, every: list[int]) -> Sides:
         """Return the sides of all corners onto which a jump leads.
@@ -170,48 +172,48 @@ class CornerSides:
         every : the indices of all corners.
         jump : see `after`.
         """
-        some = self._touched(jump, every, (SLIDING,) * len(every))
+        movable = self._touched(jump, every, (SLIDING,) * len(every))
         while True:
-            found = self._solution(jump, some)
-            left = [i for i in every if i not in some]
+            found = self._solution(jump, movable)
+            left = [i for i in every if i not in movable]
             more = self._touched(jump, left, found)
             if not more:
                 return found
-            some = sorted([*some, *more])
+            movable = sorted([*movable, *more])
 
-    def _touched(self, jump: Jump, some: list[int], sides: Sides) -> list[int]:
-        """Return the corners of `some` from which a jump may lead away.
+    def _touched(self, jump: Jump, corners: list[int], sides: Sides) -> list[int]:
+        """Return the corners from which a jump may lead away, of given ones.
 
-        All corners of `some` are set to their upper, then to their lower sides. The
+        All given corners are set to their upper, then to their lower sides. The
         result has the corners with a speed beyond rounding after the jump, in one of
         the two cases.
 
-        some : indices of corners.
+        corners : indices of the corners that are tried.
         sides : the sides of all other corners.
         jump : see `after`.
         """
-        if not some:
+        if not corners:
             return []
         found = set[int]()
         for side in (ABOVE, BELOW):
-            tried = [side if i in some else x for i, x in enumerate(sides)]
+            tried = [side if i in corners else x for i, x in enumerate(sides)]
             speeds = self._speed(jump, tuple(tried))
-            found |= {i for i in some if abs(speeds[i]) > 1.0}
+            found |= {i for i in corners if abs(speeds[i]) > 1.0}
         return sorted(found)
 
-    def _solution(self, jump: Jump, some: list[int]) -> Sides:
+    def _solution(self, jump: Jump, movable: list[int]) -> Sides:
         """Return the sides of all corners onto which a jump leads.
 
         If no sides are a solution, all corners are stopped.
 
-        some : indices of the corners that may have a side; the others are stopped.
+        movable : indices of the corners that may have a side; the others are stopped.
         jump : see `after`.
         """
         still = (SLIDING,) * len(self.corners)
-        if len(some) > MOST:
-            return self._by_turns(jump, some)
+        if len(movable) > MOST:
+            return self._by_turns(jump, movable)
         tried = sorted(
-            product((ABOVE, BELOW, SLIDING), repeat=len(some)),
+            product((ABOVE, BELOW, SLIDING), repeat=len(movable)),
             key=lambda sides: sides.count(SLIDING),
         )
         best, chosen, fewest = 0.0, still, 0
@@ -219,26 +221,26 @@ class CornerSides:
             stops = own.count(SLIDING)
             if chosen is not still and stops > fewest:
                 break
-            sides = self._with(still, some, own)
-            speed = self._least(jump, sides)
-            if speed > max(best, 1.0) and self._stops(jump, sides, some):
+            sides = self._with(still, movable, own)
+            speed = self._least_speed(jump, sides)
+            if speed > max(best, 1.0) and self._stops(jump, sides, movable):
                 best, chosen, fewest = speed, sides, stops
         return chosen
 
-    def _with(self, sides: Sides, some: Sequence[int], own: Sequence[int]) -> Sides:
-        """Return `sides` with the sides `own` at the indices `some`."""
+    def _with(self, sides: Sides, indices: Sequence[int], own: Sequence[int]) -> Sides:
+        """Return `sides` with the sides `own` at `indices`."""
         found = list(sides)
-        for i, side in zip(some, own, strict=True):
+        for i, side in zip(indices, own, strict=True):
             found[i] = side
         return tuple(found)
 
-    def _stops(self, jump: Jump, sides: Sides, some: Sequence[int]) -> bool:
-        """Whether no stopped corner of `some` has a side onto which the jump leads.
+    def _stops(self, jump: Jump, sides: Sides, movable: Sequence[int]) -> bool:
+        """Whether no stopped corner of `movable` has a side onto which the jump leads.
 
         sides : the sides of all corners.
         jump : see `after`.
         """
-        for i in some:
+        for i in movable:
             if sides[i] != SLIDING:
                 continue
             for side in (ABOVE, BELOW):
@@ -246,17 +248,17 @@ class CornerSides:
                     return False
         return True
 
-    def _by_turns(self, jump: Jump, some: list[int]) -> Sides:
+    def _by_turns(self, jump: Jump, movable: list[int]) -> Sides:
         """Return the sides onto which a jump leads, by iteration over the corners.
 
         Each corner in turn gets the side onto which the jump leads with the present
         sides of the other corners, until no side changes. Arguments: see `_solution`.
         """
         still = (SLIDING,) * len(self.corners)
-        sides = self._with(still, some, [ABOVE] * len(some))
+        sides = self._with(still, movable, [ABOVE] * len(movable))
         for _ in range(MOST):
             former = sides
-            for i in some:
+            for i in movable:
                 own = [self._with(sides, [i], [side]) for side in (ABOVE, BELOW)]
                 speeds = [self._speed(jump, x)[i] for x in own]
                 best = int(np.argmax(speeds))
@@ -299,7 +301,7 @@ class CornerSides:
         modes.write()
         self.off = frozenset(off)
 
-    def _least(self, jump: Jump, sides: Sides) -> float:
+    def _least_speed(self, jump: Jump, sides: Sides) -> float:
         """Return the least speed from a corner onto its side, in units of rounding.
 
         Corners that are stopped have no part in it.
@@ -322,18 +324,18 @@ class CornerSides:
         """
         if (known := self._speeds.get(sides)) is not None:
             return known
-        arc, modes, some = self.arc, self.modes, list(self.corners)
+        arc, modes, surfaces = self.arc, self.modes, list(self.corners)
         self._write_sides(sides)
         off = self.off
-        stops = [k for k, side in zip(some, sides, strict=True) if side == SLIDING]
+        stops = [k for k, side in zip(surfaces, sides, strict=True) if side == SLIDING]
         y = jump(frozenset(stops).difference(off))
         rows, magnitudes = modes.rows(y), np.abs(y[arc.velocities])
         magnitudes = np.maximum(magnitudes, arc.magnitudes[arc.velocities])
-        least = np.abs(rows.J[some, : arc.system.n]) @ magnitudes
+        least = np.abs(rows.J[surfaces, : arc.system.n]) @ magnitudes
         least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
-        ways = np.array([modes.way(k, self.corners[k]) for k in some])
-        found = ways * rows.rates[some] / np.maximum(least, TINY)
-        found[[i for i, k in enumerate(some) if k in stops]] = 0.0
-        found[[i for i, k in enumerate(some) if k in off]] = math.inf
+        ways = np.array([modes.way(k, self.corners[k]) for k in surfaces])
+        found = ways * rows.rates[surfaces] / np.maximum(least, TINY)
+        found[[i for i, k in enumerate(surfaces) if k in stops]] = 0.0
+        found[[i for i, k in enumerate(surfaces) if k in off]] = math.inf
         self._speeds[sides] = found
         return np.asarray(found)
