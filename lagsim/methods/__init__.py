@@ -108,7 +108,8 @@ def method(name: str) -> ModuleType:
     - PAIR (optional): the tables of an explicit pair, for `parts.embedded`;
     - STATE, the class of its memory, PARAMETERS (optional), the class of the data from
       the model, and the kernels `start`, `step` and `interpolate`; besides, if
-      ADAPTIVE, `interpolate_rates`, else `make`, which `fixed.step` calls.
+      ADAPTIVE, `interpolate_rates`, else `make`, which `fixed.step` calls; and
+      `interpolate_rows` (optional), in place of one call of `interpolate` a row.
 
     A number of STATE that is declared as an `option` can be set by users: reader,
     schema, commands, Python interface and pages are derived from the declaration.

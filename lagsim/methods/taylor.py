@@ -42,6 +42,7 @@ from lagsim.methods.parts.state import (
     extend,
     lengthen,
     reached,
+    reached_twice,
     series,
     slope,
 )
@@ -351,11 +352,49 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
     else:
         before = s.series[buffer(s.size, 1.0 - s.which) :]
         reach(s, before, s.carried, x * h, out)
-    if CONSTRAINED and s.alone > 0.0:
-        near = 1.0 - x if late else x
-        if near > s.alone and continues(s) > 0:
-            more = s.beyond_order[int((1 + MOST_BEYOND) * s.n) if late else 0 :]
-            lengthen(near, -h if late else h, more, out, out[s.velocities])
+    if CONSTRAINED:
+        prolong(s, x, out)
+
+
+def interpolate_rows(s: Taylor, p: Parameters, rows: Floats, count: int) -> None:
+    """Write the states at the times of rows (count, 1 + size) in the last step.
+
+    Two rows that are nearer to the same end of the step are computed side by side.
+    """
+    h, width = s.step_h, 1 + s.size
+    before = s.series[buffer(s.size, 1.0 - s.which) :]
+    after = s.series[buffer(s.size, s.which) :]
+    k = 0
+    while k < count:
+        row, other = rows[k * width :], rows[min(k + 1, count - 1) * width :]
+        x, further = (row[0] - s.step_t) / h, (other[0] - s.step_t) / h
+        late = CONSTRAINED and x > HALF
+        apart = CONSTRAINED and not late and further > HALF
+        if apart or k + 1 == count or s.rtol < control.TIGHT:
+            interpolate(s, p, x, row[1:])
+            k += 1
+            continue
+        if late:
+            back, less = (x - 1.0) * h, (further - 1.0) * h
+            reached_twice(back, less, after, s.compensation, row[1:], other[1:])
+        else:
+            reached_twice(x * h, further * h, before, s.carried, row[1:], other[1:])
+        if CONSTRAINED:
+            prolong(s, x, row[1:])
+            prolong(s, further, other[1:])
+        k += 2
+
+
+def prolong(s: Taylor, x: float, out: Floats) -> None:
+    """Add the terms beyond the order to a state (size,) at x, if they are needed.
+
+    x : the fraction of the last step.
+    """
+    late = x > HALF
+    near = 1.0 - x if late else x
+    if s.alone > 0.0 and near > s.alone and continues(s) > 0:
+        more = s.beyond_order[int((1 + MOST_BEYOND) * s.n) if late else 0 :]
+        lengthen(near, -s.step_h if late else s.step_h, more, out, out[s.velocities])
 
 
 def continues(s: Taylor) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from lagsim.methods import method
-from lagsim.methods.parts import driver, missed, no_search, search
+from lagsim.methods.parts import driver, missed, no_search, one_by_one, search
 from lagsim.native.link.cache import kernel_part
 from lagsim.program.signatures import AT_SECTIONS
 
@@ -61,6 +61,8 @@ def of_method(system: SystemProperties, name: str) -> ProgramPart:
     del known["ADAPTIVE"]
     kernels = [by.start, by.step, by.interpolate]
     kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
+    if hasattr(by, "interpolate_rows"):
+        kernels.append(by.interpolate_rows)
     return kernel_part(kernels, _chosen(known, filter(vars(by).__contains__, known)))
 
 
@@ -71,6 +73,8 @@ def of_steps(system: SystemProperties, name: str) -> Iterator[ProgramPart]:
     """
     known, none = statics(system, name), dict.fromkeys(OF_SEARCH, False)
     yield kernel_part([driver.advance], _chosen(known, OF_DRIVER))
+    if not hasattr(method(name), "interpolate_rows"):
+        yield kernel_part([one_by_one.interpolate_rows])
     if known["UNTIL"] or known["SWITCHES"]:
         yield kernel_part([search.find_end], _chosen(known, OF_SEARCH))
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-from lagsim.methods.parts import driver, no_search, search
+from lagsim.methods.parts import driver, no_search, one_by_one, search
 from lagsim.program.signatures import FUNCTION
 from tests.kernels import bind
 
@@ -24,7 +24,8 @@ class Plain:
         self.driven = model | {name: self.kernel(name) for name in own}
         may_end = self.statics["UNTIL"] or self.statics["SWITCHES"]
         ends = search if may_end else no_search
-        for kernel in (ends.find_end, search.loses_rank):
+        rows = getattr(method, "interpolate_rows", one_by_one.interpolate_rows)
+        for kernel in (ends.find_end, search.loses_rank, rows):
             self.driven[kernel.__name__] = bind(kernel, self.driven, self.statics)
 
     def kernel(self, name):
@@ -64,6 +65,7 @@ def linked(runner):
             "slope": _value(runner, "slope", 2),
         }
         found |= {"reached": _value(runner, "reached", 4)}
+        found |= {"reached_twice": _value(runner, "reached_twice", 4, numbers=2)}
         if runner.system.m and runner.system.plan.projected:
             found |= {"extend": _value(runner, "extend", 3)}
             found |= {"lengthen": _value(runner, "lengthen", 3, numbers=2)}

@@ -94,6 +94,26 @@ def test_the_state_and_its_roundoff(
         assert abs(Fraction(found[i]) + Fraction(left[i]) - total) < 4e-2 * 2.0**-52
 
 
+@pytest.mark.parametrize("cpu", ["host", "generic", "portable"])
+@pytest.mark.parametrize(("size", "order"), [(1, 4), (4, 12), (11, 14), (17, 18)])
+def test_two_times_have_the_bits_of_one(
+    size: int, order: int, cpu: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAGSIM_CPU", cpu)
+    rng = np.random.default_rng(size)
+    y = rng.uniform(-1.0, 1.0, (order + 1, size))
+    c, lost = np.array([float(order), *y.ravel()]), rng.uniform(-1e-17, 1e-17, size)
+    ir = polynomials.series_values(size, order)
+    engine = Engine([compile_object(ir, optimise=False)])
+    kind = (None, [ctypes.c_double] * 2 + [ctypes.c_void_p] * 4)
+    both = np.full((2, size + 1), np.nan)
+    pointers = [x.ctypes.data for x in (c, lost, *both)]
+    engine.function("reached_twice", *kind)(0.7, -0.4, *pointers)
+    assert np.isnan(both[:, size]).all()
+    for found, h in zip(both, (0.7, -0.4), strict=True):
+        assert np.array_equal(found[:size], reached(size, order, h, c, lost)[0])
+
+
 @pytest.mark.parametrize("cpu", ["host", "portable"])
 @pytest.mark.parametrize(("n", "order"), [(1, 4), (3, 7), (8, 12), (11, 15), (20, 18)])
 def test_terms_beyond_the_order(

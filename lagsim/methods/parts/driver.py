@@ -26,6 +26,7 @@ from lagsim.methods.parts.state import (
     find_end,
     inertias,
     interpolate,
+    interpolate_rows,
     loses_rank,
     missed_feature,
     observe,
@@ -542,14 +543,19 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
             return 0
         row = out[written * (1 + s.size) :]
         row[0] = t
+        more = 0
         if (t == s.t and s.cut == 0.0) or s.step_h == 0.0:
             row[1 : 1 + s.size] = s.y
-        else:
+        elif beside:
+            # the result does not depend on these evaluations
             counted = s.evaluations
             interpolate(s, p, (t - s.step_t) / s.step_h, row[1:])
-            if beside:
-                # the result does not depend on these evaluations
-                s.evaluations = counted
+            s.evaluations = counted
+        else:
+            more = following(s, row, rows - written)
+            interpolate_rows(s, p, row, 1 + more)
+            s.row += more
+            s.emitted += more
         s.emitted += 1.0
         if beside:
             s.extras -= 1.0
@@ -559,6 +565,26 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
             s.extra = s.extra_times[int(s.listed) - 1]
         else:
             s.row += 1.0
+
+
+def following(s: State, out: Floats, rows: int) -> int:
+    """Write the times of the rows within the last step that follow the next one to out.
+
+    Return their number. States requested between rows come in order, and end them.
+
+    out : (rows, 1 + size), the next row at first.
+    """
+    end = min(s.t, s.row_limit)
+    if s.extras > 0.0:
+        end = min(end, s.extra)
+    count = 0
+    while count + 1 < rows:
+        t = s.row_start + (s.row + (count + 1)) * s.row_step
+        if not t < end:
+            break
+        count += 1
+        out[count * (1 + s.size)] = t
+    return count
 
 
 def tabulate(

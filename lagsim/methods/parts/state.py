@@ -202,6 +202,21 @@ def reached(
 
 
 @external
+def reached_twice(
+    h: float,
+    further: float,
+    c: Floats,
+    compensation: Floats,
+    out: Floats,
+    beyond: Floats,
+) -> None:
+    """Write the values of a series at the times h and `further` to out and `beyond`.
+
+    c, compensation : see `reached`.
+    """
+
+
+@external
 def slope(h: float, c: Floats, out: Floats) -> None:
     """Write the derivative of a series at time h, sum_k k y_k h^(k - 1), to out.
 
@@ -291,6 +306,11 @@ def step(s: Clock, p: Parameters) -> int:
 @external
 def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
     """Write the state (size,) at the fraction x of the last step to `out`."""
+
+
+@external
+def interpolate_rows(s: Clock, p: Parameters, rows: Floats, count: int) -> None:
+    """Write the states at the times of rows (count, 1 + size) in the last step."""
 
 
 @external

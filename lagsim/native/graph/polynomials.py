@@ -6,7 +6,10 @@ The functions are
 - `bend(h, c, out)`: the sum of y_k h^k over k >= 2,
 - `slope(h, c, out)`: the derivative of the series, the sum of k y_k h^(k - 1),
 - `reached(h, c, lost, out, left)`: the sum of all y_k h^k and of `lost`, the roundoff
-  of y_0; `left` is the roundoff of the result.
+  of y_0; `left` is the roundoff of the result,
+- `reached_twice(h, further, c, lost, out, beyond)`: these sums at two times, h and
+  `further`. Coefficients are loaded once: a load that crosses a line of the cache takes
+  longer than the products.
 
 With constraints there are two more, of n velocities and positions, which lead a series
 beyond its order between the ends of a step h. Low coefficients of the series at both
@@ -41,6 +44,8 @@ WIDEST = 8
 SINGLE = (1, 2, 4)
 # Number of polynomials into which one is split.
 SPLIT = 4
+# The times of `reached_twice`.
+TIMES = ("h", "further")
 # Largest number E of coefficients beyond the order. With 6 a residual between the ends
 # of a step is smaller by 1e-2 to 1e-3.
 MOST_BEYOND = 6
@@ -115,7 +120,11 @@ def series_values(size: int, order: int, n: int = 0) -> str:
         _function(
             "reached", size, lambda vectors: vectors.reached(bend), ("lost", "left")
         ),
-    ]
+        _function(
+            "reached_twice", size, lambda vectors: vectors.reached_twice(bend),
+            ("lost", "beyond"), numbers=TIMES,
+        ),
+    ]  # fmt: skip
     if n:
         functions += [
             _function(
@@ -182,20 +191,32 @@ class _VectorWriter:
         square = self.mul(root, root)
         return self.mul(square, x) if k % 2 else square
 
-    def polynomial(self, terms: Sequence[tuple[int, float]], powers: list[str]) -> str:
-        """Write the sum over j of factor_j y_(k_j) h^j; return the name of its value.
+    def polynomials(
+        self, terms: Sequence[tuple[int, float]], powers: Sequence[Sequence[str]]
+    ) -> list[str]:
+        """Write the sum over j of factor_j y_(k_j) h^j; return the names of its values.
 
         terms : pairs (k_j, factor_j).
-        powers : the names of h, h^2 and h^4.
+        powers : the names of h, h^2 and h^4, for each time h.
         """
-        h, square, fourth = powers
-        parts = []
+        parts: list[list[str]] = []
         for first in range(min(SPLIT, len(terms))):
             *lower, highest = terms[first::SPLIT]
-            value = self.coefficient(*highest)
+            values = [self.coefficient(*highest)] * len(powers)
             for term in reversed(lower):
-                value = self.add(self.mul(value, fourth), self.coefficient(*term))
-            parts.append(value)
+                factor = self.coefficient(*term)
+                values = [
+                    self.add(self.mul(value, fourth), factor)
+                    for value, (_, _, fourth) in zip(values, powers, strict=True)
+                ]
+            parts.append(values)
+        return [
+            self._joined(own, *x)
+            for own, x in zip(zip(*parts, strict=True), powers, strict=True)
+        ]
+
+    def _joined(self, parts: Sequence[str], h: str, square: str, _fourth: str) -> str:
+        """Write the sum of the parts of a polynomial; return the name of its value."""
         low = self.add(parts[0], self.mul(parts[1], h))
         high = parts[2]
         if len(parts) == SPLIT:
@@ -203,13 +224,14 @@ class _VectorWriter:
         return self.add(low, self.mul(high, square))
 
     def bend(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `bend`; for `terms` see `polynomial`."""
-        _, value, square = self._powers_and_value(terms)
-        self._store(self.mul(value, square), "out")
+        """Write the function `bend`; for `terms` see `polynomials`."""
+        powers = self._powers("%h")
+        [value] = self.polynomials(terms, [powers])
+        self._store(self.mul(value, powers[1]), "out")
 
     def slope(self, terms: Sequence[tuple[int, float]]) -> None:
-        """Write the function `slope`; for `terms` see `polynomial`."""
-        _, value, _ = self._powers_and_value(terms)
+        """Write the function `slope`; for `terms` see `polynomials`."""
+        [value] = self.polynomials(terms, [self._powers("%h")])
         self._store(value, "out")
 
     def reached(self, terms: Sequence[tuple[int, float]]) -> None:
@@ -219,11 +241,8 @@ class _VectorWriter:
 
         terms : the terms of orders from 2 on.
         """
-        h, value, square = self._powers_and_value(terms)
-        lost = self.line(f"load {self.kind}, ptr %lost.at, align 8")
-        first = self.add(self.mul(h, self.coefficient(1, 1.0)), lost)
-        change = self.add(self.mul(value, square), first)
         before = self.coefficient(0, 1.0)
+        [change] = self._changes(terms, ["%h"])
         after = self._exact("fadd", before, change)
         moved = self._exact("fsub", after, before)
         back = self._exact("fsub", after, moved)
@@ -231,6 +250,25 @@ class _VectorWriter:
         other = self._exact("fsub", change, moved)
         self._store(after, "out")
         self._store(self._exact("fadd", one, other), "left")
+
+    def reached_twice(self, terms: Sequence[tuple[int, float]]) -> None:
+        """Write the function `reached_twice`; for `terms` see `reached`."""
+        before = self.coefficient(0, 1.0)
+        changes = self._changes(terms, [f"%{x}" for x in TIMES])
+        for change, array in zip(changes, ("out", "beyond"), strict=True):
+            self._store(self._exact("fadd", before, change), array)
+
+    def _changes(
+        self, terms: Sequence[tuple[int, float]], times: Sequence[str]
+    ) -> list[str]:
+        """Write the sums of a series at `times` less y_0; return their names."""
+        powers = [self._powers(h) for h in times]
+        lost, rate = self.load("lost", 0), self.coefficient(1, 1.0)
+        found = self.polynomials(terms, powers)
+        return [
+            self.add(self.mul(value, square), self.add(self.mul(h, rate), lost))
+            for value, (h, square, _) in zip(found, powers, strict=True)
+        ]
 
     def extend(self, order: int) -> None:
         """Write the function `extend`, for series of order K = `order`."""
@@ -272,13 +310,11 @@ class _VectorWriter:
         self._store(self.add(self.mul(place, far), self.load("q", 0)), "q")
         self._store(self.add(self.mul(rate, power), self.load("v", 0)), "v")
 
-    def _powers_and_value(
-        self, terms: Sequence[tuple[int, float]]
-    ) -> tuple[str, str, str]:
-        h = self.splat("%h")
+    def _powers(self, time: str) -> tuple[str, str, str]:
+        """Write the powers 1, 2 and 4 of a number; return the names of the vectors."""
+        h = self.splat(time)
         square = self.mul(h, h)
-        fourth = self.mul(square, square)
-        return h, self.polynomial(terms, [h, square, fourth]), square
+        return h, square, self.mul(square, square)
 
     def _exact(self, operation: str, x: str, y: str) -> str:
         return self.line(f"{operation} {self.kind} {x}, {y}")
