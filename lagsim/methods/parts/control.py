@@ -324,17 +324,34 @@ def share_tolerances(s: Control) -> None:
     n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
         tolerances = s.tolerances[level * n :]
-        shared[:n] = 0.0
-        for i in range(n):
-            k = int(s.linked[i])
-            tolerance = tolerances[i]
-            if masses[i] > 0.0:
-                shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
+        find_largest(n, s.linked, masses, tolerances, shared)
         for i in range(n):
             most = LEAK * LEAK * shared[int(s.linked[i])]
             # Few tolerances are raised: no root where no tolerance is raised.
             if masses[i] > 0.0 and masses[i] * tolerances[i] * tolerances[i] < most:
                 tolerances[i] = sqrt(most / masses[i])
+
+
+def find_largest(
+    n: int, groups: Floats, masses: Floats, sizes: Floats, largest: Floats
+) -> None:
+    """Write the largest m_i x_i^2 of each group of coordinates to `largest` (n,).
+
+    The largest of a neighbourhood is kept in a register: in memory, each would wait for
+    the one before.
+
+    groups : (n,), the index of the group of each coordinate.
+    masses, sizes : m and x, (n,).
+    """
+    largest[:n] = 0.0
+    group, most = 0, 0.0
+    for i in range(n):
+        k = int(groups[i])
+        if k != group:
+            largest[group] = most
+            group, most = k, largest[k]
+        most = max(most, masses[i] * sizes[i] * sizes[i])
+    largest[group] = most
 
 
 def share_rounding(s: Control) -> None:
@@ -346,10 +363,7 @@ def share_rounding(s: Control) -> None:
     n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
         tolerances, sizes = s.tolerances[level * n :], s.sizes[level * n :]
-        shared[:n] = 0.0
-        for i in range(n):
-            k = int(s.joined[i])
-            shared[k] = max(shared[k], masses[i] * sizes[i] * sizes[i])
+        find_largest(n, s.joined, masses, sizes, shared)
         for i in range(n):
             most = STATE_ROUNDOFF * STATE_ROUNDOFF * shared[int(s.joined[i])]
             own = masses[i] * sizes[i] * sizes[i]
