@@ -28,7 +28,13 @@ from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.newton import SparseNewton
-from lagsim.methods.parts.onset import LIMITED, LIMITING, set_aside, spread_scales
+from lagsim.methods.parts.onset import (
+    LIMITED,
+    LIMITING,
+    set_aside,
+    sides_are_clear,
+    spread_scales,
+)
 from lagsim.methods.parts.state import LOCAL, check_features, derivative, jacobian
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
@@ -219,7 +225,7 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     s.new[:] = s.y + s.Z[2 * s.size :]
     control.set_tolerances(s, p, s.t + h, s.new, s.slope, h)
     error = estimate(s, p, h)
-    if not CONSTRAINED and not SWITCHES:
+    if sides_are_clear(s, p, s.t, s.y):
         error = error_at_onset(s, p, h, error)
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
@@ -259,7 +265,7 @@ def converge_others(s: Radau, p: SparseNewton, h: float) -> int:
     Their tolerances may be too small for Newton's method. Return 0 on failure, or if
     there are none, else 1.
     """
-    if CONSTRAINED or SWITCHES:
+    if not sides_are_clear(s, p, s.t, s.y):
         return 0
     s.new[:] = s.y + s.Z[2 * s.size :]
     if set_aside(s, h, s.new, s.slope, 0.0) == 0:

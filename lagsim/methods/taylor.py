@@ -33,7 +33,12 @@ from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.first_step import foresee
-from lagsim.methods.parts.onset import LIMITED, set_aside, spread_scales
+from lagsim.methods.parts.onset import (
+    LIMITED,
+    set_aside,
+    sides_are_clear,
+    spread_scales,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
@@ -128,7 +133,7 @@ def start(s: Taylor, p: Parameters) -> None:
     first = s.most_step if s.most_step > 0.0 else s.row_step
     longest = min(float(first), s.end - s.t)
     s.h = consistent_step(s, p, longest, OVERFLOW)
-    if not CONSTRAINED and not SWITCHES and sets_off(s):
+    if sets_off(s) and sides_are_clear(s, p, s.t, s.y):
         others = consistent_step(s, p, longest, 0.0)
         if others > LIMITED * s.h:
             lead(s.size, c, CLOSE * others, s.new)
@@ -243,7 +248,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     if control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h):
         set_fineness(s)
     error = misfit(s, c[0], following[1 + size :], h)
-    if not CONSTRAINED and not SWITCHES and error > PASSED:
+    if error > PASSED and sides_are_clear(s, p, s.t, s.y):
         error = error_at_onset(s, p, h, error)
     # The error may be rounding alone.
     doubtful = error > PASSED and error < OVERFLOW
@@ -267,7 +272,7 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
     # First the results that the next step needs, then the results that it does not wait
     # for.
     next_ = chosen_step(s, following, s.t + h)
-    if not CONSTRAINED and not SWITCHES and next_ < SUDDEN * h:
+    if next_ < SUDDEN * h and sides_are_clear(s, p, s.t + h, s.new):
         next_ = unlimited_step(s, p, h, next_)
     if s.signals > 0:
         before = s.series[buffer(size, s.which) + 1 + size :]

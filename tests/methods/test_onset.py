@@ -23,6 +23,14 @@ PULL = "forces: {u(n): 1}"
 KICK = """
 modes: {later: 0.03}
 events: {kick: {at: "t >= later", impulse: {u(n): 1}}}"""
+# Each model has the motion of the chain, with its first mass at rest or not.
+BESIDE = {
+    "held": ("constraints: {base: u(1) = 0}", 1),
+    "on a curve": ("constraints: {base: sin(u(1)) = 0}", 1),
+    "friction": ("constraints: {base: {relation: u_dot(1) = 0, limit: 1e3}}", 1),
+    "floor": ("constraints: {base: {relation: u(1) >= -1, restitution: 0}}", 0),
+    "switch": ('forces: {u(1): "-max(0, u(1) - 1)"}', 0),
+}
 # Steps: the fastest waves of the chain are 63 rad long, of the beam 127 rad. Each bound
 # is twice what was measured; with ranges alone, dopri5, and radau and dop853 at loose
 # tolerances, end because the step becomes too small, and others take 10 times as many.
@@ -43,19 +51,22 @@ def bends(n):
     return np.eye(n, k=1) - 2 * np.eye(n) + np.eye(n, k=-1)
 
 
-def response(links, n, t, speed, force):
-    """Displacements (n,) at time t after the last mass was struck, or pulled."""
-    squares, modes = np.linalg.eigh(1e5 * stiffness(links, n))
+def response(links, n, t, speed, force, held):
+    """Displacements (n,) at time t after the last mass was struck, or pulled.
+
+    held : the number of masses at the other end that stay at rest.
+    """
+    squares, modes = np.linalg.eigh(1e5 * stiffness(links, n)[held:, held:])
     w, last = np.sqrt(squares), modes[-1]
-    return modes @ (
-        last * (speed * np.sin(w * t) / w + force * (1 - np.cos(w * t)) / w**2)
-    )
+    moves = speed * np.sin(w * t) / w + force * (1 - np.cos(w * t)) / w**2
+    return np.concatenate((np.zeros(held), modes @ (last * moves)))
 
 
-def arrives(links, method, rtol, n=60, more="", speed=0.0, struck=0.0):
+def arrives(links, method, rtol, n=60, more="", speed=0.0, struck=0.0, held=0):
     """Run a lattice; return its steps, and its error relative to the displacements.
 
     struck : the time from which on it moves.
+    held : see `response`.
     """
     text = LATTICE.format(
         links=links, method=method, rtol=rtol, n=n, more=more, speed=speed
@@ -63,7 +74,7 @@ def arrives(links, method, rtol, n=60, more="", speed=0.0, struck=0.0):
     found = run(text, most_steps=3000)
     last = np.array([found[f"u.{i}"][-1] for i in range(1, n + 1)])
     t = found["t"][-1] - struck
-    exact = response(links, n, t, 1.0 - (more == PULL), float(more == PULL))
+    exact = response(links, n, t, 1.0 - (more == PULL), float(more == PULL), held)
     steps = found.trajectory.statistics.steps
     return steps, np.max(np.abs(last - exact)) / np.max(np.abs(exact))
 
@@ -73,6 +84,23 @@ def test_a_chain_struck_at_its_end(method, rtol, most):
     steps, off = arrives(CHAIN, method, rtol, speed=1.0)
     assert steps < most
     assert off < max(rtol, 1e-12)
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+@pytest.mark.parametrize(("method", "rtol", "most"), METHODS[2:4])
+def test_a_chain_struck_beside_constraints_and_switches(beside, method, rtol, most):
+    more, held = BESIDE[beside]
+    steps, off = arrives(CHAIN, method, rtol, more=more, speed=1.0, held=held)
+    assert steps < most
+    assert off < max(rtol, 1e-12)
+
+
+@pytest.mark.parametrize("beside", ["held", "switch"])
+def test_a_chain_struck_beside_a_constraint_or_switch_by_its_series(beside):
+    more, held = BESIDE[beside]
+    steps, off = arrives(CHAIN, "taylor", 1e-11, more=more, speed=1.0, held=held)
+    assert steps < 300
+    assert off < 1e-11
 
 
 @pytest.mark.slow

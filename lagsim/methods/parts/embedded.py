@@ -19,7 +19,12 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.first_step import first_step
 from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.onset import LIMITED, set_aside, spread_scales
+from lagsim.methods.parts.onset import (
+    LIMITED,
+    set_aside,
+    sides_are_clear,
+    spread_scales,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import check_features, derivative
 from lagsim.native.kernels.words import apart, total, unrolled
@@ -217,10 +222,9 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
         sigma = p.least_sigma
     error = error_norm(s, h, errors)
     if (
-        not CONSTRAINED
-        and not SWITCHES
-        and error >= SLOWING
+        error >= SLOWING
         and (varied or error >= 1.0)
+        and sides_are_clear(s, p, s.t, s.y)
     ):
         error = error_at_onset(s, p, h, error)
     # The error may be rounding alone.

@@ -14,13 +14,16 @@ components farther away in turn. All are found from y' at displaced states.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.control import Control, pseudorandom
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import derivative
+from lagsim.methods.parts.search_table import SearchTable
+from lagsim.methods.parts.state import derivative, event_functions
 from lagsim.tolerances import OVERFLOW, UNDERFLOW
+
+SWITCHES = True
 
 # A component begins to move if its range grows by more than this factor beyond its
 # motion at the rates at the start of the step.
@@ -48,6 +51,22 @@ def forget_onsets(s: Control) -> None:
     """Set the sizes by the motion of others to 0: unknown."""
     s.onset[:] = 0.0
     s.hops = FEWEST
+
+
+def sides_are_clear(s: SearchTable, p: Parameters, t: float, y: Floats) -> bool:
+    """Whether all event functions of surfaces and laws are clear of their levels.
+
+    At a level the smallest displacement decides which side holds, and a scale by the
+    motion of others would permit an error larger than that displacement.
+
+    y : (size,), the state at time t.
+    """
+    if SWITCHES:
+        event_functions(t, y, p, s.values)
+        for k in range(s.surfaces):
+            if p.slack[k] < inf and s.values[k] <= p.slack[k]:
+                return False
+    return True
 
 
 def set_aside(s: Control, h: float, new: Floats, k: Floats, resting: float) -> int:
