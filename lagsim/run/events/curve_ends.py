@@ -105,8 +105,8 @@ def _is_still(
         return False
     if laws is not None:
         here = Kinematics(arc, arc.y)
-        some = that_could_act(here, laws.closed)
-        response = here.acting(some, laws.left).response
+        active = that_could_act(here, laws.closed)
+        response = here.acting(active, laws.left).response
         if (rows.J[on, : arc.system.n] @ response).any():
             return True
     return not modes.forced(arc.y)[on].any()

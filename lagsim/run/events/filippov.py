@@ -359,33 +359,35 @@ class FilippovCone:
             if np.any(attract & (w == LEVEL)):
                 w[attract] = BELOW
                 continue
-            some = np.flatnonzero(attract)
-            B = B[:, some]
-            base += B @ (0.5 - w[some])
+            attracting = np.flatnonzero(attract)
+            B = B[:, attracting]
+            base += B @ (0.5 - w[attracting])
             w = at.astype(float)
             found, by_laws, rounding = self._modes(
-                sides, some, unit, tolerance, base, B
+                sides, attracting, unit, tolerance, base, B
             )
             if found.paradox:
                 return None
-            r = len(found.mode) - len(some)
-            w[some] = 0.5 - found.multipliers[r:]
+            r = len(found.mode) - len(attracting)
+            w[attracting] = 0.5 - found.multipliers[r:]
             rho = base[:n] - B[:n] @ found.multipliers[r:] + by_laws
             off = unit * self._blended(w)[:n] + by_laws - rho
             if np.all(np.abs(off) <= tolerance):
                 break
         mode = at.copy()
-        for k, way, now in zip(some, found.direction[r:], found.mode[r:], strict=True):
+        for k, way, now in zip(
+            attracting, found.direction[r:], found.mode[r:], strict=True
+        ):
             mode[k] = WAYS.get(now, BELOW if way > 0.0 else ABOVE)
-        by_laws_alone = [k for k in some.tolist() if r and mode[k] == REDUNDANT]
+        by_laws_alone = [k for k in attracting.tolist() if r and mode[k] == REDUNDANT]
         off = np.where(at == LEVEL, -np.abs(rho), np.where(at == ABOVE, rho, -rho))
         leads = np.where(np.abs(rho) <= np.maximum(tolerance, rounding), 0.0, off)
-        leads[some] = math.inf
+        leads[attracting] = math.inf
         return SideSolution(mode.tolist(), w, leads, found, by_laws_alone)
 
     def _modes(
-        self, sides: Corner, some: Ints, unit: Floats, tolerance: Floats, base: Floats,
-        B: Floats,
+        self, sides: Corner, attracting: Ints, unit: Floats, tolerance: Floats,
+        base: Floats, B: Floats,
     ) -> tuple[RowModes, Floats, Floats]:  # fmt: skip
         """Solve for the modes of laws and attracting surfaces, as one contact problem.
 
@@ -396,12 +398,12 @@ class FilippovCone:
         ----------
         sides
             The sides of the surfaces that do not attract.
-        some : ndarray of int, shape (s,)
+        attracting : ndarray of int, shape (s,)
             The indices of the surfaces that attract.
         unit, tolerance : ndarray, shape (n,)
             Factors that scale the rates of surfaces, and their scaled tolerances.
         base : ndarray, shape (n + r,)
-            Rates of surfaces and laws with shares of 1/2 of the surfaces `some`.
+            Rates of surfaces and laws with shares of 1/2 of the surfaces `attracting`.
         B : ndarray, shape (n + r, s)
             Derivatives of these rates with respect to the shares.
 
@@ -414,21 +416,21 @@ class FilippovCone:
         roundoff : ndarray, shape (n,)
             Bounds of the rounding in `rates`: the effects of laws may cancel.
         """
-        n, s, (laws, response) = self.count, len(some), self.laws(sides)
+        n, s, (laws, response) = self.count, len(attracting), self.laws(sides)
         r = len(laws.rates)
-        rows = [*range(n, n + r), *some]
-        left = np.vstack([laws.closed.D, unit[some, None] * response[some]])
+        rows = [*range(n, n + r), *attracting]
+        left = np.vstack([laws.closed.D, unit[attracting, None] * response[attracting]])
         D = np.hstack([left, -B[rows]])
         # Rows of shares are scaled to the lengths of their columns, as for forces.
         down, across = (np.linalg.norm(x, axis=0) for x in (D[:r, r:], D[r:, :r].T))
         ratio = np.divide(down, across, out=np.ones(s), where=down * across > 0.0)
         scale = np.append(np.ones(r), np.exp2(np.round(np.log2(ratio))))
-        roundoff = np.append(laws.roundoff, tolerance[some])
+        roundoff = np.append(laws.roundoff, tolerance[attracting])
         c = scale * np.where(np.abs(base[rows]) > roundoff, base[rows], 0.0)
 
         def ahead(p: Floats) -> tuple[Floats, Floats]:
             w = np.array(sides, dtype=float)
-            w[some] = 0.5 - p[r:]
+            w[attracting] = 0.5 - p[r:]
             moment, change = self.ahead(w, p[:r])
             change[:n] *= unit
             return scale * change[rows], scale * roundoff / moment

@@ -77,25 +77,25 @@ class MassAndRows:
         """Delassus matrix of the laws, with the equalities in force."""
         return delassus(self.M, self.equalities, self.rows)
 
-    def lift(self, some: Sequence[int], rates: Floats) -> Floats:
+    def lift(self, indices: Sequence[int], rates: Floats) -> Floats:
         """Return the least change (n,) of q or q' that changes laws by given amounts.
 
         Parameters
         ----------
-        some
+        indices
             The numbers of r laws.
         rates : ndarray, shape (r,)
             The changes of the residuals or rates of these laws.
         """
-        if len(some) == 1:
-            [k] = some
+        if len(indices) == 1:
+            [k] = indices
             own = self.delassus.D[k, k]
             return self.delassus.response[:, k] * (rates[0] / own if own > 0.0 else 0.0)
-        D = self.delassus.D[np.ix_(some, some)]
+        D = self.delassus.D[np.ix_(indices, indices)]
         found = solved_regular(D, rates)
         if found is None:
             found = least_squares(D, rates, None)
-        return self.delassus.response[:, some] @ found
+        return self.delassus.response[:, indices] @ found
 
     def linked(self, k: int) -> list[int]:
         """Return the laws whose rates an impulse of law k changes; memoized."""
@@ -434,21 +434,23 @@ class Kinematics:
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
 
-    def moved_by(self, some: Sequence[int]) -> Floats:
-        """Return y' (size,) with the laws `some` in their present modes, others off."""
-        return self._field(self.t, self.y, some)
+    def moved_by(self, active: Sequence[int]) -> Floats:
+        """Return y' (size,) with active laws in their present modes, others off."""
+        return self._field(self.t, self.y, active)
 
-    def _field(self, t: float, y: Floats, some: Sequence[int] | None = None) -> Floats:
+    def _field(
+        self, t: float, y: Floats, active: Sequence[int] | None = None
+    ) -> Floats:
         """Return y' (size,) at t and y, with the shares of the surfaces followed.
 
-        some : the indices of laws in their present modes; all others are off. None for
-            all laws in their present modes.
+        active : the indices of laws in their present modes; all others are off. None
+            for all laws in their present modes.
         """
         arc, p = self.arc, self.arc.system.p
         mode = p.law_mode.copy()
-        if some is not None:
+        if active is not None:
             p.law_mode[:] = kept.OFF
-            p.law_mode[[*some]] = mode[[*some]]
+            p.law_mode[[*active]] = mode[[*active]]
         along = arc.rates(t, y) if p.sliding else None
         field = arc.field(t, y)  # called last, since it leaves b and the bounds of laws
         p.law_mode[:] = mode
@@ -519,12 +521,12 @@ class Kinematics:
         """
         return self._strikes[k]
 
-    def reached(self, struck: Iterable[int], some: Collection[int]) -> list[int]:
-        """Return the laws of `some`, ascending, on which impulses of `struck` act.
+    def reached(self, struck: Iterable[int], candidates: Collection[int]) -> list[int]:
+        """Return the candidates, ascending, on which impulses of `struck` laws act.
 
-        Impulses act through the mass matrix, and through other laws of `some`.
+        Impulses act through the mass matrix, and through other candidates.
         """
-        left, found = set(some), list[int]()
+        left, found = set(candidates), list[int]()
         queue = [k for k in struck if k in left]
         left.difference_update(queue)
         while queue:
@@ -613,14 +615,16 @@ class Kinematics:
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of the laws `others` change the rate of law k."""
-        D, some = self.shape.delassus.D, sorted(others)
+        D, indices = self.shape.delassus.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
         return bool(
-            np.any(np.abs(D[k, some]) > SOLUTION_ROUNDOFF * sizes[k] * sizes[some])
+            np.any(
+                np.abs(D[k, indices]) > SOLUTION_ROUNDOFF * sizes[k] * sizes[indices]
+            )
         )
 
-    def are_spanned(self, some: Sequence[int], others: Sequence[int]) -> list[bool]:
-        """Return for each law of `some` whether the rows of `others` span its row."""
+    def are_spanned(self, indices: Sequence[int], others: Sequence[int]) -> list[bool]:
+        """Return for each law at `indices` whether rows of others span its row."""
         sizes = self.shape.slopes.max(axis=0)
         rows = self.rows / np.where(sizes > 0.0, sizes, 1.0)
         lengths = np.linalg.norm(rows, axis=1)[:, None]
@@ -628,11 +632,11 @@ class Kinematics:
         span = Span(rows.shape[1])
         for k in others:
             span.extend(rows[k], DEPENDENT_ROWS)
-        outside = (np.linalg.norm(span.outside(rows[k])) for k in some)
+        outside = (np.linalg.norm(span.outside(rows[k])) for k in indices)
         return [bool(left <= HALF_OF_DIGITS) for left in outside]
 
     def problem(
-        self, some: Sequence[int], restitutions: Floats, matrix: Delassus
+        self, active: Sequence[int], restitutions: Floats, matrix: Delassus
     ) -> tuple[Closed, Floats]:
         """Return r laws as the rows of a contact problem, and their response (n, r).
 
@@ -646,30 +650,30 @@ class Kinematics:
             The accelerations of all laws per unit multiplier.
         """
         # All laws, the usual case, need no copies.
-        if len(some) == self.count:
+        if len(active) == self.count:
             D, response, factor = matrix
             own, limits = self.table, (self.bounds, self.statics)
         else:
-            at = np.array(some, dtype=int)
+            at = np.array(active, dtype=int)
             D, factor = matrix.D[at[:, None], at], matrix.factor[:, at]
-            response, own = matrix.response[:, at], self.table.part(some)
+            response, own = matrix.response[:, at], self.table.part(active)
             limits = self.bounds[at], self.statics[at]
         return Closed(own, D, *limits, restitutions, factor), response
 
-    def acting(self, some: Sequence[int], left: Mapping[int, int]) -> Acting:
-        """Return some laws as the rows of the problem that selects their modes.
+    def acting(self, active: Sequence[int], left: Mapping[int, int]) -> Acting:
+        """Return active laws as the rows of the problem that selects their modes.
 
-        some : the indices of the laws.
+        active : the indices of the laws.
         left : for some laws the number of times at this instant at which they reached
             the end of their mode (`mechanics.row_modes.modes`).
         """
         closed, response = self.problem(
-            some, np.zeros(len(some)), self.delassus_of_forces
+            active, np.zeros(len(active)), self.delassus_of_forces
         )
         slow = np.maximum(self.still, 2.0 * self.arc.system.p.law_still)
         return Acting(
-            closed, self.rates[some], self.roundoff[some], slow[some],
-            np.array([left.get(k, 0) for k in some], dtype=int), response,
+            closed, self.rates[active], self.roundoff[active], slow[active],
+            np.array([left.get(k, 0) for k in active], dtype=int), response,
         )  # fmt: skip
 
 

@@ -46,21 +46,21 @@ def write_modes(arc: Arc, chosen: Chosen) -> None:
 
 
 def _state_after(
-    here: Kinematics, free: Floats, some: list[int], p: Floats, moment: float
+    here: Kinematics, free: Floats, active: list[int], p: Floats, moment: float
 ) -> Floats:
     """Return the state (size,) after a short time `moment`, to second order.
 
-    free : ndarray, shape (size,), y' without the laws `some`.
+    free : ndarray, shape (size,), y' without the laws `active`.
     p : ndarray, shape (r,), the multipliers of these laws.
     here : all laws at the state now.
     """
     rates = free.copy()
-    rates[here.arc.velocities] += here.delassus_of_forces.response[:, some] @ p
+    rates[here.arc.velocities] += here.delassus_of_forces.response[:, active] @ p
     return here.arc.later(here.y, rates, moment)
 
 
 def ahead_of(
-    here: Kinematics, some: list[int],
+    here: Kinematics, active: list[int],
     others: Callable[[Kinematics, Floats], Floats] = lambda _here, _forced: np.zeros(0),
     unchanged: Sequence[int] = (),
 ) -> Ahead:  # fmt: skip
@@ -73,31 +73,31 @@ def ahead_of(
     ----------
     here : Kinematics
         All laws at the present state.
-    some : list of int, length r
+    active : list of int, length r
         Indices of the laws.
     others : callable
         Function of a `Kinematics` and of the accelerations (n,) by the multipliers,
         which returns the rates (k,) of other rows. These come first in the result.
     unchanged : sequence of int
-        Laws that stay in their modes, and are not coupled with the laws `some`.
+        Laws that stay in their modes, and are not coupled with the laws `active`.
     """
     moment = here.arc.short_time
 
     def change(p: Floats) -> tuple[Floats, Floats]:
         free = here.moved_by(unchanged) if len(unchanged) else here.free
-        y = _state_after(here, free, some, p, moment)
+        y = _state_after(here, free, active, p, moment)
         later = here.at(y, here.t + moment)
         w = []
         for x in here, later:
-            part, known = np.ones(len(some)), here.bounds[some] > 0.0
-            part[known] = x.bounds[some][known] / here.bounds[some][known]
+            part, known = np.ones(len(active)), here.bounds[active] > 0.0
+            part[known] = x.bounds[active][known] / here.bounds[active][known]
             D, response = (
-                x.delassus_of_forces.D[np.ix_(some, some)],
-                x.delassus_of_forces.response[:, some],
+                x.delassus_of_forces.D[np.ix_(active, active)],
+                x.delassus_of_forces.response[:, active],
             )
             more = others(x, response @ (part * p))
-            w.append(np.append(more, x.accelerations[some] + D @ (part * p)))
-        return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
+            w.append(np.append(more, x.accelerations[active] + D @ (part * p)))
+        return (w[1] - w[0]) / moment, 2.0 * here.roundoff[active] / moment
 
     return change
 
@@ -113,8 +113,8 @@ def that_could_act(here: Kinematics, also: Collection[int]) -> list[int]:
     table, acts = here.table, np.array(here.is_closed(also), dtype=bool)
     acts &= ~(table.one_sided & (here.rates > here.still))
     acts[table.slips] &= acts[table.normals[table.slips]]
-    some: list[int] = np.flatnonzero(acts).tolist()
-    return some
+    active: list[int] = np.flatnonzero(acts).tolist()
+    return active
 
 
 class Chosen(NamedTuple):
@@ -146,13 +146,13 @@ class Chosen(NamedTuple):
     def of(
         cls,
         here: Kinematics,
-        some: list[int],
+        active: list[int],
         found: RowModes,
         unchanged: Sequence[int] = (),
     ) -> Chosen:
-        """Return the modes of all laws from those of the laws `some`.
+        """Return the modes of all laws from those of the laws `active`.
 
-        found : the modes of rows, of which the first belong to the laws `some`.
+        found : the modes of rows, of which the first belong to the laws `active`.
         unchanged : laws that stay in their modes; all others are off.
         here : all laws at the state reached.
         """
@@ -161,40 +161,40 @@ class Chosen(NamedTuple):
             p = here.arc.system.p
             mode[unchanged] = p.law_mode[unchanged]
             direction[unchanged] = p.law_direction[unchanged]
-        r = len(some)
-        mode[some] = [float(x) for x in found.mode[:r]]
-        direction[some] = found.direction[:r]
-        D = here.delassus_of_forces.D.diagonal()[some]
+        r = len(active)
+        mode[active] = [float(x) for x in found.mode[:r]]
+        direction[active] = found.direction[:r]
+        D = here.delassus_of_forces.D.diagonal()[active]
         return cls(
-            mode, direction, some, found.multipliers[:r], D, found.paradox, found.open
+            mode, direction, active, found.multipliers[:r], D, found.paradox, found.open
         )
 
 
 def chosen_modes(
     here: Kinematics,
-    some: list[int],
+    active: list[int],
     left: Mapping[int, int],
     unchanged: Sequence[int] = (),
 ) -> Chosen:
-    """Select the modes by the accelerations of the laws `some`, which could act.
+    """Select the modes by the accelerations of the laws `active`, which could act.
 
     left : how often each law has reached the limit of its multiplier at this time.
-    unchanged : laws that stay in their modes, and are not coupled with the laws `some`.
+    unchanged : laws that stay in their modes, not coupled with the laws `active`.
     here : all laws at the state reached.
     """
     from lagsim.mechanics import row_modes
 
-    if not some:
+    if not active:
         none = np.empty(0)
         nothing = row_modes.RowModes((), none, none, paradox=False)
-        return Chosen.of(here, some, nothing, unchanged)
-    laws, accelerations = here.acting(some, left), here.accelerations[some]
+        return Chosen.of(here, active, nothing, unchanged)
+    laws, accelerations = here.acting(active, left), here.accelerations[active]
     accelerations = np.where(np.abs(accelerations) <= laws.roundoff, 0.0, accelerations)
     found = row_modes.modes(
         laws.closed, accelerations, laws.rates, laws.roundoff, laws.slow,
-        ahead_of(here, some, unchanged=unchanged), laws.left,
+        ahead_of(here, active, unchanged=unchanged), laws.left,
     )  # fmt: skip
-    return Chosen.of(here, some, found, unchanged)
+    return Chosen.of(here, active, found, unchanged)
 
 
 def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
@@ -218,9 +218,9 @@ def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
 
 
 def unchanged_laws(
-    here: Kinematics, some: list[int], steady: Flags | None, ended: Collection[int]
+    here: Kinematics, active: list[int], steady: Flags | None, ended: Collection[int]
 ) -> list[int]:
-    """Return the laws of `some` that keep the modes of the arc that has ended.
+    """Return the laws of `active` that keep the modes of the arc that has ended.
 
     A law keeps its mode if it holds or slides clearly within the range of this mode,
     and if it is not coupled with a law whose mode is decided anew. The latter are laws
@@ -230,7 +230,7 @@ def unchanged_laws(
     ----------
     here : Kinematics
         All laws at the present state.
-    some : list of int
+    active : list of int
         The laws that could act.
     steady : ndarray of bool, shape (L,), or None
         See `records.LawState`; with None no law is known to stay in its mode.
@@ -242,7 +242,7 @@ def unchanged_laws(
     arc, p = here.arc, here.arc.system.p
     on = p.law_mode != kept.OFF
     acts = np.zeros(here.count, dtype=bool)
-    acts[some] = True
+    acts[active] = True
     margins = arc.runner.event_functions(arc.t, here.y)[arc.system.surfaces :]
     own = here.delassus_of_forces.D.diagonal()
     balance = here.pushes / np.where(own > 0.0, own, np.inf)

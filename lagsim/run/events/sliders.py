@@ -143,15 +143,15 @@ class _Sliders:
         """Return the multipliers of all rows of sliders at the state y (size,)."""
         return self.arc.runner.function("sliders", len(self.all))(self.arc.t, y)
 
-    def _past(self, some: list[int], part: float) -> list[int]:
-        """Return the sliders of `some` whose forces exceed their limits.
+    def _past(self, sliders: list[int], part: float) -> list[int]:
+        """Return the given sliders whose forces exceed their limits.
 
         A force exceeds its limit if it is larger by the part `part` of the limit and by
         rounding; with a negative part, if it exceeds the limit less this part and
         rounding.
         """
         found, here = [], self._at(self.own)
-        for k in some:
+        for k in sliders:
             elastic, bound = k in self.elastic, float(here.bounds[k])
             over = (here.residuals if elastic else here.rates)[k]
             rounding = (here.slack if elastic else here.still)[k]
@@ -159,9 +159,9 @@ class _Sliders:
                 found.append(k)
         return found
 
-    def _set(self, some: Collection[int]) -> None:
+    def _set(self, sliders: Collection[int]) -> None:
         self.p.law_direction[self.own] = 0.0
-        for k in some:
+        for k in sliders:
             self.p.law_direction[k] = self.signs[k]
 
     def _move(self) -> None:
@@ -176,8 +176,8 @@ class _Sliders:
             if (np.abs(step) <= SUM_ROUNDOFF * np.abs(velocities[own])).all():
                 return
 
-    def _at(self, some: Collection[int], later: float = 0.0) -> Kinematics:
-        """Evaluate the laws with the sliders `some` set to slide.
+    def _at(self, sliders: Collection[int], later: float = 0.0) -> Kinematics:
+        """Evaluate the laws with given sliders set to slide.
 
         later : the time from now, by which the state advances at its present rates.
         """
@@ -185,7 +185,7 @@ class _Sliders:
         if later:
             self._set(self.sliding)
             y = arc.later(y, arc.field(arc.t, y), later)
-        self._set(some)
+        self._set(sliders)
         return Kinematics(arc, y, arc.t + later)
 
     def _slip(self, edge: list[int]) -> None:
@@ -246,16 +246,16 @@ class _Sliders:
         compliance D (s, s).
         """
         positions = self.y[self.arc.state.positions]
-        some = [k for k in self.elastic for k in (k, self.laws[k].pair) if k >= 0]
-        place = {k: i for i, k in enumerate(some)}
-        pairs = np.array([place.get(self.laws[k].pair, -1) for k in some])
-        of = [self.all.index(k) for k in some]
+        jumping = [k for k in self.elastic for k in (k, self.laws[k].pair) if k >= 0]
+        place = {k: i for i, k in enumerate(jumping)}
+        pairs = np.array([place.get(self.laws[k].pair, -1) for k in jumping])
+        of = [self.all.index(k) for k in jumping]
         own = [self.places[i] for i in of]
         before = positions[own].copy()
         for _ in range(JUMPS):
             sticks, forces = self._at(()), self._forces(self.y)[of]
-            S = sticks.rows[np.ix_(some, own)]
-            stiffness = np.zeros((len(some), len(some)))
+            S = sticks.rows[np.ix_(jumping, own)]
+            stiffness = np.zeros((len(jumping), len(jumping)))
             for i, j in enumerate(own):
                 aside = self.y.copy()
                 aside[j] += ASIDE * (sticks.magnitudes[j] or 1.0)
@@ -263,12 +263,14 @@ class _Sliders:
                 stiffness[:, i] = (self._forces(aside)[of] - forces) / step
             stiffness = stiffness @ np.linalg.inv(S)
             most = np.linalg.norm(stiffness, 2)
-            stiffened = stiffness + STIFFER * most * np.eye(len(some))
+            stiffened = stiffness + STIFFER * most * np.eye(len(jumping))
             D: Floats = np.asarray(np.linalg.inv(stiffened), float)
-            high = np.array([sticks.bounds[some], np.zeros(len(some))])
+            high = np.array([sticks.bounds[jumping], np.zeros(len(jumping))])
             c = S @ (positions[own] - before) - D @ forces
             p = solve(
-                ComplementarityProblem(D, c, -high, high, np.full(len(some), -1), pairs)
+                ComplementarityProblem(
+                    D, c, -high, high, np.full(len(jumping), -1), pairs
+                )
             ).p
             step = np.linalg.solve(S, D @ (p - forces))
             positions[own] += step
