@@ -49,7 +49,6 @@ from lagsim.methods import names
 from lagsim.model.loading import model_text
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
-from lagsim.native.link.ahead import second_processes
 from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.results import (
@@ -298,9 +297,8 @@ class Job:
             with self.interrupt.raised():
                 settings = settings_of(model, "run", hint="add it, or give --duration")
                 self.clock.lap("read")
-                with second_processes() if is_watched() else contextlib.nullcontext():
-                    case = open_case(model, settings, clock=self.clock)
-                    session = case.ready(clock=self.clock)
+                case = open_case(model, settings, clock=self.clock)
+                session = case.ready(clock=self.clock, quick=True)
             return self._execute(session, {**options, "set": {**overrides}})
 
     def _execute(self, session: Session, inputs: Document) -> int:

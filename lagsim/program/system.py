@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
+from time import process_time
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -27,6 +28,7 @@ from lagsim.native.graph.keys import Layout, Loop, Manner
 from lagsim.native.layout import address
 from lagsim.native.link.cache import ProgramPart, graph_part, kernel_part, runtime
 from lagsim.native.link.engine import Engine, target
+from lagsim.native.link.gradual import GradualParts
 from lagsim.plan.formulation import GAIN, evaluation_cost
 from lagsim.plan.method_choice import coupled
 from lagsim.program import dense, kernel_parts, laws, sliding
@@ -132,6 +134,8 @@ class System:
         The full equations, whose columns output rows contain.
     plan : Plan
         Selects straight-line code, tapes, or loops.
+    quick : bool
+        Whether kernels are first linked as quick code, see `native.link.gradual`.
 
     Attributes
     ----------
@@ -169,8 +173,10 @@ class System:
         Approximate number of operations of one evaluation of y', or of its series.
     """
 
-    def __init__(self, equations: Equations, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(
+        self, equations: Equations, plan: Plan, *, quick: bool = False
+    ) -> None:
+        self.plan, self.quick = plan, quick
         self.model = equations.model
         self.columns = Columns(equations, plan.reduction.recovered)
         self.rows_observed = len(self.columns.nodes)
@@ -238,7 +244,6 @@ class System:
         code |= self._observed(nodes_of.get("observe", []), plan)
         p = self._parameters()
         layout = self._layout(p)
-        kernel_parts.of_method(self, plan.method).begin()
         written = graph_part(
             keys.fingerprint(equations.graph, code, layout, plan.tape, self._manner),
             lambda: self._code(code, layout),
@@ -657,6 +662,8 @@ class Runner:
         The module of the method, see `methods.method`.
     program : list of ProgramPart
         All linked parts.
+    parts : GradualParts
+        Parts of the program as they are linked: optimised, or as quick code.
     pace : Pace
         Pace of the runs so far.
     block : ndarray, shape (rows, 1 + size)
@@ -679,23 +686,29 @@ class Runner:
             at_instants = at_instants | AT_CONDITIONS
         self.system = system
         parts = [*self.program, *runtime(target())]
-        self.engine = Engine([part.object for part in parts])
+        self.parts = GradualParts(parts, quick=system.quick)
+        self._kinds = {kernel.__name__: kind for kernel, kind in at_instants.items()}
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
-        self._prepare = self.engine.function("prepare", *FUNCTION)
-        self._advance = self.engine.function("advance", *ADVANCE)
-        if system.watched > 0:
-            self._project = self.engine.function("project_sliding", *PROJECTION)
-        self._tabulate = self.engine.function("tabulate", *TABULATE)
-        self.at_instants = {
-            kernel.__name__: self.engine.function(kernel.__name__, *kind)
-            for kernel, kind in at_instants.items()
-        }
+        self._link()
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
         self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
         self._rows = address(self.block)
+
+    def _link(self) -> None:
+        """Link the parts; functions in use stay valid."""
+        self.engine = Engine(self.parts.objects)
+        self._prepare = self.engine.function("prepare", *FUNCTION)
+        self._advance = self.engine.function("advance", *ADVANCE)
+        if self.system.watched > 0:
+            self._project = self.engine.function("project_sliding", *PROJECTION)
+        self._tabulate = self.engine.function("tabulate", *TABULATE)
+        self.at_instants = {
+            name: self.engine.function(name, *kind)
+            for name, kind in self._kinds.items()
+        }
 
     @cached_property
     def empty(self) -> State:
@@ -796,10 +809,13 @@ class Runner:
 
         state : the memory of the method.
         """
-        rows = min(rows, len(self.block))
+        rows, begin = min(rows, len(self.block)), process_time()
         code: int = self._advance(
             state.address, self.system.p.address, self._rows, rows, budget
         )
+        if self.parts.improvable and self.parts.used(process_time() - begin):
+            self._functions.clear()
+            self._link()
         return code
 
     def update_relations(self, state: State) -> None:

@@ -477,7 +477,7 @@ def _compiled_for(arc: Arc, name: str) -> Arc:
     The system is compiled anew for that method.
     """
     plan = replace(arc.plan, method=name)
-    return arc.by(plan, System(arc.equations, plan))
+    return arc.by(plan, System(arc.equations, plan, quick=arc.system.quick))
 
 
 def _fastest_motion(arc: Arc) -> Fast | None:

@@ -144,11 +144,16 @@ class Case(NamedTuple):
         return found
 
     def ready(
-        self, plan: Plan | None = None, *, clock: Stopwatch | None = None
+        self,
+        plan: Plan | None = None,
+        *,
+        clock: Stopwatch | None = None,
+        quick: bool = False,
     ) -> Session:
         """Compile the case by `plan`, by default by its own plan.
 
         clock : receives the time of each stage.
+        quick : whether kernels are first linked as quick code, for a single run.
 
         Raises
         ------
@@ -161,7 +166,7 @@ class Case(NamedTuple):
         clock.lap("import")
         plan = plan or self.plan()
         clock.lap("derive")
-        session = Session(self, plan, System(self.equations, plan))
+        session = Session(self, plan, System(self.equations, plan, quick=quick))
         session.system.link(plan.method)
         clock.lap("compile")
         return session

@@ -389,7 +389,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     if plan.rtol is None:
         free = session.case.with_settings(
             method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
-        ).ready()
+        ).ready(quick=session.system.quick)
         found = way(free.plan, within, free)
         yield Repeat(found._replace(case=session.case))
         return

@@ -62,9 +62,9 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     original = engine.compile_object
 
-    def count(ir: str, *, optimise: bool = True) -> bytes:
+    def count(ir: str, *, optimise: bool = True, quick: bool = False) -> bytes:
         seen.append(ir)
-        return original(ir, optimise=optimise)
+        return original(ir, optimise=optimise, quick=quick)
 
     monkeypatch.setattr(engine, "compile_object", count)
     return seen

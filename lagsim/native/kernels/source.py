@@ -30,7 +30,8 @@ KINDS: Final = ("int", "float", "bool", "Floats", "None")
 
 def parameters(function: FunctionType) -> list[str]:
     """Return the names of the parameters of a kernel."""
-    return [*inspect.signature(function).parameters]
+    code = inspect.unwrap(function).__code__
+    return [*code.co_varnames[: code.co_argcount]]
 
 
 def static_parameters(function: FunctionType) -> list[str]:
@@ -53,11 +54,19 @@ def parsed(function: Callable[..., Any]) -> ast.stmt:
 def _definitions(text: str) -> dict[int, ast.stmt]:
     """Return the statements of a module by their first lines, decorators included."""
     found: dict[int, ast.stmt] = {}
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.stmt):
-            above = [x.lineno for x in getattr(node, "decorator_list", [])]
-            found.setdefault(min([node.lineno, *above]), node)
+    for node in _statements(ast.parse(text)):
+        above = [x.lineno for x in getattr(node, "decorator_list", [])]
+        found.setdefault(min([node.lineno, *above]), node)
     return found
+
+
+def _statements(node: ast.AST) -> Iterator[ast.stmt]:
+    """Yield the statements within a module or a statement, each before those in it."""
+    for name in ("body", "handlers", "orelse", "finalbody", "cases"):
+        for part in getattr(node, name, ()):
+            if isinstance(part, ast.stmt):
+                yield part
+            yield from _statements(part)
 
 
 @functools.cache
@@ -65,7 +74,13 @@ def _names(node: ast.AST) -> tuple[ast.Name, ...]:
     """Return the names in a node of a parsed function."""
     if isinstance(node, ast.Name):
         return (node,)
-    return tuple(x for part in ast.iter_child_nodes(node) for x in _names(part))
+    found: list[ast.Name] = []
+    for field in node._fields:
+        part = getattr(node, field, None)
+        for x in part if isinstance(part, list) else (part,):
+            if isinstance(x, ast.AST) and x._fields:
+                found += _names(x)
+    return tuple(found)
 
 
 class KernelText:
@@ -197,6 +212,8 @@ class Folding:
             if found is None:
                 return None
             names[part.id] = found
+        if isinstance(node, ast.Name):
+            return found if is_static(found) else None
         if node not in self._compiled:
             text = ast.Expression(node)
             self._compiled[node] = compile(text, self.source.file, "eval")

@@ -1,6 +1,6 @@
-"""Second process, which compiles kernels and draws pictures beside the first.
+"""Second process, which draws pictures beside the first.
 
-LLVM works in one thread at a time, and so does matplotlib. The second process sends its
+Matplotlib works in one thread at a time. The second process sends its
 results through a pipe; the first process computes results that have not been sent, and
 all results where there is no second core or no `fork`.
 """

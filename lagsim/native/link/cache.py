@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim import files
 from lagsim.native.kernels import keys
-from lagsim.native.link import ahead, engine
+from lagsim.native.link import engine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -43,8 +43,6 @@ _SIZE = struct.Struct("<q")  # the length of p, before an object
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
-# Objects that another process compiles, by key.
-_coming: dict[str, Callable[[], bytes]] = {}
 _fingerprints: dict[tuple[object, ...], str] = {}
 
 
@@ -72,11 +70,47 @@ class ProgramPart:
 
     @cached_property
     def _content(self) -> bytes:
-        return _kept([*self.made_from, *engine.target()], self._compiled)
+        return _kept(self._key, self._compiled)
+
+    @property
+    def _key(self) -> list[object]:
+        return [*self.made_from, *engine.target()]
 
     def _compiled(self) -> bytes:
         ir, p_size = self._write()
         return _SIZE.pack(p_size) + engine.compile_object(ir, optimise=self.optimise)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether `object` is known, or in the cache, from which it is then read."""
+        if "_content" not in self.__dict__:
+            found = _stored(*_place(self._key))
+            if found is not None:
+                self.__dict__["_content"] = found
+        return "_content" in self.__dict__
+
+    @property
+    def was_quick(self) -> bool:
+        """Whether the cache has `quick_object`."""
+        _, path = _place(self._quick_key)
+        return path is not None and path.exists()
+
+    @cached_property
+    def quick_object(self) -> bytes:
+        """Object code that is compiled soon and runs longer, with the bits of `object`.
+
+        Raises
+        ------
+        KernelError, NativeError
+            As for `object`.
+        """
+        return _kept(
+            self._quick_key, lambda: engine.compile_object(self._write()[0], quick=True)
+        )
+
+    @property
+    def _quick_key(self) -> list[object]:
+        return [*self._key, "quick"]
 
     @property
     def object(self) -> bytes:
@@ -101,12 +135,6 @@ class ProgramPart:
         """LLVM IR, equal for all targets; stored in the cache once it has been read."""
         key = [*self.made_from, "ir"]
         return _kept(key, lambda: str.encode(self._write()[0])).decode()
-
-    def begin(self) -> None:
-        """Start compilation in a second process, where that is possible."""
-        key, path = _place([*self.made_from, *engine.target()])
-        if path is None or not path.exists():
-            _coming[key] = ahead.start(self._compiled)
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
@@ -255,13 +283,16 @@ def _place(made_from: Sequence[object]) -> tuple[str, Path | None]:
 
 def _kept(made_from: Sequence[object], make: Callable[[], bytes]) -> bytes:
     key, path = _place(made_from)
-    code = None if path is None else _read(path, key)
-    coming = _coming.pop(key, make)
+    code = _stored(key, path)
     if code is None:
-        code = coming()
+        code = make()
         if path is not None:
             _write(path, key, code)
     return code
+
+
+def _stored(key: str, path: Path | None) -> bytes | None:
+    return None if path is None else _read(path, key)
 
 
 def _digest(parts: Iterable[object]) -> str:

@@ -345,7 +345,7 @@ class NearDependence(Source):
         plan = by_loops(arc.plan)
         return Decision(
             cautions=(Caution(NEARLY_DEPENDENT, text),),
-            arc=arc.by(plan, System(arc.equations, plan)),
+            arc=arc.by(plan, System(arc.equations, plan, quick=arc.system.quick)),
         )
 
 
@@ -379,7 +379,7 @@ class LostPartition(Source):
         plan = without_partition(arc.plan, UNDETERMINED)
         return Decision(
             choices=(_last_choice(plan, arc.t),),
-            arc=arc.by(plan, System(arc.equations, plan)),
+            arc=arc.by(plan, System(arc.equations, plan, quick=arc.system.quick)),
             numbers={"h": 0.0, **NO_LOSS},
         )
 

@@ -1,0 +1,118 @@
+"""Kernels are linked as quick code first, and optimised as they are used."""
+
+from __future__ import annotations
+
+import ctypes
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from lagsim.model.reader import read_file
+from lagsim.native.link import cache, gradual
+from lagsim.native.link.engine import Engine
+from lagsim.native.link.gradual import GradualParts
+from lagsim.run.observers import Keep
+from lagsim.run.session import open_case
+from tests.support import MODELS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from lagsim.language.arrays import Floats
+
+IR = "define double @constant() {\n  ret double 4.5\n}\n"
+
+
+def scaled(n: int, y: Floats) -> None:
+    for i in range(n):
+        y[i] = y[i] * y[i] / 3.0 - y[i]
+
+
+def shifted(n: int, y: Floats) -> None:
+    for i in range(n):
+        y[i] += 0.1 * i
+
+
+@pytest.fixture
+def empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the objects of an empty cache."""
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "objects"
+
+
+def program() -> list[cache.ProgramPart]:
+    written = cache.graph_part(IR, lambda: (IR, 0))
+    return [written, cache.kernel_part([scaled]), cache.kernel_part([shifted])]
+
+
+def values(parts: GradualParts) -> list[float]:
+    engine = Engine(parts.objects)
+    y = np.linspace(-1.0, 2.0, 50)
+    kinds = [ctypes.c_int64, ctypes.c_void_p]
+    for name in ("scaled", "shifted"):
+        engine.function(name, None, kinds)(len(y), y.ctypes.data)
+    return [engine.function("constant", ctypes.c_double, [])(), *y.tolist()]
+
+
+@pytest.mark.usefixtures("empty")
+def test_parts_are_optimised_one_after_the_other() -> None:
+    parts = GradualParts(program(), quick=True)
+    first = parts.objects
+    assert not parts.used(gradual.FIRST_USE / 2.0)
+    found, counts = [values(parts)], [len(parts.improvable)]
+    for seconds in (gradual.FIRST_USE, gradual.SECONDS):
+        assert parts.used(seconds)
+        found.append(values(parts))
+        counts.append(len(parts.improvable))
+    assert counts == [2, 1, 0]
+    assert all(a == b for a, b in pairwise(found))
+    assert not parts.used(1e9)
+    assert [a == b for a, b in zip(first, parts.objects, strict=True)] == [
+        True,
+        False,
+        False,
+    ]
+
+
+@pytest.mark.usefixtures("empty")
+def test_quick_code_of_an_earlier_process_is_optimised_soon() -> None:
+    assert values(GradualParts(program(), quick=True))
+    again = GradualParts(program(), quick=True)
+    assert len(again.improvable) == 2
+    assert again.used(gradual.LATER_USE)
+    assert values(again)
+    known = GradualParts(program(), quick=True)
+    assert [part.is_compiled for part in program()] == [True, True, False]
+    assert known.improvable == known.improvable[-1:]
+
+
+def test_optimised_code_is_used_where_it_is_stored(empty: Path) -> None:
+    usual = GradualParts(program(), quick=False)
+    assert usual.improvable == []
+    assert values(usual) == values(GradualParts(program(), quick=True))
+    assert len(list(empty.iterdir())) == 3
+
+
+@pytest.mark.usefixtures("empty")
+@pytest.mark.parametrize("name", ["hopper", "newtons-cradle"])
+def test_rows_are_those_of_optimised_code(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case, tables, counts = open_case(read_file(str(MODELS / f"{name}.yaml"))), [], []
+    for seconds in (1e9, 0.0):  # quick code throughout; parts optimised within the run
+        monkeypatch.setattr(gradual, "FIRST_USE", seconds)
+        monkeypatch.setattr(gradual, "LATER_USE", seconds)
+        monkeypatch.setattr(gradual, "SECONDS", seconds)
+        session, keep = case.ready(quick=True), Keep()
+        parts = session.system.link(session.plan.method).parts
+        counts.append(len(parts.improvable))
+        session.run([keep])
+        counts.append(len(parts.improvable))
+        tables.append(keep.table)
+    assert counts[0] == counts[1] == counts[2] > counts[3]
+    keep = Keep()
+    case.ready().run([keep])
+    for table in tables:
+        assert np.array_equal(table, keep.table)
