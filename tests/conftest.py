@@ -69,10 +69,7 @@ ALL_CASES = (
     *(f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")),
     *("tests/mechanics/contact/", "tests/methods/order/", "tests/test_derived.py"),
     "tests/run/observers/test_energy_monitor.py",
-    *(
-        f"tests/methods/test_{one}.py"
-        for one in ("from_rest", "implicit", "symplectic", "tableau")
-    ),
+    *(f"tests/methods/test_{one}.py" for one in ("implicit", "symplectic", "tableau")),
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
 # What is not run without being asked for; `QUICK` is in pyproject.toml.

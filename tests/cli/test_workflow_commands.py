@@ -8,7 +8,7 @@ import json
 import re
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from lagsim.cli._shared import harmless
@@ -122,6 +122,7 @@ def test_what_is_derived(lagsim, write):
             assert commands(called.out + "\n" + called.err) == []
 
 
+@settings(max_examples=30)
 @given(st.text(st.sampled_from([*BLANKS, *":#[|x\r\n\ufeff\u200b"])))
 @example("\r::error::x")
 @example("x\r\n \u2003::x\n##[x")

@@ -3,6 +3,7 @@
 import inspect
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -60,11 +61,22 @@ simulation: {duration: 1.5, output_step: 0.1}
 """
 
 
-def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
-    written, kinds, given = [], set(), set()
-    inner, own, due = settle.write, settle.settle, settle.due_before
+class Watched(NamedTuple):
+    """Records of a run of ALL_KINDS."""
 
-    class Watched(TrialModes):
+    kinds: set
+    given: set
+    stored: set
+
+
+@pytest.fixture(scope="module")
+def watched():
+    """Run ALL_KINDS; only `settle` writes modes, and only to words of the record."""
+    written, found = [], Watched(set(), set(), set())
+    inner, own, due = settle.write, settle.settle, settle.due_before
+    store = SurfaceModes.store
+
+    class Trial(TrialModes):
         def __init__(self, arc):
             super().__init__(arc)
             assert not written or self.before == written[-1]
@@ -73,7 +85,7 @@ def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
         inner(arc, modes)
         written.append(modes)
         p = arc.system.p
-        given.add((*p.file_modes.tolist(), *p.branches.tolist()))
+        found.given.add((*p.file_modes.tolist(), *p.branches.tolist()))
 
     def beginning(now, by):
         written.clear()  # the kernel has changed words in the arc
@@ -82,34 +94,38 @@ def test_only_settle_writes_the_modes_of_an_arc(monkeypatch):
     def settling(now, by):
         now = own(now, by)
         assert not written or ArcModes.of(now.arc) == written[-1]
-        kinds.update(e.kind for e in now.events)
+        found.kinds.update(e.kind for e in now.events)
         return now
 
-    monkeypatch.setattr(settle, "write", writing)
-    monkeypatch.setattr(settle, "TrialModes", Watched)
-    monkeypatch.setattr(arcs, "settle", settling)
-    monkeypatch.setattr(arcs, "due_before", beginning)
-    lagsim.simulate(ALL_KINDS, error_bar="never")
-    assert kinds == {"impact", "slip", "stick", "switch", "corner", "zeno", "event"}
-    assert {m for m, *_ in given} == {-1.0, -2.0, 2.0}
-    assert {branch for _, branch in given} >= {-1.0, 1.0}
-
-
-def test_all_words_that_a_selection_of_sides_stores_are_in_the_record(monkeypatch):
-    # A trial restores them, and another system of the run receives them.
-    stored, inner = set(), SurfaceModes.store
-
     def storing(modes, **numbers):
-        inner(modes, **numbers)
+        store(modes, **numbers)
         p = modes.p
         first, last = p.place("file_modes"), p.place_after("law_pushes")
-        stored.update(numbers)
+        found.stored.update(numbers)
         for name in numbers:
             assert first <= p.place(name) < last, name
 
-    monkeypatch.setattr(SurfaceModes, "store", storing)
-    lagsim.simulate(ALL_KINDS, error_bar="never")
-    assert stored >= {"slack", "band", "roundoff", "decisive"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settle, "write", writing)
+        patch.setattr(settle, "TrialModes", Trial)
+        patch.setattr(arcs, "settle", settling)
+        patch.setattr(arcs, "due_before", beginning)
+        patch.setattr(SurfaceModes, "store", storing)
+        lagsim.simulate(ALL_KINDS, error_bar="never")
+    return found
+
+
+def test_only_settle_writes_the_modes_of_an_arc(watched):
+    assert watched.kinds == {
+        "impact", "slip", "stick", "switch", "corner", "zeno", "event"
+    }  # fmt: skip
+    assert {m for m, *_ in watched.given} == {-1.0, -2.0, 2.0}
+    assert {branch for _, branch in watched.given} >= {-1.0, 1.0}
+
+
+def test_all_words_that_a_selection_of_sides_stores_are_in_the_record(watched):
+    # A trial restores them, and another system of the run receives them.
+    assert watched.stored >= {"slack", "band", "roundoff", "decisive"}
 
 
 CORNER = """\

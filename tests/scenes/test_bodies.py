@@ -198,6 +198,7 @@ def test_drift_leaves_the_constraints_of_the_file():
     assert "formulation drift does not enforce it" in held
 
 
+@pytest.mark.slow
 def test_gimbal_lock_is_named_at_the_start_and_on_the_way():
     locked = by_angles("zxz", "a: 0, b: 0, c: 0", [1, 0, 0], 0, tilt="0")
     with refused("no-inertia", "`euler`"):

@@ -49,6 +49,7 @@ def eigenvalues(v):
     return np.linalg.eigvals(np.array([derivative(e)[places] for e in directions]).T)
 
 
+@pytest.mark.slow
 def test_the_bicycle_is_stable_at_5_m_s():
     weave = -0.7753419 + 4.4648677j
     published = np.array([-14.0783897, weave.conjugate(), weave, -0.3228664])

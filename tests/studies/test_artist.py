@@ -48,6 +48,7 @@ def test_what_another_does_not_bring_is_drawn_here(ordered, monkeypatch):
         assert dict(draw(*order)) == own
 
 
+@pytest.mark.slow
 def test_what_another_cannot_draw_is_told_here(ordered, monkeypatch):
     order, own = ordered
     monkeypatch.setattr(plots, "trajectory", lambda *_: 1 / 0)

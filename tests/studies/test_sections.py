@@ -442,6 +442,7 @@ output:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["auto", pytest.param("rk4", marks=pytest.mark.slow)])
 def test_impacts_on_a_section_and_past_it(name):
     fall = 1.0 / math.sqrt(5.0)
@@ -521,6 +522,7 @@ def test_relations_of_states_rates_and_members():
     assert found[2]["t"] == pytest.approx(turns, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_sections_beside_others_have_rows_of_their_own():
     """Far from the origin, from a start on the section: x - 1000 = sin t."""
     result = simulate(load("""

@@ -74,6 +74,7 @@ simulation: {duration: 2, output_step: 0.1}
     assert found.trajectory.event_counts["impact"] < 100
 
 
+@pytest.mark.slow
 def test_impacts_that_accumulate_beside_dry_friction_come_to_rest():
     """A pushes B (a freewheel), B a ball that bounces on a table.
 

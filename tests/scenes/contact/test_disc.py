@@ -144,6 +144,7 @@ def test_a_slip_that_begins_takes_tens_of_steps(name):
     assert found.result.record["steps"] < 130
 
 
+@pytest.mark.slow
 def test_a_slip_that_begins_is_of_the_order_of_a_fixed_step():
     off = []
     for step in 0.04, 0.02:

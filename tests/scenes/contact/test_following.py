@@ -266,6 +266,7 @@ def test_poisson_of_two_stops():
 # --- beside others, and faults --------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_other_values_of_parameters_and_a_shifted_start():
     law = contact(
         "y >= 0", "e*exp(-approach_speed)", friction="mu*(1 + x)", slip="x_dot"

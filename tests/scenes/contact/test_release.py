@@ -131,6 +131,7 @@ def test_a_table_drops_away_under_a_block_and_comes_back():
     close(balance, np.full(len(balance), balance[0]))
 
 
+@pytest.mark.slow
 def test_a_block_rocks_as_housner_says():
     """He lets each impact pass on 1 - 3/2 sin(alpha)^2 of the rate."""
     found = play(scenes.block())

@@ -444,6 +444,7 @@ def test_a_slider_and_a_stop():
     close([after["x_dot"], after["s_dot"]], [-v / 2, 0.0], GLOBAL)
 
 
+@pytest.mark.slow
 def test_sections_events_and_other_times():
     """`until` and `result.at` use positions of a slider; a late start changes none."""
     found = play(jenkins(until="s >= 0.1"))

@@ -96,6 +96,7 @@ def test_tighter_tolerances_give_smaller_errors_and_rows_of_auto_are_marked(meas
     assert {row["outcome"] for row in measured["rows"]} == {"done"}
 
 
+@pytest.mark.slow
 def test_constraints_have_their_own_errors():
     text = (MODELS / "pendulum-cartesian.yaml").read_text()
     found = measure(
