@@ -59,10 +59,11 @@ def heeded_signals():
 # run of a model, or several.
 MANY_CASES = 4
 QUICK_ONE_IN = 10
-RUNS = tuple(
-    f"tests/{room}/"
-    for room in ("cli", "invariance", "methods", "outputs", "run", "scenes", "studies")
+ROOMS_OF_RUNS = (
+    *("admissibility", "api", "cli", "invariance", "mechanics", "methods", "outputs"),
+    *("program", "run", "scenes", "show", "studies"),
 )
+RUNS = tuple(f"tests/{room}/" for room in ROOMS_OF_RUNS)
 # Not where a case takes a millisecond, and not the goldens and files that are derived:
 # all of these are quick. A shipped model takes longer.
 ALL_CASES = (

@@ -119,6 +119,7 @@ def test_a_path_of_few_rows_is_smooth_and_passes_through_them():
     assert np.array_equal(axes.lines[0].get_data()[1], orbit["z"])
 
 
+@pytest.mark.slow
 def test_a_spectrum_is_titled_by_model_and_column():
     found = simulate(lagsim.load(ORBIT), output_step=0.01).spectrum("x")
     for title, wanted in (

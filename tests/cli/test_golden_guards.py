@@ -62,6 +62,7 @@ simulation: {duration: 200, output_step: STEP}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("step", "few"), [("1", True), pytest.param("0.1", False, marks=pytest.mark.slow)]
 )

@@ -73,6 +73,7 @@ def test_times(name):
     draw_all(t, LINE, horizon=float(t[4]), events={"switch": list(t)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "value", [-1e300, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.0, np.nan))]
 )

@@ -134,6 +134,7 @@ def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
         assert [float(x) for x in box] == pytest.approx(expected, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "count"),
     [("pdf", 2), *(pytest.param(x, 4, marks=pytest.mark.slow) for x in ("pdf", "svg"))],
