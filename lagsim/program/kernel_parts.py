@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.program.localized import Indicator
     from lagsim.program.output_row import Columns
+    from lagsim.program.patterns import Pattern
 
 # The constants that the loop of steps depends on, and the search of a step for events.
 OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
-OF_SEARCH = ("UNTIL", "SWITCHES", "LOCALIZED")
+OF_STEP = ("UNTIL", "SWITCHES", "LOCALIZED")
+OF_SEARCH = (*OF_STEP, "RATED")
 
 
 class SystemProperties(Protocol):
@@ -34,6 +36,7 @@ class SystemProperties(Protocol):
     indicators: list[Indicator]
     newton: NewtonMatrix | None
     columns: Columns
+    moreau: Pattern | None
     together: bool
 
 
@@ -48,6 +51,7 @@ def statics(system: SystemProperties, name: str) -> dict[str, object]:
         "SWITCHES": system.watched > 0,
         "LOCALIZED": bool(system.indicators),
         "ADAPTIVE": method(name).ADAPTIVE,
+        "RATED": system.moreau is None,
     }
 
 
@@ -71,7 +75,7 @@ def of_steps(system: SystemProperties, name: str) -> Iterator[ProgramPart]:
 
     name : the name of the method.
     """
-    known, none = statics(system, name), dict.fromkeys(OF_SEARCH, False)
+    known, none = statics(system, name), dict.fromkeys(OF_STEP, False)
     yield kernel_part([driver.advance], _chosen(known, OF_DRIVER))
     if not hasattr(method(name), "interpolate_rows"):
         yield kernel_part([one_by_one.interpolate_rows])

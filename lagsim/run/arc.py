@@ -20,7 +20,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
@@ -242,25 +242,6 @@ class Arc(NamedTuple):
         The test is made every NEAR steps, in models with surfaces.
         """
         return self.system.surfaces > 0 and self.steps % NEAR == 0
-
-    def errors_from_rest(self, rates: Callable[[float, Floats], Floats]) -> Floats:
-        """Return bounds (size,) of the errors within the next fixed step.
-
-        A motion that begins from rest as a power of the time may seem to begin in the
-        other direction: the positions after the first step of `verlet` have no part of
-        the force after the start. The bounds follow from the change of the rates of
-        velocities and states in the step.
-
-        rates : y' (size,) at t and y.
-        """
-        state, driven = self.state, self.state.driven
-        h = min(state.fixed_step, self.settings.end - self.t)
-        first = rates(self.t, self.y)
-        change = np.nan_to_num(np.abs(rates(self.t + h, self.y + h * first) - first))
-        found = np.zeros(len(self.y))
-        found[driven] = h * change[driven]
-        found[state.positions] = 0.5 * h * h * change[self.velocities]
-        return found
 
     def ranges_to(self, y: Floats) -> Floats:
         """Return the range (size,) of each component so far, including state y."""

@@ -12,8 +12,8 @@ record.
 Within an arc the kernel itself changes some words:
 
 - the cell of a table of t, at a knot;
-- the side and the slack of a surface that is passed without a decision, and a slack
-  that has been left;
+- the side and the slack of a surface that is passed without a decision, a slack that
+  contains a margin (`methods.parts.leaving`), and a slack that has been left;
 - `law_opens`;
 - the truth of a condition that becomes false, or that waits for another one.
 """

@@ -25,6 +25,7 @@ from math import floor, inf
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import project
+from lagsim.methods.parts.leaving import find_leaving
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.search_table import (
     AROUND,
@@ -38,6 +39,7 @@ from lagsim.methods.parts.search_table import (
     error_of_state,
     jumps,
     lowest,
+    margin,
     minimum_in_half,
     relations,
     reuse_ends,
@@ -110,6 +112,11 @@ def begin_search(s: Crossings, p: Parameters) -> None:
     it has reached the section at this time.
     """
     s.banded = 0.0
+    interpolate(s, p, 0.0, s.point)
+    relations_at(s, p, s.step_t, s.point)
+    for j in range(s.sections):
+        s.bands[j] = band(s, j)
+    find_leaving(CROSSING, s, p)
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
         s.postponed[j] = 0.0
@@ -392,12 +399,13 @@ def band(s: Crossings, j: int) -> float:
     """Return the bound of |relation of section j| that counts as 0.
 
     The bound is the rounding of the terms of the relation, plus the error of the state
-    times |`relation_slopes`|; 0 if this is not finite.
+    times |`relation_slopes`|, 0 if this is not finite; and the margin of a relation
+    that leaves 0, see `leaving`.
     """
     slopes = s.relation_slopes[s.sections + j * s.size :]
     error = error_of_state(s, slopes, s.size, s.coarse)
     found = SUM_ROUNDOFF * abs(s.relation_slopes[j]) + error
-    return float(found) if found < OVERFLOW else 0.0
+    return float(found if found < OVERFLOW else 0.0) + margin(s, relations(s) + j)
 
 
 def update_relations(s: Crossings, p: Parameters) -> None:

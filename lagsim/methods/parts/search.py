@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts import crossings, missed
 from lagsim.methods.parts.constraints import MARGIN
 from lagsim.methods.parts.crossings import Crossings
+from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import OFF, Parameters
 from lagsim.methods.parts.search_table import (
@@ -51,6 +52,7 @@ from lagsim.methods.parts.search_table import (
     jumps,
     least_allowed,
     least_of,
+    margin,
     minimum_in_half,
     relations,
     row_is_known,
@@ -63,7 +65,7 @@ from lagsim.methods.parts.search_table import (
     value_at,
     variation,
 )
-from lagsim.methods.parts.state import derivative, interpolate, located
+from lagsim.methods.parts.state import interpolate, located
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -278,6 +280,8 @@ def find_end(s: Crossings, p: Parameters) -> None:
     become false.
     """
     t = s.t
+    find_leaving(EVENT, s, p)
+    add_margins(s, p)
     if UNTIL:
         prepare_true(s, p)
     search(EVENT, s, p, 0.0, 1.0)
@@ -291,7 +295,24 @@ def find_end(s: Crossings, p: Parameters) -> None:
                 # A condition whose value exceeds its leeway needs none.
                 clear = s.ends[s.surfaces + k] > 2.0 * s.leeway[k]
                 s.leeway[k] = 0.0 if clear else s.leeway[k]
+            if s.leeway[k] == s.own_leeway[k] + margin(s, s.surfaces + k):
+                s.leeway[k] = s.own_leeway[k]
             s.ahead[k] = 0.0
+
+
+def add_margins(s: SearchTable, p: Parameters) -> None:
+    """Add the margins of values that leave 0 to the slack, and to the leeway.
+
+    See `leaving`. In an arc a slack remains until it has been left.
+    """
+    if SWITCHES:
+        for k in range(s.surfaces):
+            if s.margins[k] > 0.0:
+                p.slack[k] = max(p.slack[k], s.margins[k])
+    if UNTIL:
+        for k in range(s.conditions):
+            s.own_leeway[k] = s.leeway[k]
+            s.leeway[k] += margin(s, s.surfaces + k)
 
 
 def continue_past(s: Crossings, p: Parameters, t: float) -> None:
@@ -461,10 +482,7 @@ def error_of_gap(s: SearchTable, p: Parameters, k: int, is_open: bool) -> float:
         that of the method, estimated from the accelerations themselves.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
-    interpolate(s, p, 1.0, s.work)
-    derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
-    interpolate(s, p, 0.0, s.work)
-    derivative(s.step_t, s.work, p, s.spare)
+    rates_at_ends(s, p)
     at = p.m - p.laws + k
     row, push, error = p.A[at * s.n :], -p.b[at], 0.0
     roundoff, moved = abs(push), 0.0

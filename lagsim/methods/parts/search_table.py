@@ -131,6 +131,12 @@ class SearchTable(Rank):
     end_step: float
     # Polynomials of the components of the state in the last step.
     shape: Floats = array(lambda s: DEGREES * s.sampled)
+    # The margin of each row whose value leaves 0 from rest, see `leaving`; -1: it does
+    # not leave. The errors of the components in the last step; the leeway of each
+    # condition without its margin.
+    margins: Floats = array(lambda s: relations(s) + s.sections, -1.0)
+    step_errors: Floats = array("size")
+    own_leeway: Floats = array("conditions")
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
@@ -467,11 +473,22 @@ def error_of_state(s: SearchTable, slopes: Floats, count: int, coarse: float) ->
     """
     found = 0.0
     for i in range(count):
-        error = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+        error = error_of_component(s, i)
         if i < s.n:
             error = max(error, coarse * s.sizes[s.n + i])
-        found += abs(slopes[i]) * max(error, 0.0)
+        found += abs(slopes[i]) * error
     return found if found < OVERFLOW else 0.0
+
+
+def error_of_component(s: SearchTable, i: int) -> float:
+    """Return the error of component i of the state, by its tolerance and its range."""
+    found = max(ERRED * s.tolerances[i], PLACES * (s.high[i] - s.low[i]))
+    return max(float(found), 0.0)
+
+
+def margin(s: SearchTable, k: int) -> float:
+    """Return the margin of row k, or 0 if its value does not leave 0."""
+    return max(float(s.margins[k]), 0.0)
 
 
 # --- location of minima and zeros

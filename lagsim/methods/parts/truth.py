@@ -22,7 +22,12 @@ from __future__ import annotations
 from math import inf
 
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.search_table import SearchTable, error_of_state, same_time
+from lagsim.methods.parts.search_table import (
+    SearchTable,
+    error_of_state,
+    margin,
+    same_time,
+)
 from lagsim.methods.parts.state import derivative, located, located_slopes
 from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, SUM_ROUNDOFF
 
@@ -367,7 +372,8 @@ def record_falsified(s: SearchTable) -> None:
     """Store the sides of conditions that were true and have become false."""
     for k in range(s.conditions):
         value = float(s.worth[k])
-        is_off = abs(value) > max(float(s.zero[k]), float(s.leeway[k]))
+        zero = max(float(s.zero[k]), float(s.leeway[k]))
+        is_off = abs(value) > max(zero, margin(s, s.surfaces + k))
         if s.orientation[k] == 0.0 and is_off and (value < 0.0 or s.equation[k] > 0.0):
             s.orientation[k] = 1.0 if value > 0.0 else -1.0
             s.leeway[k] = 0.0
@@ -384,6 +390,8 @@ def choose_sides(s: SearchTable, _p: Parameters) -> None:
         size = abs(float(s.worth[k]))
         s.stays[k] = 0.0
         if not leeway < inf or not size <= max(float(s.zero[k]), leeway):
+            continue
+        if s.margins[s.surfaces + k] >= 0.0 and s.orientation[k] == 0.0:
             continue
         turns = s.orientation[k] == 0.0 and rate < 0.0
         if s.equation[k] > 0.0:

@@ -202,13 +202,7 @@ class Truth:
         """
         jumped = int(struck or self.set_by_modes or not self.arc.steps)
         self._store_start_jumps()
-        count, state = self.run("settle", jumped), self.state
-        fixed = state.fixed_step > 0.0 and self.arc.system.moreau is None
-        if fixed and not self.arc.steps:
-            rests = (state.orientation == 0.0) & (state.trend == 0.0)
-            least = 2.0 * (state.zero + _errors_from_rest(self.arc))
-            state.leeway[rests] = np.maximum(state.leeway, least)[rests]
-        return self._marked(count)
+        return self._marked(self.run("settle", jumped))
 
     def _marked(self, count: float) -> set[int]:
         """Return the indices of the conditions that the last kernel has marked as true.
@@ -224,15 +218,6 @@ class Truth:
         if not count:
             return set()
         return {k for k, due in enumerate(state.marked.tolist()) if due}
-
-
-def _errors_from_rest(arc: Arc) -> Floats:
-    """Return bounds (C,) of the errors of conditions within the first fixed step."""
-    count, reach = arc.state.conditions, arc.errors_from_rest(arc.rates)
-    slopes = np.abs(arc.state.condition_slopes[count:].reshape(count, -1))
-    # The last slope is that in t.
-    moving = slopes.shape[1] - 1
-    return np.asarray(np.nan_to_num(slopes[:, :moving]) @ reach[:moving])
 
 
 def raise_leeway(arc: Arc, values: Floats, which: Flags) -> None:

@@ -456,10 +456,10 @@ class SurfaceModes:
 
         reach : the distance in each component (size,).
         """
-        found = self.changes_by_slopes(self.rows(), reach)
+        found = self._changes_by_slopes(self.rows(), reach)
         return np.fmax(found, self._largest_changes(self.nearby_states(reach)))
 
-    def changes_by_slopes(self, rows: Rows, reach: Floats) -> Floats:
+    def _changes_by_slopes(self, rows: Rows, reach: Floats) -> Floats:
         """Return bounds (K,) of the changes of expressions by their slopes.
 
         rows : the rows of the surfaces.
@@ -553,7 +553,7 @@ class SurfaceModes:
 
         rows : the rows of the surfaces at the state.
         """
-        terms = self.changes_by_slopes(rows, self.arc.magnitudes)
+        terms = self._changes_by_slopes(rows, self.arc.magnitudes)
         moved = self._largest_changes(
             [*self.nearby_states(), *self._nearby_admissible_states()]
         )

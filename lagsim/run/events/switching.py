@@ -439,12 +439,10 @@ class Switching(Source):
         for k in modes.carried:
             slack[k] = RESIDUAL_ROUNDOFF * sizes[k]
         for k in levels:
-            least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
+            # A surface at its level has a slack, see `methods.parts.leaving`.
+            own = max(RESIDUAL_ROUNDOFF * sizes[k], math.ulp(0.0))
+            least = SOLUTION_ROUNDOFF if slides[k] else own
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
-        rest = [k for k in levels if rows.rates[k] == 0.0 and not slides[k]]
-        if rest and arc.state.fixed_step > 0.0:
-            reach = arc.errors_from_rest(modes.rates)
-            slack[rest] += modes.changes_by_slopes(rows, reach)[rest]
         # A constant expression that is exactly at its level leaves it at any other
         # value; one that is at its level within rounding leaves it at a larger one.
         for k in modes.watched:

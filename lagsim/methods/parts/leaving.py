@@ -1,0 +1,212 @@
+"""Values that leave 0 from rest, and the errors up to which their signs are unknown.
+
+A motion that begins from rest at an instant may leave like a power of the time: a force
+t^2 moves a body by t^4/12. At first the error of the method, and that of its dense
+output, exceed the motion, and the sign of a value that leaves 0 means nothing. A value
+*leaves* from the start of an arc until it exceeds the bound of its error in the present
+step, its margin. Up to the margin
+
+- a true condition stays true;
+- a surface keeps its side, and a slip its direction: the margin is part of the slack;
+- a section is not crossed: the margin is part of its band.
+
+A value leaves if it is 0 at the start of an arc, to its rounding, and if a motion with
+the rates of that time changes it in the step by no more than its margin.
+
+The margin is the change of the value at states that differ by the errors of the
+components. With step control these errors follow from the tolerances. With fixed steps
+they are at least h |Delta a| for velocities and states, and h^2 |Delta a|/2 for
+positions, where the rate of the velocity changes by Delta a in the step h: the position
+after the first step of `verlet`, for example, has no part of the force after its start.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.control import pseudorandom
+from lagsim.methods.parts.parameters import SLIDING, Parameters
+from lagsim.methods.parts.search_table import (
+    CROSSING,
+    EVENT,
+    SearchTable,
+    error_of_component,
+    events,
+    relations,
+)
+from lagsim.methods.parts.state import (
+    derivative,
+    event_functions,
+    interpolate,
+    located,
+    sections,
+)
+from lagsim.tolerances import OVERFLOW
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Static
+
+UNTIL = True
+SWITCHES = True
+# Whether y' is known at an instant, see `truth`.
+RATED = True
+
+# Size of the change of each component, relative to its error, at which margins are
+# found: at least the error, since the pseudorandom part is 1/2 or more.
+FAR = 2.0
+
+
+def find_leaving(kind: Static, s: SearchTable, p: Parameters) -> None:
+    """Find the values of a kind that leave 0 in the last step, and their margins.
+
+    A value leaves no more if it exceeds its margin at the start of the step.
+
+    kind : EVENT for surfaces, slips and conditions, CROSSING for sections.
+    """
+    if not RATED:
+        return
+    first, last, count = 0, events(s), 0
+    if kind == CROSSING:
+        first, last = relations(s), relations(s) + s.sections
+    new = s.step_t == s.arc_start
+    for k in range(first, last):
+        zero = zero_of(kind, s, p, k)
+        s.starts[k] = inf if s.margins[k] >= 0.0 else zero
+        if zero < 0.0:
+            s.margins[k] = -1.0
+        elif new and (s.margins[k] < 0.0 or (kind == EVENT and k < s.surfaces)):
+            s.margins[k] = inf  # not known yet
+        count += 1 if s.margins[k] >= 0.0 else 0
+    if count == 0:
+        return
+    interpolate(s, p, 0.0, s.work)
+    evaluate_values(kind, s, p, s.step_t)
+    count = 0
+    for k in range(first, last):
+        if abs(s.values[k]) > s.starts[k]:
+            s.margins[k] = -1.0
+        s.starts[k] = s.values[k]
+        count += 1 if s.margins[k] >= 0.0 else 0
+    if count > 0:
+        bound_margins(kind, s, p, first, last)
+
+
+def evaluate_values(kind: Static, s: SearchTable, p: Parameters, t: float) -> None:
+    """Store the values of a kind at the time t and the state in `work` in s.values."""
+    if SWITCHES and kind == EVENT:
+        event_functions(t, s.work, p, s.values)
+    if UNTIL and kind == EVENT:
+        located(t, s.work, p, s.values[s.surfaces :])
+    if kind == CROSSING:
+        sections(t, s.work, p, s.values[relations(s) :])
+
+
+def zero_of(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
+    """Return the size up to which row k is 0 at the start of an arc; below 0: never.
+
+    A surface or a slip that leaves has a slack. With step control a condition that is
+    false, and 0 to its rounding, is located where it becomes true, however soon.
+    """
+    if kind == CROSSING:
+        return float(s.bands[k - relations(s)])
+    if UNTIL and k >= s.surfaces:
+        c = k - s.surfaces
+        zero = max(float(s.leeway[c]), float(s.zero[c]))
+        leaves = s.orientation[c] == 0.0 or s.fixed_step > 0.0
+        return zero if leaves and zero < inf else -1.0
+    if not SWITCHES or not 0.0 < p.slack[k] < inf:
+        return -1.0
+    law = k - p.surfaces
+    leaves = p.slides[k] == 0.0 if law < 0 else p.law_mode[law] == SLIDING
+    return float(p.slack[k]) if leaves else -1.0
+
+
+def bound_margins(
+    kind: Static, s: SearchTable, p: Parameters, first: int, last: int
+) -> None:
+    """Compute the margins of the rows first ... last - 1 that leave 0.
+
+    The values at the start of the step are in `starts`. A value of which the margin is
+    new leaves if its rate moves it within the margin, any other while it is within. A
+    surface or a slip leaves as long as it has a slack. A false condition that is true
+    at the end of the step becomes true within.
+    """
+    bound_errors(s, p)
+    change_by_errors(kind, s, p, first, last)
+    before, most = s.starts, s.middles
+    interpolate(s, p, 0.0, s.work)
+    for i in range(s.size):
+        s.work[i] += s.step_h * s.spare[i]
+    evaluate_values(kind, s, p, s.step_t + s.step_h)
+    for k in range(first, last):
+        off = abs(before[k])
+        if s.margins[k] == inf:
+            off = abs(s.values[k] - before[k])
+        elif kind == EVENT and k < s.surfaces:
+            off = 0.0
+        if s.margins[k] >= 0.0:
+            s.margins[k] = most[k] if off <= most[k] else -1.0
+    if UNTIL and kind == EVENT:
+        interpolate(s, p, 1.0, s.work)
+        located(s.step_t + s.step_h, s.work, p, s.values[s.surfaces :])
+        for c in range(s.conditions):
+            if s.values[s.surfaces + c] * s.orientation[c] < -float(s.zero[c]):
+                s.margins[s.surfaces + c] = -1.0
+
+
+def change_by_errors(
+    kind: Static, s: SearchTable, p: Parameters, first: int, last: int
+) -> None:
+    """Store the largest changes of rows first ... last - 1 by errors in `middles`.
+
+    The changes are those at two states that differ from the start of the step by at
+    least `step_errors` in each component.
+    """
+    before, most = s.starts, s.middles
+    for k in range(first, last):
+        most[k] = 0.0
+    for way in range(2):
+        interpolate(s, p, 0.0, s.work)
+        for i in range(s.size):
+            part = pseudorandom(i, way) - 0.5
+            part += 0.5 if part > 0.0 else -0.5
+            s.work[i] += FAR * part * s.step_errors[i]
+        evaluate_values(kind, s, p, s.step_t)
+        for k in range(first, last):
+            off = abs(s.values[k] - before[k])
+            if off < OVERFLOW:
+                most[k] = max(most[k], off)
+
+
+def bound_errors(s: SearchTable, p: Parameters) -> None:
+    """Store bounds (size,) of the errors of the last step in `step_errors`.
+
+    The rates at the start of the step are stored in `spare`, as by `rates_at_ends`,
+    with the velocities as the rates of positions.
+    """
+    rates_at_ends(s, p)
+    h = s.step_h
+    for i in range(s.size):
+        s.step_errors[i] = error_of_component(s, i)
+    for i in range(s.n):
+        s.spare[i] = s.work[s.n + i]
+    for i in range(s.n, s.dynamic.stop):
+        change = h * abs(s.exact_rates[i] - s.spare[i])
+        if s.fixed_step > 0.0 and change < OVERFLOW:
+            s.step_errors[i] = max(s.step_errors[i], change)
+            if i < 2 * s.n:
+                found = 0.5 * h * change
+                s.step_errors[i - s.n] = max(s.step_errors[i - s.n], found)
+
+
+def rates_at_ends(s: SearchTable, p: Parameters) -> None:
+    """Store y' at both ends of the last step, and the state at its start.
+
+    y' at the end is stored in `exact_rates`, y' at the start in `spare`, the state in
+    `work`. The functions of the model are evaluated at the start last.
+    """
+    interpolate(s, p, 1.0, s.work)
+    derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
+    interpolate(s, p, 0.0, s.work)
+    derivative(s.step_t, s.work, p, s.spare)

@@ -1,0 +1,121 @@
+"""Values that leave 0 from rest like a power of the time, with each method.
+
+The first steps have errors larger than the motion: no condition, section, side of a
+switch or direction of a slip may change by them. A motion that returns to 0 does.
+"""
+
+import pytest
+
+import lagsim
+
+FIXED = (
+    "euler", "verlet", "rattle", "rk4", "midpoint", "gauss4", "kahan-li6", "kahan-li8",
+    "generalized-alpha", "moreau",
+)  # fmt: skip
+METHODS = (*FIXED, "radau", "dop853", "dopri5", "taylor")
+CONDITIONS = ("d = 0", "d <= 0", "d >= 0", "x_dot = 0", "x_dot <= 0", "x_dot >= 0")
+MODEL = """
+parameters: {{far: {far}}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: {m}*(x_dot^2 + y_dot^2)/2, potential: 0}}
+forces: {{x: "{m}*({force})", y: {m}}}
+{laws}
+initial: {{x: far + {x}, x_dot: {v}, y: 0, y_dot: 0}}
+modes: {{n: 0, on: 0}}
+definitions: {{d: x - far}}
+events:
+{events}
+simulation: {{duration: {duration}, output_step: 0.5, method: {method}}}
+output: {{sections: {{place: {{at: d = 0, direction: both}},
+                     rate: {{at: x_dot = 0, direction: both}}}}}}
+"""
+BEGIN = 1.25
+
+
+def run(method, force, *, step=0.1, **other):
+    """Return the times of located events and of crossings, and the result."""
+    given = {"far": 0.0, "m": 1.0, "laws": "", "x": 0.0, "v": 0.0, "duration": 3.0}
+    given |= other
+    events = [
+        f"  e{k}: {{at: {at}, set: {{n: n + 1}}}}" for k, at in enumerate(CONDITIONS)
+    ]
+    events += [f"  begin: {{at: y >= {BEGIN**2 / 2}, set: {{on: 1}}}}"]
+    if method in FIXED:
+        method += f", step: {step}"
+    text = MODEL.format(force=force, method=method, events="\n".join(events), **given)
+    found = lagsim.simulate(text, error_bar="never")
+    acts = [(x.name, x.time) for x in found.events if x.kind == "event"]
+    acts = [x for x in acts if x[0] != "begin"]
+    crossed = [(k, float(t)) for k, x in found.sections.items() for t in x["t"]]
+    return acts, crossed, found
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("force", ["t", "-t^2", "t^3", "t^6"])
+def test_a_motion_that_leaves_0_crosses_nothing(force, method):
+    assert run(method, force)[:2] == ([], [])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("other", [{"far": 1e3}, {"m": 1e-3}])
+def test_far_from_the_origin_and_in_other_units(other, method):
+    assert run(method, "t^2", **other)[:2] == ([], [])
+
+
+LATER = {
+    "set": "{sign}*on*max(t - 1.25, 0)^{n}",
+    "break": "if(t < 1.25, 0, {sign}*(t - 1.25)^{n})",
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize(("kind", "sign"), [("set", 1), ("break", -1)])
+def test_at_a_later_instant(kind, sign, n, method):
+    force = LATER[kind].format(sign=sign, n=n)
+    assert run(method, force)[:2] == ([], [])
+
+
+@pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_off_a_wall_at_which_a_body_rests(n, method):
+    """The value x falls to 0 at the wall, and rises off it: `x >= 0` becomes true."""
+    acts, crossed, _ = run(
+        method, f"if(t < 1.25, -2, (t - 1.25)^{n})", x=0.5,
+        laws="constraints: {wall: {relation: x >= far, restitution: 0}}",
+    )  # fmt: skip
+    late = [name for name, time in acts if time > BEGIN - 1e-6]
+    assert late in ([], ["e2"])
+    assert [x for x in crossed if x[1] > BEGIN - 1e-6] == []
+
+
+@pytest.mark.parametrize("method", ["euler", "rattle", "rk4", "dop853", "dopri5"])
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_block_at_rest_slips_once(sign, n, method):
+    _, _, found = run(
+        method, f"{sign}*if(t < 1.25, 0, 1 + (t - 1.25)^{n})", v=1.0,
+        laws="constraints: {rub: {relation: x_dot = 0, limit: 1}}",
+    )  # fmt: skip
+    kinds = [x.kind for x in found.events if x.kind in {"stick", "slip"}]
+    assert kinds == ["stick", "slip"]
+
+
+@pytest.mark.parametrize("method", [x for x in METHODS if x not in {"euler", "moreau"}])
+def test_a_motion_that_returns_to_0_crosses_it(method):
+    """The position is t^3 - t^4: it is 0 at 1, and its rate is 0 at 3/4."""
+    acts, crossed, _ = run(method, "6*t - 12*t^2", step=0.01, duration=2.0)
+    turns, returns = [0.75] * 2, [1.0] * 2
+    assert [x for x, _ in acts] == ["e3", "e4", "e0", "e1"]
+    assert [t for _, t in acts] == pytest.approx([*turns, *returns], abs=1e-3)
+    assert crossed == [
+        ("place", pytest.approx(1.0, abs=1e-3)),
+        ("rate", pytest.approx(0.75, abs=1e-3)),
+    ]
+
+
+@pytest.mark.parametrize("method", [x for x in METHODS if x != "moreau"])
+@pytest.mark.parametrize("force", ["t - abs(x)/9", "t^2 - if(x < 0, 5, 0)"])
+def test_a_switch_at_the_place_of_rest_stays_on_its_side(force, method):
+    _, _, found = run(method, force)
+    assert [x.kind for x in found.events if x.kind == "switch"] == []
