@@ -809,11 +809,12 @@ class Runner:
 
         state : the memory of the method.
         """
-        rows, begin = min(rows, len(self.block)), process_time()
+        rows, quick = min(rows, len(self.block)), bool(self.parts.improvable)
+        begin = process_time() if quick else 0.0
         code: int = self._advance(
             state.address, self.system.p.address, self._rows, rows, budget
         )
-        if self.parts.improvable and self.parts.used(process_time() - begin):
+        if quick and self.parts.used(process_time() - begin):
             self._functions.clear()
             self._link()
         return code
