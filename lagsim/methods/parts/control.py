@@ -303,7 +303,7 @@ def compute_tolerances(
         share_tolerances(s)
         share_rounding(s)
     if p.works > 0:
-        limit_works(s, p, new)
+        limit_works(s, p, h, new)
 
 
 def slides_on_a_disc(p: Parameters) -> int:
@@ -383,12 +383,16 @@ def against(error: float, tolerance: float) -> float:
     return part
 
 
-def limit_works(s: Control, p: Parameters, new: Floats) -> None:
+def limit_works(s: Control, p: Parameters, h: float, new: Floats) -> None:
     """Raise the tolerances of works to the errors of the corresponding energies.
+
+    An error of a velocity changes the kinetic energy, and the work of the forces in the
+    step: of forces, too, that rows hold, beside which the velocity is 0.
 
     If terms A^T W A replace the inertia of a massless coordinate, the multipliers on
     this coordinate have the rounding of these terms, and so has the work.
 
+    h : the length of the step.
     new : (size,), the state after the step.
     """
     before, v = s.y[s.velocities], new[s.velocities]
@@ -400,7 +404,10 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
         own = int(p.worked[i])
         off = of_velocities[i]
         speed = max(abs(before[i]), abs(v[i]))
-        energy = (speed + off) * abs(s.masses[i]) * off
+        push = s.parts[s.n + i]
+        if p.laws > 0:
+            push = max(push, p.law_pushes[s.n + i])
+        energy = (speed + off + h * push) * abs(s.masses[i]) * off
         if p.augmented > 0.0 and s.masses[i] == 0.0:
             for j in range(i + 1):
                 factor = p.L[i * s.n + j]
