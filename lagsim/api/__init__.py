@@ -43,7 +43,7 @@ class SimulationKeys(TypedDict, total=False):
 
 if TYPE_CHECKING:
 
-    class Options(SimulationKeys, generalized_alpha.Options, total=False):
+    class SimulationOptions(SimulationKeys, generalized_alpha.Options, total=False):
         """`SimulationKeys` and the options of methods, for type checkers."""
 
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from lagsim.api import Options
+    from lagsim.api import SimulationOptions
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model as Read
     from lagsim.model.model import Settings
@@ -700,7 +700,7 @@ def simulate(
     model: Model | str | Path,
     *,
     error_bar: Literal["auto", "always", "never"] = "auto",
-    **options: Unpack[Options],
+    **options: Unpack[SimulationOptions],
 ) -> Result:
     """Integrate a model. Options replace the keys of the model's `simulation`.
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.api import Options
+    from lagsim.api import SimulationOptions
 
 
 class Sweep:
@@ -198,7 +198,7 @@ def sweep(
     from_: float | str | None = None,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
-    **options: Unpack[Options],
+    **options: Unpack[SimulationOptions],
 ) -> Sweep:
     """Run a model at all combinations of values, at points, or at a random sample.
 

@@ -26,8 +26,8 @@ and a custom section "lagsim", JSON in UTF-8:
 
 Rows have 1 + size numbers, the time and the state; word `emitted` is the number of rows
 written. A change of parameters does not change the start: the caller sets initial
-values that depend on them. Runs with events in the state, switches, or separately
-integrated subsystems have no module, since Python code connects their arcs.
+values that depend on them. Runs with events in the state or switches have no module,
+since Python code connects their arcs.
 """
 
 from __future__ import annotations

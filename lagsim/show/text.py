@@ -149,7 +149,7 @@ class Outline:
             for row in self.families.rows((name, (e,)) for name, e in rows)
         ]
 
-    def _range(self, row: Members) -> str:
+    def _range(self, row: FamilyRow) -> str:
         """Return the members in a row, such as `i = 2..7`; "" for a single row."""
         numbers = row.members
         if not numbers:
@@ -159,12 +159,12 @@ class Outline:
             shown = self.sign("range", str(numbers[0]), str(numbers[-1]))
         return f"{self.families.letter} = {shown}"
 
-    def _tail(self, row: Members) -> str:
+    def _tail(self, row: FamilyRow) -> str:
         """Return the members in a row as a text after its formula, or ""."""
         members = self._range(row)
         return self.sign("members", members) if members else ""
 
-    def _named(self, row: Members) -> str:
+    def _named(self, row: FamilyRow) -> str:
         """Return the name of a row and its members, for use within a sentence."""
         shown, members = self.names.show(row.name), self._range(row)
         return self._inline(f"{shown}, {members}" if members else shown)
@@ -627,7 +627,7 @@ FEW = 2
 MOST_TERMS = 1_000
 
 
-class Members(NamedTuple):
+class FamilyRow(NamedTuple):
     """Row of one formula for several members of a family, or a single row.
 
     Attributes
@@ -676,7 +676,9 @@ class Families:
         count = self._stems[_NUMBER.sub("", name.base, count=1)]
         return int(found[2]) if found[1] or count > FEW else None
 
-    def rows(self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]) -> list[Members]:
+    def rows(
+        self, rows: Iterable[tuple[PrintedName, Sequence[Any]]]
+    ) -> list[FamilyRow]:
         """Return rows; rows of a family are merged at the place of its first member.
 
         rows : pairs of a name and its expressions.
@@ -701,7 +703,7 @@ class Families:
             numbers = tuple(sorted(k for k, *_ in members))
             name, alike = common if len(members) > 1 else own
             numbers = numbers if len(members) > 1 else ()
-            result.append(Members(name, tuple(map(self.sums, alike)), numbers))
+            result.append(FamilyRow(name, tuple(map(self.sums, alike)), numbers))
         return result
 
     def _name(self, name: PrintedName, k: int, letter: str) -> PrintedName:
