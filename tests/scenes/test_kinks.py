@@ -588,3 +588,33 @@ simulation: {{duration: 3, output_step: 0.5}}
     assert found["x"][-1] == pytest.approx(0.0, abs=1e-12)
     assert found["y"][-1] == pytest.approx(-1.0, abs=1e-12)
     assert not found.warnings
+
+
+@pytest.mark.parametrize(("relation", "start"), [
+    ("y = 0.5*abs(x)", "x: -1, y: 0.5, x_dot: 0.3, y_dot: -0.15"),
+    ("y = if(x < 0, -0.5*x, 0.3*x)", "x: -1, y: 0.5"),
+    ("y = max(-x, 0.2*x)", "x: 1, y: 0.2"),
+    ("y = -0.5*abs(x)", "x: -1, y: -0.5, x_dot: 6, y_dot: 3"),
+])  # fmt: skip
+@pytest.mark.parametrize("when", ["t < 9", "on > 0"])
+def test_corners_of_relations_with_when_are_those_without(relation, start, when):
+    text = f"""
+coordinates: {{x: {{}}, y: {{}}}}
+modes: {{on: 1}}
+energy: {{kinetic: (x_dot^2 + 2*y_dot^2)/2, potential: 9.81*y}}
+constraints: {{wire: {{relation: "{relation}"}}}}
+events: {{never: {{at: y >= 50, impulse: {{y: 1}}}}}}
+initial: {{{start}}}
+simulation: {{duration: 2.5, output_step: 0.1}}
+"""
+    always = simulated(text)
+    timed = simulated(text.replace('"}}', f'", when: {when}}}}}'))
+    listed = [
+        [(x.time, x.energy) for x in run.events if x.kind == "corner"]
+        for run in (always, timed)
+    ]
+    assert len(listed[0]) > 0
+    assert np.array(listed[1]) == pytest.approx(np.array(listed[0]), abs=1e-9)
+    assert timed.t == pytest.approx(always.t, abs=1e-9)
+    for name in ("x", "x_dot", "y_dot", "work", "impulse.wire"):
+        assert timed[name] == pytest.approx(always[name], abs=1e-8)

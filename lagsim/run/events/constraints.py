@@ -33,6 +33,7 @@ from lagsim.notes import Caution, Choice, Event
 from lagsim.plan.plan import by_loops, usual_lengths, without_partition
 from lagsim.program.system import System
 from lagsim.run.arc import NO_LOSS, shift
+from lagsim.run.events.corner_sides import corner_events
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.records import Before, SurfacesAt
 from lagsim.run.modes import EqualitiesAlone
@@ -46,7 +47,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection
 
     from lagsim.language.arrays import Floats
     from lagsim.plan.plan import Plan
@@ -158,7 +159,7 @@ def inelastic_impact(
     given = transmit(arc, arc.y, y, np.zeros(len(arc.equations.laws)))
     events = [Event(arc.t, "impact")]
     if switching is not None and bent:
-        events = [*_corners(arc, switching, bent, energy), *rests]
+        events = [*corner_events(arc, bent, energy), *rests]
     found = Decision(events=tuple(events), rows=before.row, y=y, impulses=given)
     return found, surfaces
 
@@ -182,33 +183,6 @@ def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
         if far and _is_far(arc, bent):
             return constraint.name
     return ""
-
-
-def _corners(
-    arc: Arc, switching: Switching, bent: Collection[int], energy: float
-) -> Iterator[Event]:
-    """Yield the event of a corner for each constraint that is at a corner.
-
-    Parameters
-    ----------
-    arc : Arc
-        The arc that has ended, at the state reached.
-    switching : Switching
-        The switching surfaces of the run, of which corners are some.
-    bent : collection of int
-        The indices of the corners that the state is on; several may belong to one
-        constraint, as the kink and a knot of `table(abs(x))`.
-    energy : float
-        The change of the energy in the impact; only the first event has it.
-    """
-    own: dict[str, list[str]] = {}
-    for k in bent:
-        for name in arc.system.switches.corners[k].rows:
-            own.setdefault(name, []).append(switching.sides[k].text)
-    for i, (name, texts) in enumerate(own.items()):
-        text = ", ".join(dict.fromkeys(texts))
-        lost = None if i else energy
-        yield Event(arc.t, "corner", name, switch=text, energy=lost)
 
 
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:

@@ -28,6 +28,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import allow_closed
+from lagsim.run.events.corner_sides import corner_events
 from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
 from lagsim.run.events.impulses import transmit
 from lagsim.run.events.kinematics import Kinematics
@@ -499,41 +500,74 @@ class Contacts(Source):
                 there, np.array(some)[np.abs(left) <= here.still[some]]
             )
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
+        energy = float(changes.sum())
         given = np.zeros(len(self.laws))
         given[some] = result.impulses
-        found.impulses = transmit(arc, before, y, given)
+        bent = self._at_corners(here, struck, corners)
+        found.impulses = transmit(arc, before, y, given, [*bent.values()])
         contacts = [k for k in struck if k in self.contacts]
         closed = y.copy()
         closed[arc.state.positions] -= lift(
             contacts, here.gaps[contacts] + here.slack[contacts]
         )
         allow_closed(arc, y, closed)
-        sizes = [abs(impulse) for impulse in result.impulses.tolist()]
-        largest = max(sizes)
+        if bent:
+            assert corners is not None
+            found.events += corner_events(arc, corners.corners, energy, bent)
+        sizes = np.abs(result.impulses)
+        listed = (sizes > SOLUTION_ROUNDOFF * sizes.max()).tolist()
         for i, k in enumerate(some):
-            name = self.laws[k].name
-            if here.table.slips[k] or sizes[i] <= SOLUTION_ROUNDOFF * largest:
+            if here.table.slips[k] or not listed[i]:
                 continue
+            name = self.laws[k].name
             event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
-                rate_after=float(result.after[i]), energy=float(changes.sum()),
+                rate_after=float(result.after[i]), energy=energy,
             )  # fmt: skip
             found.events.append(event)
-            history = self.sequence.of(k)
-            history.impacts += 1
-            if k in ends:
-                if history.impacts > SERIES:
-                    found.events.append(Event(ends[k], "zeno", name))
-                    rested = found.laws.rested | {name}
-                    found.laws = found.laws._replace(rested=rested)
-                history.impacts = 0
+            self._count_impact(found, k, ends)
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
-        elif not result.impulses.any():
+        elif not result.impulses.any() and not bent:
             # the closing rates were rounding of the other motions of their bodies
             found.rows = None
         self._warn(here, some, result, found, ending=bool(stopped))
         return there
+
+    def _count_impact(self, found: StateAfter, k: int, ends: dict[int, float]) -> None:
+        """Add an impact to the series of a law; list the rest at the end of a series.
+
+        found : the record whose events and laws are updated.
+        k : the index of the law.
+        ends : end times of the series that end with this impact, by law.
+        """
+        history, name = self.sequence.of(k), self.laws[k].name
+        history.impacts += 1
+        if k not in ends:
+            return
+        if history.impacts > SERIES:
+            found.events.append(Event(ends[k], "zeno", name))
+            rested = found.laws.rested | {name}
+            found.laws = found.laws._replace(rested=rested)
+        history.impacts = 0
+
+    def _at_corners(
+        self, here: Kinematics, struck: list[int], corners: CornerSides | None
+    ) -> dict[str, int]:
+        """Return the equalities with `when` that are struck at a corner, by name.
+
+        They are projected onto the sides onto which the motion leads, as equalities
+        without `when` are.
+
+        here : all laws after the projection.
+        struck : the laws that were struck before it.
+        """
+        if corners is None or not corners.corners:
+            return {}
+        known = here.arc.system.switches.corners
+        names = {name for k in corners.corners for name in known[k].rows}
+        own = {self.laws[k].name: k for k in struck if here.table.equal[k]}
+        return {name: k for name, k in own.items() if name in names}
 
     def _warn(
         self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,

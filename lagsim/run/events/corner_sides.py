@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
+from lagsim.notes import Event
 from lagsim.run.events.surface_modes import ABOVE, BELOW, SLIDING
 from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -339,3 +340,35 @@ class CornerSides:
         found[[i for i, k in enumerate(surfaces) if k in off]] = math.inf
         self._speeds[sides] = found
         return np.asarray(found)
+
+
+def corner_events(
+    arc: Arc,
+    bent: Collection[int],
+    energy: float,
+    among: Collection[str] | None = None,
+) -> Iterator[Event]:
+    """Yield the event of a corner for each constraint that is at a corner.
+
+    Parameters
+    ----------
+    arc : Arc
+        The arc that has ended, at the state reached.
+    bent : collection of int
+        The indices of the corners that the state is on; several may belong to one
+        constraint, as the kink and a knot of `table(abs(x))`.
+    energy : float
+        The change of the energy in the impact; only the first event has it.
+    among : collection of str or None
+        If given, only these constraints are considered.
+    """
+    own: dict[str, list[str]] = {}
+    switches = arc.system.switches
+    for k in bent:
+        for name in switches.corners[k].rows:
+            if among is None or name in among:
+                own.setdefault(name, []).append(switches.sides[k].text)
+    for i, (name, texts) in enumerate(own.items()):
+        text = ", ".join(dict.fromkeys(texts))
+        lost = None if i else energy
+        yield Event(arc.t, "corner", name, switch=text, energy=lost)

@@ -20,7 +20,7 @@ from lagsim.mechanics.algebra import Metric, least_squares
 from lagsim.run.trajectory import JumpImpulses
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from lagsim.language.arrays import Floats, Ints
     from lagsim.program.impulses import JumpData
@@ -98,7 +98,13 @@ def _response(now: JumpData, P: Floats, groups: Iterable[tuple[Ints, Ints]]) -> 
     return np.append(jump, given)
 
 
-def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpulses:
+def transmit(
+    arc: Arc,
+    before: Floats,
+    after: Floats,
+    laws: Floats,
+    equalities: Sequence[int] = (),
+) -> JumpImpulses:
     """Return the impulses of laws and equalities in an impact.
 
     Parameters
@@ -109,6 +115,8 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
         The states before and after the impact.
     laws : ndarray, shape (L,)
         The impulses of the laws in the impact.
+    equalities : sequence of int
+        The laws that are equalities at a corner: their impulses are computed, too.
     """
     function, p = arc.system.impulses, arc.system.p
     if function is None:
@@ -116,13 +124,14 @@ def transmit(arc: Arc, before: Floats, after: Floats, laws: Floats) -> JumpImpul
     first, last = data_at(arc, before), data_at(arc, after)
     always = len(function.always)
     jump = last.momenta - first.momenta - laws @ last.rows[always:]
-    given = np.zeros(always)
+    solved = {*range(always), *(always + k for k in equalities)}
+    given = np.concatenate([np.zeros(always), laws])
     for group, rows in function.groups:
-        own = rows[rows < always]
+        own = np.array([k for k in rows.tolist() if k in solved], dtype=int)
         if len(own) and jump[group].any():
             A = last.rows[np.ix_(own, group)]
-            given[own] = least_squares(A.T, jump[group], None)
-    return JumpImpulses(laws[: len(p.impulses)], given)
+            given[own] += least_squares(A.T, jump[group], None)
+    return JumpImpulses(given[always:][: len(p.impulses)], given[:always])
 
 
 def _followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
