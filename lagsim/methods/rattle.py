@@ -32,7 +32,8 @@ from lagsim.methods.parts.constraints import (
     project_level,
     record_sigma,
 )
-from lagsim.methods.parts.fixed import Fixed, interpolate, start, step
+from lagsim.methods.parts.fixed import Fixed, interpolate, step
+from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import derivative, position_step, velocity_step
 from lagsim.methods.verlet import amplification, inseparable
@@ -81,6 +82,17 @@ def refusal(scene: Structure) -> str:
             "projects onto constraints)"
         )
     return inseparable(scene)
+
+
+def start(s: Rattle, p: Parameters) -> None:
+    """Begin an arc with velocities that satisfy the constraints to rounding.
+
+    An impact may leave a larger residual, since the gap is then put to 0; the forces
+    along the old gradients could not balance it.
+    """
+    if CONSTRAINED:
+        project_level(1, s, p, s.t, s.fixed_step, s.y, s.change)
+    begin(s, p)
 
 
 def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
