@@ -16,6 +16,7 @@ from lagsim.studies import modes as small_motions
 from lagsim.studies import rest
 from lagsim.studies.modes import REST, START, SmallMotions
 from lagsim.studies.options import FREQUENCY_RANGE, VARIED_RANGE
+from lagsim.studies.setting import setting_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -293,7 +294,7 @@ def equilibrium(
     ends = [(x, number_range(x, y, VARIED_RANGE)) for x, y in (vary or {}).items()]
     with in_python():
         read = model_of(model)
-        search = rest.Search(rest.setting_of(read))
+        search = rest.Search(setting_of(read))
         if vary is None:
             return Equilibria(search, search.all(starts))
         branches = branching.varied(read, *ends[0])

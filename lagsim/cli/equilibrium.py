@@ -34,6 +34,7 @@ from lagsim.model.reader import read_file
 from lagsim.studies import branches as branching
 from lagsim.studies import rest
 from lagsim.studies.options import VARIED_RANGE
+from lagsim.studies.setting import setting_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -81,7 +82,7 @@ def command(
     read = read_file(model, given)
     if write is not None:
         check_replaced(write, read)
-    search = rest.Search(rest.setting_of(read))
+    search = rest.Search(setting_of(read))
     branches = _branches(read, vary, plot)
     _print_warnings(search.setting.cautions)
 

@@ -30,7 +30,8 @@ from lagsim.language.names import member_hint
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation, eigenvalues_of
 from lagsim.outputs.table import table_of
-from lagsim.studies.rest import NoRestError, Search, Steady, setting_of, stability_of
+from lagsim.studies.rest import NoRestError, Search, Steady, stability_of
+from lagsim.studies.setting import setting_of
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:

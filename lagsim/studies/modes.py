@@ -19,7 +19,8 @@ from lagsim.model.model import Level
 from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
-from lagsim.studies.rest import Search, Setting, setting_of, steady_start
+from lagsim.studies.rest import Search, steady_start
+from lagsim.studies.setting import Setting, setting_of
 from lagsim.tolerances import HALF_OF_DIGITS
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,15 +25,12 @@ from lagsim.admissibility.verdict import (
     at_rest,
     judge_laws,
     judge_rest,
-    out_of_force,
-    with_timed,
 )
-from lagsim.codes.known import FROZEN_TIME, NO_REST
+from lagsim.codes.known import NO_REST
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.graph import TooMuchError
 from lagsim.language.names import rate_of
-from lagsim.mechanics.equations import Equations, Instant
 from lagsim.mechanics.linearisation import (
     BoundedEigenvalues,
     Linear,
@@ -40,14 +38,15 @@ from lagsim.mechanics.linearisation import (
     eigenvalues_of,
 )
 from lagsim.mechanics.pieces import whole
-from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
-from lagsim.run.session import StartError, after_start_events
+from lagsim.run.session import StartError
 from lagsim.studies.continuum import Continuum
 from lagsim.studies.nonlinear import Linearised, not_linear
+from lagsim.studies.setting import Setting, with_sliding
 from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
     SAME_RESULT,
@@ -58,10 +57,9 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from lagsim.admissibility.examination import StartReport
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.model.model import Model
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.run.interrupt import Interrupt
 
     Progress = Callable[[float], None] | None
@@ -81,78 +79,6 @@ class NoRestError(LagsimError):
 
     exit_code = 1
     code = NO_REST
-
-
-class Setting(NamedTuple):
-    """Model at the time of its start, with all constraints constant in time.
-
-    Attributes
-    ----------
-    model : Model
-    equations : Equations
-        The equations, with the equalities in force at the start among the rows.
-    report : StartReport
-        The examination of the start.
-    off : frozenset of str
-        Constraints that are out of force.
-    """
-
-    model: Model
-    equations: Equations
-    report: StartReport
-    off: frozenset[str]
-
-    @property
-    def start(self) -> Instant:
-        """The admissible state nearest to the start; without one, the stated state."""
-        at = self.report.state
-        return Instant(at.t, at.q, at.v, at.s)
-
-    @property
-    def point(self) -> Point:
-        """The positions of the start, with velocities 0."""
-        at = self.start
-        still = Instant(at.t, at.q, np.zeros_like(at.v), at.s)
-        return Point(self.equations, still)
-
-    @property
-    def cautions(self) -> list[Caution]:
-        """A warning where the equations depend on time."""
-        e, g = self.equations, self.equations.graph
-        nodes = [c.relation.node for c in self.model.constraints]
-        if "t" not in g.depends([*nodes, self.model.lagrangian, *e.of_accelerations]):
-            return []
-        text = f"the equations depend on t: they are those of t = {self.start.t:g}"
-        return [Caution(FROZEN_TIME, text)]
-
-
-def setting_of(model: Model) -> Setting:
-    """Derive the equations of a model with frozen constraints; examine its start.
-
-    Raises
-    ------
-    InputError
-        If energies or forces are not finite at the start.
-    """
-    settings, model = model.settings(), model.written_out()
-    still = _frozen(model, settings.start)
-    equations, report = after_start_events(equations_of_motion(still), settings)
-    off = out_of_force(equations, settings.start)
-    return Setting(model, with_timed(equations, off), report, off)
-
-
-def _frozen(model: Model, time: float) -> Model:
-    """Return the model with moving constraints frozen at a time."""
-    g = model.graph
-    nodes = [c.relation.node for c in model.constraints]
-    if "t" not in g.depends(nodes):
-        return model
-    new = g.substitute(nodes, {g.variable("t"): g.constant(time)})
-    constraints = tuple(
-        c._replace(relation=c.relation._replace(node=node))
-        for c, node in zip(model.constraints, new, strict=True)
-    )
-    return replace(model, constraints=constraints)
 
 
 # --- Steady states with their linearised motion
@@ -185,6 +111,8 @@ class Steady(NamedTuple):
         the corner.
     on_ridge : bool
         Whether the forces of one side of a surface drive the state away from it.
+    sliding : mapping of str to float
+        Multipliers of limited equalities that slide, by the name of the row.
     """
 
     equations: Equations
@@ -197,6 +125,7 @@ class Steady(NamedTuple):
     sticks: bool = False
     in_corner: bool = False
     on_ridge: bool = False
+    sliding: Mapping[str, float] = MappingProxyType({})
 
     def cautions(self, setting: Setting) -> list[Caution]:
         """Return warnings where the motion about the state is not linear."""
@@ -248,9 +177,11 @@ def _steady(
     x = linearisation.values(state.t, state.q, state.v, state.s)
     errors = Point(e, state).solved_errors((setting.point.q, setting.start.v))
     linear = linearisation.linear(x, linearisation.noise(x, errors))
+    pushes = evaluate(e.graph, setting.sliding.values(), x.values)
+    sliding = dict(zip(setting.sliding, map(float, pushes), strict=True))
     return Steady(
         e, state, linearisation, linear, eigenvalues_of(linear.R), x.values,
-        tuple(free), sticks, bool(edges),
+        tuple(free), sticks, bool(edges), sliding=sliding,
     )  # fmt: skip
 
 
@@ -397,6 +328,10 @@ class Equilibrium(NamedTuple):
             own, value = whole(row.name), values[f"lambda_{row.name}"]
             into = more if own.startswith("friction.") else forces
             into[own] = into.get(own, 0.0) + value + 0.0
+        forces |= x.sliding
+        # A relation between vectors has a multiplier for each component.
+        parts = {name.rpartition(".")[0] for name in forces}
+        forces = {name: y for name, y in forces.items() if name not in parts}
         eigenvalues = [*spectrum.values, *[0j] * spectrum.zero]
         found: dict[str, Any] = {
             "coordinates": _named(e.q, x.state.q),
@@ -465,7 +400,8 @@ class Search:
     tried = 0
 
     def __init__(self, setting: Setting) -> None:
-        self.setting, self._point = setting, setting.point
+        self.setting = setting = with_sliding(setting)
+        self._point = setting.point
         self._every = range(self._point.n), range(len(setting.equations.states))
         self._spent = False
         # Coordinates on which no force depends keep their start values.
@@ -706,7 +642,19 @@ class Search:
         left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
         text = "no position of rest was found, from the start"
         text += f" and from {starts} others" if starts else ""
-        return f"{text}: {', '.join(left[:8])} remain at the start"
+        text = f"{text}: {', '.join(left[:8])} remain at the start"
+        if sliding := self._sliding_friction():
+            text += f"; the friction of {sliding} slides at rest, and is not considered"
+        return text
+
+    def _sliding_friction(self) -> str:
+        """Return the contacts whose friction slides although the coordinates rest."""
+        laws = [law for law in self._point.e.laws if law.slips]
+        rates = [law.row.rate for law in laws]
+        slips, rounding = self._point.array(rates), self._point.rounding(rates)
+        slide = (np.abs(slips) > CLEAR_OF_ROUNDING * rounding).tolist()
+        own = {law.constraint for law, on in zip(laws, slide, strict=True) if on}
+        return ", ".join(f"`{name}`" for name in sorted(own))
 
     def _add(self, rests: list[Equilibrium], other: Equilibrium) -> None:
         """Add a rest to `rests`, unless `rests` has it or a rest of its family.

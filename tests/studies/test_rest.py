@@ -301,3 +301,62 @@ initial: {q(i=1..n): {guess: 0.4*(i - 3.5)}}
     assert turned == pytest.approx(np.arctan(weight * heights / H), abs=1e-9)
     assert abs(found[0]["lambda"]["ex"]) == pytest.approx(H, rel=1e-9)
     assert abs(found[0]["lambda"]["ey"]) == pytest.approx(2.5 * weight, rel=1e-9)
+
+
+BELT = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+constraints: {belt: {relation: x_dot - 3 = 0, limit: LIMIT}}
+initial: {x: 0.1}
+simulation: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize(("limit", "force", "growth"), [
+    ("1.962", 1.962, 0.0),
+    ("{static: 3, dynamic: 1.962}", 1.962, 0.0),
+    # Friction that falls with the slip drives the mass: x'' = -4 x + 1 + exp(v - 3).
+    ("1 + exp(-abs(x_dot - 3))", 1 + math.exp(-3), math.exp(-3) / 2),
+    ("2 - exp(-abs(x_dot - 3))", 2 - math.exp(-3), -math.exp(-3) / 2),
+])  # fmt: skip
+def test_a_mass_rests_on_a_moving_belt_where_its_spring_balances_the_limit(
+    limit, force, growth
+):
+    text = BELT.replace("LIMIT", limit)
+    [found] = lagsim.equilibrium(text).equilibria
+    assert found["coordinates"]["x"] == pytest.approx(force / 4, rel=1e-12)
+    assert found["lambda"] == {"belt": pytest.approx(force, rel=1e-12)}
+    assert found["stable"] is (growth <= 0)
+    assert found["continuum"] is False
+    [mode] = lagsim.modes(text).modes
+    wanted = [growth, math.sqrt(4 - growth**2)]
+    assert mode["eigenvalue"] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_friction_on_a_disc_that_slides_at_rest_damps_motion_across_the_slip():
+    text = """
+coordinates: {p: {components: xy}}
+energy: {kinetic: "dot(p_dot, p_dot)/2", potential: "2*dot(p, p)"}
+constraints: {belt: {relation: "p_dot = vec(3, 0)", limit: 1.5}}
+initial: {p: [0, 0]}
+simulation: {duration: 1}
+"""
+    [found] = lagsim.equilibrium(text).equilibria
+    assert found["coordinates"] == pytest.approx({"p.x": 0.375, "p.y": 0.0})
+    assert found["lambda"] == pytest.approx({"belt.x": 1.5, "belt.y": 0.0})
+    # Across the slip the friction is 1.5 v/3.
+    pairs = sorted(x["eigenvalue"] for x in lagsim.modes(text).modes)
+    damped = [-0.25, math.sqrt(4 - 0.25**2)]
+    assert np.array(pairs) == pytest.approx(np.array([damped, [0.0, 2.0]]), abs=1e-9)
+
+
+def test_sliding_friction_of_contacts_is_named_where_no_rest_is_found():
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y + 2*x^2}
+constraints:
+  floor: {relation: y >= 0, restitution: 0, friction: 0.2, slip: x_dot - 3}
+initial: {x: 0, y: 0}
+"""
+    with pytest.raises(lagsim.LagsimError, match="friction of `floor` slides at rest"):
+        lagsim.equilibrium(text)
