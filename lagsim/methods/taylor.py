@@ -55,7 +55,7 @@ from lagsim.native.elementary import BIAS, ONE_POWER
 from lagsim.native.graph.polynomials import MOST_BEYOND
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
+from lagsim.tolerances import OVERFLOW, SQUARABLE, STATE_ROUNDOFF, TINY
 
 NAME = "taylor"
 TITLE = "Taylor series, order from the tolerance"
@@ -278,7 +278,7 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
         before = s.series[buffer(size, s.which) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
-        s.satisfied = constraints.satisfied_part(s, following[0] + 1.0)
+        s.satisfied = satisfied_part(s, following[0] + 1.0)
         s.alone = s.satisfied
         s.longer = UNKNOWN
     s.which = 1.0 - s.which
@@ -402,6 +402,23 @@ def prolong(s: Taylor, x: float, out: Floats) -> None:
         lengthen(near, -s.step_h if late else s.step_h, more, out, out[s.velocities])
 
 
+def satisfied_part(s: Taylor, order: float) -> float:
+    """Return the fraction of the last step in which rows need no projection.
+
+    Rows of the output nearer to an end of the step than this fraction need none. It is
+    assumed that the dense output is a polynomial that begins at this end, and that the
+    residual grows as x^order over the step, from rounding to the residual before the
+    projection. If the constraints depend on time or velocities, rounding of times and
+    positions adds to the residual, and the fraction is 0.
+    """
+    if s.fixed_rows == 0.0:
+        return 0.0
+    if s.missed <= STATE_ROUNDOFF:
+        return 1.0
+    part = rough_log2(max(LEAST_NUMBER, STATE_ROUNDOFF / s.missed)) / order
+    return min(1.0, rough_power_of_two(part))
+
+
 def continues(s: Taylor) -> int:
     """Whether the series at the ends of the last step are continued beyond their order.
 
@@ -430,12 +447,15 @@ def continues(s: Taylor) -> int:
             # The remainder is about the first omitted term: by the decrease from the
             # first to the last term, times the error of the first term by this
             # decrease.
-            left = exp(log(last / first) * (count / (count - 1.0)))
+            more, fewer = 1.0, 1.0
             for j in range(count):
-                left *= (order + 2.0 + j) / (count + 1.0 + j)
-            if left < 1.0:
+                more *= order + 2.0 + j
+                fewer *= count + 1.0 + j
+            left = rough_log2(max(LEAST_NUMBER, last / first))
+            left = left * (count / (count - 1.0)) + rough_log2(more / fewer)
+            if left < 0.0:
                 s.longer = 1.0
-                s.satisfied = s.alone * exp(-log(left) / (order + 1.0))
+                s.satisfied = s.alone * rough_power_of_two(-left / (order + 1.0))
     return int(s.longer)
 
 

@@ -22,7 +22,6 @@ from lagsim.tolerances import (
     CONVERGED,
     OVERFLOW,
     RESIDUAL_ROUNDOFF,
-    STATE_ROUNDOFF,
     SUM_ROUNDOFF,
     TERM_ROUNDOFF,
 )
@@ -77,22 +76,6 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
         if project_level(level, s, p, t, h, y, work) == 0:
             return 0
     return 1
-
-
-def satisfied_part(s: Rank, order: float) -> float:
-    """Return the fraction of the last step in which rows need no projection.
-
-    Rows of the output nearer to an end of the step than this fraction need none. It is
-    assumed that the dense output is a polynomial that begins at this end, and that the
-    residual grows as x^order over the step, from rounding to the residual before the
-    projection. If the constraints depend on time or velocities, rounding of times and
-    positions adds to the residual, and the fraction is 0.
-    """
-    if s.fixed_rows == 0.0:
-        return 0.0
-    if s.missed <= STATE_ROUNDOFF:
-        return 1.0
-    return float((STATE_ROUNDOFF / s.missed) ** (1.0 / order))
 
 
 def project_level(

@@ -513,7 +513,7 @@ def is_satisfied(s: State, t: float) -> bool:
     """Whether the dense output at time t in the last step satisfies the constraints.
 
     True up to the fraction `satisfied` of the step from either of its ends, see
-    `constraints.satisfied_part`.
+    `taylor.satisfied_part`.
     """
     from_start = t - s.step_t
     near = min(from_start, s.step_h - from_start)
