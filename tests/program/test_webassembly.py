@@ -111,6 +111,7 @@ def same(rows, others):
     return np.array_equal(rows.view(np.int64), others.view(np.int64))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "method"), RUNS)
 def test_rows_equal_native_ones_in_all_bits(name, method):
     module, native = made(MODELS / f"{name}.yaml", method)
