@@ -462,7 +462,7 @@ class _Beside:
             return False
 
     def _vanishes(self, part: int, *, whole: bool) -> bool:
-        """Whether an expression is 0, or a whole number (`whole`), at slip 0.
+        """Whether an expression is 0 at slip 0; with `whole`, whether it is an integer.
 
         Raises
         ------

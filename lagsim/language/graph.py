@@ -195,7 +195,7 @@ class Graph:
             text = (
                 f"the equations of this model have more than {self._most:,} operations"
             )
-            hint = "fewer coordinates in one product or sum lead to shorter ones"
+            hint = "products and sums of fewer coordinates have shorter derivatives"
             hint = limits.without(hint)
             raise InputError([Problem(TOO_LARGE, text, None, hint)])
         if self._left < 0:

@@ -252,7 +252,7 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
         return f"it does not integrate first-order states ({names})"
     if equations.graph.of((ELEMENTS,)) and not OF_ELEMENTS.issuperset(chosen.NEEDS):
-        return "its sums are elements, whose forces have no derivatives here"
+        return "it needs derivatives of forces, which long sums do not have"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that hold at times need a method that evaluates y' only"
     follow = [x.name for x in equations.laws if x.bounce is not None or x.poisson]

@@ -337,8 +337,8 @@ def find_largest(
 ) -> None:
     """Write the largest m_i x_i^2 of each group of coordinates to `largest` (n,).
 
-    The largest of a neighbourhood is kept in a register: in memory, each would wait for
-    the one before.
+    The largest value of successive coordinates of one group is held in a register,
+    since a store to memory and a load at each coordinate would take longer.
 
     groups : (n,), the index of the group of each coordinate.
     masses, sizes : m and x, (n,).

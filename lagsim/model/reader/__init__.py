@@ -394,7 +394,7 @@ class File:
                 return "stdin"
             if unseen(stem) or "\n" in stem:
                 text = f"the name of the file has {_letter(stem)}"
-                hint = "give a `name`: results are called by it"
+                hint = "add a `name`, which names the folder of the results"
                 faults.add(BAD_MODEL_NAME, text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"
         name, fault = self.top.text("name"), ""

@@ -189,7 +189,7 @@ def _direction(key: Scalar, noun: str, x: Expressions) -> tuple[int, Level] | No
             names = x.names.moving()
             hint = faults.did_you_mean(name, names)
             hint = hint or f"{one} acts along one of {quoted_list(map(in_file, names))}"
-            text = f"there is no coordinate or definition `{name}` to work on"
+            text = f"`{name}` is neither a coordinate nor a definition"
             faults.add(UNKNOWN_NAME, text, place, hint)
         return None
     kind, base = meaning
