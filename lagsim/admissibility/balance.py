@@ -256,7 +256,7 @@ def _downhill(rest: Rest) -> Floats | None:
     along which gradients of relations must not turn by much.
     """
     point, k, m, x = rest.point, len(rest.positions), rest.relations, rest.x0
-    e, g, weights, moved = point.e, point.g, np.zeros(rest.relations), 0.0
+    e, g, weights, distance = point.e, point.g, np.zeros(rest.relations), 0.0
     if not k:
         return None
     sizes, own = point.sizes[rest.positions], [m + j for j in rest.positions]
@@ -283,7 +283,7 @@ def _downhill(rest: Rest) -> Floats | None:
             return None if np.any(along) else x  # a linear energy has no minimum
         down = N @ (U @ (along / w))
         step = np.pad((back + down) / sizes, (0, len(x) - k))
-        if np.linalg.norm(sizes * step[:k]) <= SAME_RESULT * moved:
+        if np.linalg.norm(sizes * step[:k]) <= SAME_RESULT * distance:
             return x
         held = np.abs(least_squares(Y.T, forces / sizes)) / lengths
         weights = np.maximum(weights, 2.0 * held)
@@ -292,7 +292,7 @@ def _downhill(rest: Rest) -> Floats | None:
         if not part:
             return x
         x = x + part * step
-        moved = max(moved, float(np.linalg.norm(sizes * (x - rest.x0)[:k])))
+        distance = max(distance, float(np.linalg.norm(sizes * (x - rest.x0)[:k])))
         x = np.concatenate([x[:k], rest.first(rest.at(x))[k:]])
     return x
 

@@ -315,8 +315,10 @@ class Kinks:
         """
         g, e = self.g, self.e
         names = [*e.q, *(x.name for x in e.states)]
-        moved = np.concatenate([end.q - start.q, end.state.s - start.state.s])
-        change = {g.variable(x): d for x, d in zip(names, moved.tolist(), strict=True)}
+        displacement = np.concatenate([end.q - start.q, end.state.s - start.state.s])
+        change = {
+            g.variable(x): d for x, d in zip(names, displacement.tolist(), strict=True)
+        }
         found = []
         for node in nodes:
             own = slopes(g, node, frozenset(change))

@@ -496,7 +496,7 @@ def _reached(
     # Rounding of x: of the largest magnitude that each value has had, and of the total
     # length of the path.
     largest, ulp = np.abs(x), STATE_ROUNDOFF / np.sqrt(np.diag(metric))
-    moved = 0.0
+    distance = 0.0
     halvings, last, before = 0, np.inf, np.inf
     jump, jumped, polished = -MOST_STEPS, False, 0
     for k in range(MOST_STEPS):
@@ -514,7 +514,7 @@ def _reached(
         if halvings >= HALVINGS:  # add the sum of a geometric series in one step
             jump, step = k, step / (1.0 - part)
             halvings = 0
-        hold = relations.are_satisfied(x, STATE_ROUNDOFF * largest + moved * ulp)
+        hold = relations.are_satisfied(x, STATE_ROUNDOFF * largest + distance * ulp)
         jumped |= hold and not polished and k - jump <= ARRIVED
         polished += hold
         damped = _damped(relations, x, r, lengths, step, once=hold)
@@ -522,8 +522,8 @@ def _reached(
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
         largest = np.maximum(largest, np.abs(x))
-        moved = max(moved, float(np.linalg.norm(L.T @ (x - x0))))
-    errors = STATE_ROUNDOFF * largest + moved * ulp
+        distance = max(distance, float(np.linalg.norm(L.T @ (x - x0))))
+    errors = STATE_ROUNDOFF * largest + distance * ulp
     hold = not np.any(r) or relations.are_satisfied(x, errors)
     if hold and diverges(relations, relations, guess, x, errors):
         return NewtonResult(x, converged=False, trouble=Trouble.DIVERGES)
@@ -608,8 +608,8 @@ def _explained(
     )
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
-    moved = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
-    if relations.are_satisfied(x, STATE_ROUNDOFF * (np.abs(x) + moved)):
+    displacement = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
+    if relations.are_satisfied(x, STATE_ROUNDOFF * (np.abs(x) + displacement)):
         return NewtonResult(x, converged=True)
     return NewtonResult(x, converged=False, trouble=Trouble.MINIMUM)
 

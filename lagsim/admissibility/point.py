@@ -426,13 +426,13 @@ def shape_of(
     found = (x for x in g.cone(nodes) if x in places)
     variables = sorted(found, key=places.__getitem__)
     # Only entries that depend on a coordinate are searched for it.
-    moved: dict[int, list[int]] = {x: [] for x in variables}
+    entries_of: dict[int, list[int]] = {x: [] for x in variables}
     for i, node in enumerate(nodes):
         for x in g.cone([node]):
             if x in places:
-                moved[x].append(i)
+                entries_of[x].append(i)
     table = list(nodes)
-    for variable, entries in moved.items():
+    for variable, entries in entries_of.items():
         seed = {variable: g.one}
         slopes_found = [nodes[i] for i in entries]
         for _ in range(2):

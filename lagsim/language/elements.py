@@ -438,16 +438,16 @@ class Elements:
         # A weight that varies is a factor of each term, as if the terms were written
         # out.
         if self.size == 1 and set(active).isdisjoint(g.cone([weight])):
-            made = self.derived("slopes", indices)
-            found = sums(g, made, args)
+            derived = self.derived("slopes", indices)
+            found = sums(g, derived, args)
             return [
                 (args[k], g.call("mul", weight, part(g, found, k)))
-                for k in made.filled
+                for k in derived.filled
                 if k in indices
             ]
-        made = self.derived("pulled", indices)
-        found = sums(g, made, [*args, *_each(g, range(self.size), weights)])
-        return [(args[k], part(g, found, k)) for k in made.filled if k in indices]
+        derived = self.derived("pulled", indices)
+        found = sums(g, derived, [*args, *_each(g, range(self.size), weights)])
+        return [(args[k], part(g, found, k)) for k in derived.filled if k in indices]
 
     def push(self, g: Graph, vector: int, rates: Mapping[int, int]) -> int:
         """Return the node of the time derivative of a vector of these sums.

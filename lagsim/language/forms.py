@@ -435,9 +435,11 @@ class _SumBuilder:
             powers = self.expansion.powers(m)
             factors = [(self.nodes[n], Fraction(e)) for n, e in powers]
             fixed = form.raised({n: e for n, e in factors if n in self.still})
-            moved = tuple(f for f in factors if f[0] not in self.still)
+            moving_factors = tuple(f for f in factors if f[0] not in self.still)
             factor = g.call("mul", g.constant(c), fixed)
-            whole[moved] = g.call("add", whole.get(moved, g.zero), factor)
+            whole[moving_factors] = g.call(
+                "add", whole.get(moving_factors, g.zero), factor
+            )
         return form.written(whole)
 
     def _spelt(self, n: int) -> int:
@@ -648,10 +650,10 @@ class Collected:
             if not others and self._stays(still, whole):
                 total = g.call("add", total, self._product(whole))
                 continue
-            moved = g.zero
+            moving_part = g.zero
             for op, factors in group:
-                moved = g.call(op, moved, self._product(factors))
-            total = g.call("add", total, g.call("mul", still, moved))
+                moving_part = g.call(op, moving_part, self._product(factors))
+            total = g.call("add", total, g.call("mul", still, moving_part))
         return total
 
     def _product(self, factors: Iterable[int]) -> int:

@@ -499,11 +499,11 @@ def largest_eigenvalue(
     x /= np.linalg.norm(x)
     value = 0.0
     for _ in range(MOST_ITERATIONS):
-        moved = apply(x)
-        before, value = value, float(np.linalg.norm(moved))
+        image = apply(x)
+        before, value = value, float(np.linalg.norm(image))
         if not 0.0 < value < np.inf:
             return np.inf, x
-        x = moved / value
+        x = image / value
         if abs(value - before) <= HALF_OF_DIGITS * value:
             break
     return value, x

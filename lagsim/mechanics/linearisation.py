@@ -401,8 +401,8 @@ class Linearisation:
         slopes = self._evaluated(self._slopes, values)
         size = 2 * n + first
         cuts = np.cumsum([(n + m + first) * size, m * (n + first)])
-        by_state, moved, turning = np.split(slopes, cuts)
-        B, C = np.split(moved.reshape(m, n + first), [n], axis=1)
+        by_state, of_rows, turning = np.split(slopes, cuts)
+        B, C = np.split(of_rows.reshape(m, n + first), [n], axis=1)
         position_metric = metric
         if not self.holonomic.all():
             position_metric = Metric(M, A * self.holonomic[:, None])

@@ -261,16 +261,16 @@ def eliminate_coordinate(
     J = flow.gradient(g, value, by_rates=False).entries
     given = {q: value, g.variable(e.velocities[c]): rate}
     full = substituted(e, given)
-    moved = bend
+    eliminated = bend
     for j, slope in J.items():
-        moved = plus_product(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
+        eliminated = plus_product(g, eliminated, slope, g.variable(rate_of(e.q[j], 2)))
     acceleration = g.variable(rate_of(e.q[c], 2))
     lam = g.variable(MULTIPLIER.of(e.rows[k].name))
     # The equation of c without the multiplier, divided by the factor of the multiplier.
-    without = {acceleration: moved, lam: g.zero}
+    without = {acceleration: eliminated, lam: g.zero}
     [force] = g.substitute([full.motion_residuals()[c]], without)
     multiplier = g.call("div", force, full.rows[k].A[c])
-    recovered = given | {acceleration: moved, lam: multiplier}
+    recovered = given | {acceleration: eliminated, lam: multiplier}
     powers = g.substitute(full.powers, recovered)
     works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
 

@@ -147,9 +147,9 @@ def state_space(
     dq = Zh @ T @ np.hstack([np.eye(k, k + d + size), -lift[chosen]])
     dq[:, k + d + size :] += lift
     ds = np.eye(size, k + d + size + count, k + d)
-    moved = -x.B @ dq - x.C @ ds
-    moved[:, k + d + size :] += right[1]
-    dv = inverse @ moved
+    forces = -x.B @ dq - x.C @ ds
+    forces[:, k + d + size :] += right[1]
+    dv = inverse @ forces
     target = np.eye(d, k + d + size + count, k) - dv[rates]
     dv += Z @ np.linalg.solve(Z[rates], target) if d else 0.0
     every = np.vstack([dq, dv, ds])

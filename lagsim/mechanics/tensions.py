@@ -566,9 +566,9 @@ def _solution(
     scales = dict.fromkeys(turns, length), {t: x.length for t, x in turns.items()}
     for t, scale in _quotients(g, *scales).items():
         pulled = ((new[n], known[i]) for i, n in gram[t].items() if i in known)
-        moved = g.call("sub", g.product_sum(pulled), missing[t])
+        resolved = g.call("sub", g.product_sum(pulled), missing[t])
         factor = g.call("div", scale, new[turns[t].square])
-        found[turns[t].velocity] = g.call("mul", factor, moved)
+        found[turns[t].velocity] = g.call("mul", factor, resolved)
     for t, force in known.items():
         for u, part in pulls[t].items():
             add_to(g, fall, u, g.call("mul", weights[u], g.call("mul", part, force)))

@@ -399,7 +399,9 @@ def _solved(
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
     forces = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
-    moved = dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
+    accelerations_of = dict(
+        zip(map(g.variable, e.accelerations), accelerations, strict=True)
+    )
     rates = motion_rates(e, elimination)
     if switching:
         found = {
@@ -407,14 +409,16 @@ def _solved(
             "columns": list(columns.nodes.values()),
         }
     else:
-        observed = g.substitute(columns.nodes.values(), forces | moved)
+        observed = g.substitute(columns.nodes.values(), forces | accelerations_of)
         found = {
             "derivative": rates,
             # Output rows show the motion without stabilising terms.
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
     # The power of an eliminated drive depends on q''.
-    found["rounding"] = g.substitute(rounding_bounds(e, elimination), forces | moved)
+    found["rounding"] = g.substitute(
+        rounding_bounds(e, elimination), forces | accelerations_of
+    )
     if e.rows:
         found |= _steps(e, elimination)
     return found

@@ -268,15 +268,15 @@ class Translation:
             for p in model.parameters
             if substitute and p.name not in model.modes
         }
-        kept = self._well_read(physics) if named is None else named
+        named_nodes = self._well_read(physics) if named is None else named
         self.definitions = {}
-        for n, name in sorted(kept.items()):
+        for n, name in sorted(named_nodes.items()):
             s = symbol(rate_of(name.base, name.order))
             self.definitions[s] = self._value(n)
             self.known[n] = s
         self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
-        self.names, self.rank = self._shown(parameters, kept)
-        rates = (self.known[n] for n, name in kept.items() if name.order)
+        self.names, self.rank = self._shown(parameters, named_nodes)
+        rates = (self.known[n] for n, name in named_nodes.items() if name.order)
         moving = {*self.v, *self.a, *self.multipliers, *rates}
         moving_names = {*self.q, *moving, *self.states, self.t}
         constants = {*parameters}

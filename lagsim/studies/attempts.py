@@ -655,10 +655,15 @@ class Attempts:
             store.begin_anew()
         if self.listed is not None and self.listed.table.rows:
             self.listed.table.begin_anew()
-        kept: list[Observer | None] = [made, *self.followers, made.thin, made.frames]
-        kept.append(made.extremes)
-        kept += [] if self.error_bars is ErrorBars.NEVER else [made.checkpoints]
-        others: list[Observer] = [x for x in kept if x is not None]
+        observers: list[Observer | None] = [
+            made,
+            *self.followers,
+            made.thin,
+            made.frames,
+        ]
+        observers.append(made.extremes)
+        observers += [] if self.error_bars is ErrorBars.NEVER else [made.checkpoints]
+        others: list[Observer] = [x for x in observers if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
         clock.lap("output")

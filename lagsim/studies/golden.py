@@ -346,13 +346,16 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
         return _Rest(sizes, rounding)
     found = could_push(e, motion, range(n), span, forces_of)
     rests = np.ptp(motion[:, 1 : 1 + n], axis=0) <= HIGHER * found.moved
-    reach, moved = np.where(rests, (found.reach, found.moved), 0.0)
-    sizes[columns[1 : 1 + n]], rounding[columns[1 : 1 + n]] = reach, moved
+    reach, displacements = np.where(rests, (found.reach, found.moved), 0.0)
+    sizes[columns[1 : 1 + n]], rounding[columns[1 : 1 + n]] = reach, displacements
     speeds = columns[1 + n : 1 + 2 * n]
-    sizes[speeds], rounding[speeds] = reach / span, moved / case.settings.output_step
+    sizes[speeds], rounding[speeds] = (
+        reach / span,
+        displacements / case.settings.output_step,
+    )
     for k, name in enumerate(base.columns):
         if kind(name, base.columns) == "energy":
-            rounding[k] = float(moved @ found.forces)
+            rounding[k] = float(displacements @ found.forces)
     return _Rest(sizes, rounding)
 
 

@@ -95,10 +95,10 @@ def picture(small: SmallMotions, form: str = "png") -> bytes:
     panels = []
     for number, mode in enumerate(small.modes, 1):
         shape = dict(zip(e.q, mode.shape.tolist(), strict=True))
-        moved = displaced(model, values, shape, PHASES)
+        displacements = displaced(model, values, shape, PHASES)
         with_rest = {
             name: np.append(x, values[name]) if isinstance(x, np.ndarray) else x
-            for name, x in moved.items()
+            for name, x in displacements.items()
         }
         film = film_at(model, with_rest, len(PHASES) + 1)
         panels.append(Still(titled(number, mode), film, (*EXTREMES, MIDDLE)))
@@ -225,8 +225,8 @@ def page(small: SmallMotions) -> bytes:
     for number, mode in enumerate(small.modes[:MOST_PLAYED], 1):
         shape = dict(zip(steady.equations.q, mode.shape.tolist(), strict=True))
         phases = 2.0 * np.pi * t / SECONDS
-        moved = displaced(model, steady.values, shape, phases)
-        film = film_at(model, moved, len(t), t, titled(number, mode))
+        displacements = displaced(model, steady.values, shape, phases)
+        film = film_at(model, displacements, len(t), t, titled(number, mode))
         if film is not None:
             films.append(record(film))
     title = f"{model.name}: modes, each at one cycle in {SECONDS:g} s"

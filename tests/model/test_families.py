@@ -346,7 +346,7 @@ unknown-key | did you mean `definitions` | ⟪definition⟫: {s(1..3): x}¶force
 unknown-name | unknown name `r` | definitions: {a: [x, y], b: ⟪r⟫.x}
 unknown-name | unknown name `r` | definitions: {a: [x, y], b: "dot(a, ⟪r⟫)"}
 expression-component | a number has | definitions: {a: [x, y], b: t⟪.x⟫}
-unknown-name | no coordinate or definition `r` |
+unknown-name | `r` is neither a coordinate |
     definitions: {a: [x, y]}¶forces: {⟪r⟫: [1, 2]}
 expression-subscript | whole number, found 1.5 |
     scene: {points: {p(i = 1⟪..⟫3/2): [x, y]}, links: [[p(1), p(2)]]}

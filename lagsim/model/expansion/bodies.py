@@ -319,10 +319,10 @@ class Bodies(SectionReader):
             return None
         label, counts = f"the inertia of {one.label}", [1, 3, 6] if n > 2 else [1]
         parts = self.vector(node, one.indices, counts, label)
-        kept = [
+        named = [
             self._named(f"body.{one.name}.J{k}", part) for k, part in enumerate(parts)
         ]
-        return tuple(kept) if len(kept) > 1 else kept[0]
+        return tuple(named) if len(named) > 1 else named[0]
 
     def _solid(
         self, one: _Body, m: Tree, n: int, frame: Frame | None, at: Vector

@@ -122,8 +122,8 @@ def worst_residual(
         For a method that does not locate events: the time until it corrects a residual,
         and the largest speeds (n,).
     """
-    for name, part, moved in _residuals_off(run, coarse):
-        if not moved <= SATISFIED:
+    for name, part, by_motion in _residuals_off(run, coarse):
+        if not by_motion <= SATISFIED:
             return name, part
     return None
 
@@ -136,7 +136,10 @@ def constraint_residual(run: Evidence) -> float:
     residual is not finite.
     """
     parts = run.residuals.constraint_parts
-    off = {name: min(part, moved) for name, part, moved in _residuals_off(run, None)}
+    off = {
+        name: min(part, by_motion)
+        for name, part, by_motion in _residuals_off(run, None)
+    }
     return max((parts | off).values(), default=0.0)
 
 
@@ -166,7 +169,9 @@ def _residuals_off(
             yield name, part, residual
             continue
         row = equations.row(name)
-        moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
+        range_of_motion = (
+            ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
+        )
         state = equations.model.parameter_values
         state |= dict(zip(names, values.tolist(), strict=False))
         if residual <= ROUNDED * _rounding(equations, row, state):
@@ -185,9 +190,9 @@ def _residuals_off(
         # for a heavier body at most its own range, so that the motion of a light body
         # does not hide its residual; for a lighter one less, as the roots of the
         # masses.
-        seed = largest_beside(inertia_roots(equations, start), moved)
+        seed = largest_beside(inertia_roots(equations, start), range_of_motion)
         seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
-        motion = float(slopes @ moved) + float(slopes @ seed) / SATISFIED
+        motion = float(slopes @ range_of_motion) + float(slopes @ seed) / SATISFIED
         yield name, part, residual / motion if motion > 0.0 else math.inf
 
 
@@ -257,7 +262,7 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 
     Returns
     -------
-    moved : ndarray, shape (n,)
+    displacements : ndarray, shape (n,)
         The motion in the units of the coordinates.
     energy : float
         The energy of this motion.
@@ -269,8 +274,8 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
         run.equations, rows, which, span, monitor.constraint_forces, ranges
     )
     rests = ranges <= HIGHER * found.moved
-    moved = np.where(rests, found.moved, 0.0)
-    return moved, float(moved @ found.forces)
+    displacements = np.where(rests, found.moved, 0.0)
+    return displacements, float(displacements @ found.forces)
 
 
 def energy_rounding(run: Evidence, balance: Balance, times: float = FAR) -> float:

@@ -275,7 +275,7 @@ class Explorer:
             If a value cannot be used, or the start is not admissible.
         """
         with _Alone(self._lock, self._asked, page) as interrupt:
-            session, moved = self._followed(values, follow=follow)
+            session, changed = self._followed(values, follow=follow)
             names = session.columns.names
             shown = frames_of(session.equations, names).names
             table = names[: session.columns.table]
@@ -298,7 +298,7 @@ class Explorer:
                 "state": self._state_names(session),
                 "ends": self.ends(session, columns),
                 "values": _values_of(session),
-                "moved": {name: _digits(x) for name, x in moved.items()},
+                "moved": {name: _digits(x) for name, x in changed.items()},
                 "held": not ConstrainedStart(session.case).is_free,
                 "error": self._ended(ended.outcome, ended.reason),
             }
@@ -456,10 +456,10 @@ class Explorer:
         try:
             return self._session(values), {}
         except StartError as error:
-            moved = error.examined.repair
-            if not (follow and moved):
+            changed = error.examined.repair
+            if not (follow and changed):
                 raise
-            return self._session({**values, **moved}), moved
+            return self._session({**values, **changed}), changed
 
     def _session(self, values: Values) -> Session:
         return self._forms.session(self._texts(values))

@@ -350,11 +350,11 @@ class Handler(BaseHTTPRequestHandler):
         target = found.get("target")
         if not isinstance(target, list) or len(target) not in (2, 3):
             raise RefusedError(HTTPStatus.BAD_REQUEST)
-        moved = self.server.explorer.drag(
+        start = self.server.explorer.drag(
             values, _number(found.get("t")), str(found.get("point")),
             [_number(x) for x in target], _page_of(found),
         )  # fmt: skip
-        self._send_json({"start": moved})
+        self._send_json({"start": start})
 
     def _start(self) -> None:
         found, values = self._requested()
