@@ -60,9 +60,9 @@ def values(parts: GradualParts) -> list[float]:
 def test_parts_are_optimised_one_after_the_other() -> None:
     parts = GradualParts(program(), quick=True)
     first = parts.objects
-    assert not parts.used(gradual.FIRST_USE / 2.0)
+    assert not parts.used(gradual.FIRST_USE[0] / 2.0)
     found, counts = [values(parts)], [len(parts.improvable)]
-    for seconds in (gradual.FIRST_USE, gradual.SECONDS):
+    for seconds in gradual.FIRST_USE:
         assert parts.used(seconds)
         found.append(values(parts))
         counts.append(len(parts.improvable))
@@ -81,7 +81,7 @@ def test_quick_code_of_an_earlier_process_is_optimised_soon() -> None:
     assert values(GradualParts(program(), quick=True))
     again = GradualParts(program(), quick=True)
     assert len(again.improvable) == 2
-    assert again.used(gradual.LATER_USE)
+    assert again.used(gradual.LATER_USE[0])
     assert values(again)
     known = GradualParts(program(), quick=True)
     assert [part.is_compiled for part in program()] == [True, True, False]
@@ -102,9 +102,8 @@ def test_rows_are_those_of_optimised_code(
 ) -> None:
     case, tables, counts = open_case(read_file(str(MODELS / f"{name}.yaml"))), [], []
     for seconds in (1e9, 0.0):  # quick code throughout; parts optimised within the run
-        monkeypatch.setattr(gradual, "FIRST_USE", seconds)
-        monkeypatch.setattr(gradual, "LATER_USE", seconds)
-        monkeypatch.setattr(gradual, "SECONDS", seconds)
+        monkeypatch.setattr(gradual, "FIRST_USE", (seconds, seconds))
+        monkeypatch.setattr(gradual, "LATER_USE", (seconds, seconds))
         session, keep = case.ready(quick=True), Keep()
         parts = session.system.link(session.plan.method).parts
         counts.append(len(parts.improvable))

@@ -2,8 +2,8 @@
 
 Most runs are short: the first run on a machine would compile for seconds what runs for
 milliseconds. Kernels that the cache does not have optimised are linked as quick code.
-Each further `SECONDS` that they run, one more part is optimised, in the order of the
-program; its code is in the cache from then on. Both codes have equal bits.
+While they run, one part after the other is optimised, in the order of the program; its
+code is in the cache from then on. Both codes have equal bits.
 """
 
 from __future__ import annotations
@@ -15,13 +15,11 @@ if TYPE_CHECKING:
 
     from lagsim.native.link.cache import ProgramPart
 
-# Processor time in quick code before the first part is optimised: where this process
-# has compiled quick code, and where an earlier one has, since it is used repeatedly.
-FIRST_USE = 1.0
-LATER_USE = 0.02
-# Time in quick code before each further part is optimised: no more than the time that
-# the compilation of a part takes.
-SECONDS = 0.25
+# Processor time in quick code before the first part is optimised, and before each
+# further part: where this process has compiled quick code, and where an earlier one
+# has. A program that is used again pays for the compilation of its parts.
+FIRST_USE = (1.0, 0.25)
+LATER_USE = (0.02, 0.02)
 
 
 class GradualParts:
@@ -45,7 +43,7 @@ class GradualParts:
             part for part in parts if quick and part.optimise and not part.is_compiled
         ]
         known = bool(self.improvable) and all(x.was_quick for x in self.improvable)
-        self._left = LATER_USE if known else FIRST_USE
+        self._left, self._each = LATER_USE if known else FIRST_USE
 
     @property
     def objects(self) -> list[bytes]:
@@ -65,6 +63,6 @@ class GradualParts:
         self._left -= seconds
         if self._left > 0.0 or not self.improvable:
             return False
-        self._left = SECONDS
+        self._left = self._each
         self.improvable = self.improvable[1:]
         return True
