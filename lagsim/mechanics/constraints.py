@@ -141,7 +141,9 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     names = g.depends([node])
     holonomic = not names & flow.velocities
     A = flow.gradient(g, node, by_rates=not holonomic)
-    moved = g.product_sum((slope, flow.rates[j]) for j, slope in A.entries.items())
+    transport_rate = g.product_sum(
+        (slope, flow.rates[j]) for j, slope in A.entries.items()
+    )
     if holonomic:
         drift = gradient(g, node, [g.variable("t")])[0]
         # Forward mode preserves common differences: d^2 + ... has the rate 2*d*d' + ...
@@ -152,7 +154,7 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
         rate = node
         degrees = g.degree(node, flow.velocities)
         homogeneous = degrees is not None and degrees.least == degrees.most
-        transport = g.zero if homogeneous else moved
+        transport = g.zero if homogeneous else transport_rate
         residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
     return Row(
@@ -392,7 +394,7 @@ class Law(NamedTuple):
         """Return the law with another restitution; unchanged if not one-sided."""
         return self._replace(restitution=restitution) if self.one_sided else self
 
-    def moved(self, g: Graph, rates: Sequence[int]) -> int:
+    def conjugate_rate(self, g: Graph, rates: Sequence[int]) -> int:
         """Return the node whose product with the multiplier is the constraint's power.
 
         This is A q' of a bounded row, which does work while it slides, and the

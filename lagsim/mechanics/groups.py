@@ -262,6 +262,8 @@ def _power(e: Equations, Q: Sequence[int], dL_dt: int, indices: Sequence[int]) -
             power = g.call("add", power, term)
     for law in e.laws:
         if law.row.A.entries.keys() <= among:
-            term = g.call("mul", g.variable(law.multiplier), law.moved(g, rates))
+            term = g.call(
+                "mul", g.variable(law.multiplier), law.conjugate_rate(g, rates)
+            )
             power = g.call("add", power, term)
     return power

@@ -376,7 +376,7 @@ class _Edges(NamedTuple):
         turn = self._turned(p, tied, pressed)
         x, rate = self._rates(p, held, tied, pressed, turn)
         none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
-        apart = [
+        may_slip = [
             k
             for k in tied
             for disc in [self.rows.disc(k)]
@@ -384,15 +384,15 @@ class _Edges(NamedTuple):
         ]
         forces = x if turn is None else turn @ x
         ranked = sorted(tied, key=lambda k: -abs(forces[k]))
-        slipping, firmly = set(apart), set(held)
+        slipping, firmly = set(may_slip), set(held)
         rests = [k for k in (*held, *ranked) if k not in slipping]
         firm = [k for k in rests if k in firmly or not none[k]]
-        apart = self._movable(firm, rests, apart, turn)
+        may_slip = self._movable(firm, rests, may_slip, turn)
         for k in (*held, *ranked):
             n = normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
                 continue
-            if k in apart:
+            if k in may_slip:
                 modes[k] = Mode.SLIDING if limits[k] else Mode.OFF
             else:
                 modes[k] = Mode.HELD if span.takes(k) else Mode.REDUNDANT
@@ -425,10 +425,10 @@ class _Edges(NamedTuple):
         self,
         firm: list[int],
         rests: list[int],
-        apart: list[int],
+        candidates: list[int],
         turn: Floats | None,
     ) -> list[int]:
-        """Return the tied rows in `apart` that can slip while the other rows hold.
+        """Return the tied rows, of candidates, that can slip while the other rows hold.
 
         A single bounded row cannot slip if it depends on `firm` rows. A disc can slip
         only along its force. It cannot slip if this direction depends on the rows at
@@ -436,23 +436,23 @@ class _Edges(NamedTuple):
 
         Parameters
         ----------
-        firm, rests, apart : list of int
+        firm, rests, candidates : list of int
             Indices of rows that hold firmly, of all rows at rest, and of tied rows
             that would not hold.
         turn : ndarray, shape (r, r), or None
             See `_turned`.
         """
-        if not apart:
-            return apart
+        if not candidates:
+            return candidates
         Y = self.closed.factor if turn is None else self.closed.factor @ turn
         span = Independent(Y)
         for k in firm:
             span.takes(k)
         single = self.closed.table.bounded & (self.closed.table.pairs < 0)
-        apart = [k for k in apart if not single[k] or span.adds(k)]
-        discs = [disc for disc in self.rows.problem.discs if disc[1] in apart]
+        candidates = [k for k in candidates if not single[k] or span.adds(k)]
+        discs = [disc for disc in self.rows.problem.discs if disc[1] in candidates]
         if not discs:
-            return apart
+            return candidates
         for k in rests:
             span.takes(k)
         for i, k in discs:
@@ -460,7 +460,7 @@ class _Edges(NamedTuple):
             if across > ALONG * along:
                 span.takes(i)
         locked = [disc for disc in discs if not span.adds(disc[1])]
-        return [k for k in apart if self.rows.disc(k) not in locked]
+        return [k for k in candidates if self.rows.disc(k) not in locked]
 
     def _rates(
         self,

@@ -433,7 +433,7 @@ def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
     return float(found)
 
 
-def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
+def add_response(p: Impulses, i: int, impulse: float, w: Floats) -> None:
     """Add to the velocities w (n,) the response to the impulse of active row i."""
     for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
         w[int(p.answer_columns[e])] += p.answers[e] * impulse
@@ -451,7 +451,7 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
     w : (n,), the velocities without impulses; on return the velocities after the step.
     """
     for i in range(count):
-        push(p, i, p.struck[i], w)
+        add_response(p, i, p.struck[i], w)
     for sweep in range(MOST_SWEEPS):
         beyond = BEYOND if sweep >= PATIENT else 1.0
         worst = 0.0
@@ -592,7 +592,7 @@ def satisfy(
     if p.row_low[k] == 0.0:
         found = max(found, 0.0)
     p.struck[i] = found
-    push(p, i, found - before, w)
+    add_response(p, i, found - before, w)
     size = p.reaches[i] + own * max(abs(found), abs(before))
     return float(own * abs(found - before) / size) if size > 0.0 else 0.0
 
@@ -617,8 +617,8 @@ def satisfy_disc(
         x *= bound / far
         z *= bound / far
     changed = abs(x - struck[i]) + abs(z - struck[other])
-    push(p, i, x - struck[i], w)
-    push(p, other, z - struck[other], w)
+    add_response(p, i, x - struck[i], w)
+    add_response(p, other, z - struck[other], w)
     struck[i] = x
     struck[other] = z
     size = p.reaches[i] + p.reaches[other] + own * far

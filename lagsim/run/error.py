@@ -170,7 +170,7 @@ class Held(NamedTuple):
     reach: Floats
 
     @property
-    def moved(self) -> Floats:
+    def displacement(self) -> Floats:
         """Displacements (n,) by rounding errors of bodies whose forces balance."""
         return np.asarray(SUM_ROUNDOFF * self.reach)
 
@@ -269,10 +269,10 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
     time = float(np.ptp(rows[:, 0]))
     own = slopes[:, 2 * n :].diagonal().copy()
     slopes[:, 2 * n :][np.diag_indices(len(own))] = 0.0
-    moved = np.concatenate([reach, reach / time, np.zeros(len(own))])
+    displacements = np.concatenate([reach, reach / time, np.zeros(len(own))])
     for _ in e.states:
-        moved[2 * n :] = slopes @ moved / np.fmax(own, 1.0 / time)
-    return moved[2 * n :]
+        displacements[2 * n :] = slopes @ displacements / np.fmax(own, 1.0 / time)
+    return displacements[2 * n :]
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:

@@ -345,8 +345,8 @@ def _rest(case: Case, base: SampledMotion, rows: Floats) -> _Rest:
     if not span > 0.0:
         return _Rest(sizes, rounding)
     found = could_push(e, motion, range(n), span, forces_of)
-    rests = np.ptp(motion[:, 1 : 1 + n], axis=0) <= HIGHER * found.moved
-    reach, displacements = np.where(rests, (found.reach, found.moved), 0.0)
+    rests = np.ptp(motion[:, 1 : 1 + n], axis=0) <= HIGHER * found.displacement
+    reach, displacements = np.where(rests, (found.reach, found.displacement), 0.0)
     sizes[columns[1 : 1 + n]], rounding[columns[1 : 1 + n]] = reach, displacements
     speeds = columns[1 + n : 1 + 2 * n]
     sizes[speeds], rounding[speeds] = (

@@ -309,7 +309,7 @@ def _transpositions() -> str:
         f"%l.{k} = getelementptr double, ptr %l.0, i64 {4 * k}" for k in (1, 2, 3)
     ]
 
-    def moved(kind: str, of: str) -> list[str]:
+    def transfers(kind: str, of: str) -> list[str]:
         if kind == "load":
             return [f"%x.{k} = load {VECTOR}, ptr %{of}.{k}, align 8" for k in each]
         return [f"store {VECTOR} %z.{k}, ptr %{of}.{k}, align 8" for k in each]
@@ -327,11 +327,11 @@ def _transpositions() -> str:
         shuffled("%z.2", "%y.0", "%y.2", far), shuffled("%z.3", "%y.1", "%y.3", far),
     ]  # fmt: skip
     bodies = {
-        "rows.to.lanes": [*rows, *moved("load", "p"), *transposed, *lanes],
-        "lanes.to.rows": [*lanes, *moved("load", "l"), *transposed, *rows],
+        "rows.to.lanes": [*rows, *transfers("load", "p"), *transposed, *lanes],
+        "lanes.to.rows": [*lanes, *transfers("load", "l"), *transposed, *rows],
     }
-    bodies["rows.to.lanes"] += moved("store", "l")
-    bodies["lanes.to.rows"] += moved("store", "p")
+    bodies["rows.to.lanes"] += transfers("store", "l")
+    bodies["lanes.to.rows"] += transfers("store", "p")
     return "\n".join(
         _TRANSPOSITION.format(name=name, body="\n".join(lines))
         for name, lines in bodies.items()

@@ -120,7 +120,7 @@ class KnotTimes(_Ahead):
         super().__init__(arc, [modes[k].discrete for k in clocks(arc)])
         # whether each knot in the kernel's memory is an event
         self._are_events: list[bool] = []
-        self._told, self._last = 0, -inf
+        self._reported, self._last = 0, -inf
 
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
         """Return an iterator over the knots in order of time.
@@ -177,16 +177,16 @@ class KnotTimes(_Ahead):
         arrays = (p.knot_times, p.knot_modes, p.cells_before, p.cells_after)
         for k, values in enumerate(arrays):
             values[: len(found)] = [x[k] for x in found]
-        self._are_events, self._told = [x[-1] for x in found], 0
+        self._are_events, self._reported = [x[-1] for x in found], 0
 
     def passed(self, arc: Arc) -> Decision:
         """Return a decision with events at the knots passed since the last call."""
-        p, first = arc.system.p, self._told
+        p, first = arc.system.p, self._reported
         if p.passed == first:
             return GO_ON
-        self._told = int(p.passed)
+        self._reported = int(p.passed)
         events = []
-        for k in range(first, self._told):
+        for k in range(first, self._reported):
             time = float(p.knot_times[k])
             if self._are_events[k] and not time - self._last <= p.apart:
                 events.append(Event(time, "switch"))  # one event for several tables

@@ -246,7 +246,7 @@ class EnergyMonitor:
         self._held = [k for k, name in enumerate(columns) if is_of_kind(name, FORCE)]
         self._extremes = Extremes(len(columns))
         # Stored rows are the first `_count` of an array that doubles where it is full.
-        self._kept = np.empty((FIRST_KEPT, 2 + self._shown + len(self._works)))
+        self._stored = np.empty((FIRST_KEPT, 2 + self._shown + len(self._works)))
         self._count = self._seen = 0
         self._stride = 1
 
@@ -256,9 +256,9 @@ class EnergyMonitor:
         self._extremes.add(rows if finite.all() else rows[finite])
         seen = self._seen + len(rows)
         while seen > MOST_KEPT * self._stride:
-            left = self._kept[: self._count : 2].copy()
+            left = self._stored[: self._count : 2].copy()
             self._count, self._stride = len(left), 2 * self._stride
-            self._kept[: self._count] = left
+            self._stored[: self._count] = left
         first = -self._seen % self._stride
         self._store(rows[first :: self._stride])
         self._seen = seen
@@ -266,12 +266,12 @@ class EnergyMonitor:
     def _store(self, rows: Floats) -> None:
         """Store energies, time, state, accelerations and works of rows (k, columns)."""
         before, after = self._count, self._count + len(rows)
-        if after > len(self._kept):
-            size = max(after, 2 * len(self._kept)), self._kept.shape[1]
-            self._kept, old = np.empty(size), self._kept
-            self._kept[:before] = old[:before]
+        if after > len(self._stored):
+            size = max(after, 2 * len(self._stored)), self._stored.shape[1]
+            self._stored, old = np.empty(size), self._stored
+            self._stored[:before] = old[:before]
         # Energy - work, the kinetic energy, t, q, q', q'', s, works of each row.
-        own, shown = self._kept[before:after], 2 + self._shown
+        own, shown = self._stored[before:after], 2 + self._shown
         own[:, 0] = _balance(rows, self._energy, self._work)
         own[:, 1] = rows[:, self._parts.get("kinetic", self._energy)]
         own[:, 2:shown], own[:, shown:] = rows[:, : self._shown], rows[:, self._works]
@@ -280,7 +280,7 @@ class EnergyMonitor:
     @property
     def _rows(self) -> Floats:
         """Stored rows before the first one with a value that is not finite."""
-        rows = self._kept[: self._count]
+        rows = self._stored[: self._count]
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
 

@@ -68,7 +68,7 @@ class _Envelope:
     """
 
     def __init__(self, width: int) -> None:
-        self._kept = np.empty((4, 0, width))
+        self._stored = np.empty((4, 0, width))
         self._rows = 0
         self.size = 1
 
@@ -91,14 +91,14 @@ class _Envelope:
             size = min(most, stop - start)
             found = _extremes(t[start:stop], values[start:stop], size)
             after = bucket + found.shape[1]
-            self._kept = _with_room(self._kept, 1, after)
-            kept = self._kept[:, bucket:after]
+            self._stored = _with_room(self._stored, 1, after)
+            kept = self._stored[:, bucket:after]
             kept[:] = _merged(kept, found) if inside else found
             self._rows += stop - start
             start = stop
 
     def _halve(self) -> None:
-        kept = self._kept[:, :BUCKETS]
+        kept = self._stored[:, :BUCKETS]
         kept[:, : BUCKETS // 2] = _merged(kept[:, ::2], kept[:, 1::2])
         self.size *= 2
 
@@ -107,7 +107,7 @@ class _Envelope:
 
         `column` is its index. The points are in order of time; NaN for an empty bucket.
         """
-        kept = self._kept[:, : -(-self._rows // self.size), column].copy()
+        kept = self._stored[:, : -(-self._rows // self.size), column].copy()
         values, times = kept[[LOW, HIGH]], kept[[LOW_T, HIGH_T]]
         values[:, kept[LOW] > kept[HIGH]] = np.nan
         if self.size == 1:
@@ -155,7 +155,7 @@ class _Sample:
 
     def __init__(self, width: int) -> None:
         self._points = np.empty((0, width))
-        self._kept = 0
+        self._stored = 0
         self._seen = 0
         self.stride = 1
 
@@ -168,14 +168,14 @@ class _Sample:
         total = self._seen + len(rows)
         while True:
             stored = min(POINTS, -(-total // self.stride))
-            stretch = np.arange(self._kept, stored)
+            stretch = np.arange(self._stored, stored)
             shift = (stretch * _GOLDEN % 1.0 * self.stride).astype(np.int64)
             index = stretch * self.stride + shift
             index = index[index < total]
-            kept = self._kept + len(index)
+            kept = self._stored + len(index)
             self._points = _with_room(self._points, 0, kept)
-            self._points[self._kept : kept] = rows[index - self._seen][:, chosen]
-            self._kept = kept
+            self._points[self._stored : kept] = rows[index - self._seen][:, chosen]
+            self._stored = kept
             if kept < POINTS:
                 break
             self._halve()
@@ -185,11 +185,11 @@ class _Sample:
         pair = np.arange(POINTS // 2)
         second = pair * _GOLDEN % 1.0 >= 0.5
         self._points[: len(pair)] = self._points[2 * pair + second]
-        self._kept = len(pair)
+        self._stored = len(pair)
         self.stride *= 2
 
     def column(self, column: int) -> Array:
-        return self._points[: self._kept, column]
+        return self._points[: self._stored, column]
 
 
 class Thinning:
@@ -412,7 +412,7 @@ class Frames:
         self._chosen = np.array([place[name] for name in names], dtype=np.intp)
         self._most = max(4, most)
         self.stride = self._of_impacts = 1
-        self._kept: list[Floats] = []
+        self._stored: list[Floats] = []
         self._count = self._rows = self._struck = 0
         self._last = np.empty((0, OWN + len(names)))
 
@@ -450,25 +450,25 @@ class Frames:
         return even | self._struck_in(block)
 
     def _append(self, rows: Floats) -> None:
-        self._kept.append(rows)
+        self._stored.append(rows)
         self._count += len(rows)
         if self._count > 2 * self._most:
             self._thin()
 
     def _thin(self) -> None:
         """Delete stored rows, by doubled strides, until there are at most `most`."""
-        table = np.concatenate(self._kept) if self._kept else self._last[:0]
+        table = np.concatenate(self._stored) if self._stored else self._last[:0]
         while len(table) > self._most:
             if np.count_nonzero(self._struck_in(table)) > self._most // 2:
                 self._of_impacts *= 2
             else:
                 self.stride *= 2
             table = table[self._selected(table)]
-        self._kept, self._count = [table], len(table)
+        self._stored, self._count = [table], len(table)
 
     def _whole(self) -> Floats:
         self._thin()
-        return np.concatenate((self._kept[0], self._last))
+        return np.concatenate((self._stored[0], self._last))
 
     @property
     def table(self) -> Floats:

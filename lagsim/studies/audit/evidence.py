@@ -273,8 +273,8 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     found = could_push(
         run.equations, rows, which, span, monitor.constraint_forces, ranges
     )
-    rests = ranges <= HIGHER * found.moved
-    displacements = np.where(rests, found.moved, 0.0)
+    rests = ranges <= HIGHER * found.displacement
+    displacements = np.where(rests, found.displacement, 0.0)
     return displacements, float(displacements @ found.forces)
 
 
