@@ -193,6 +193,11 @@ events:
          ["a", "b"], 1.0),
         ("a: {at: x >= 0.5, set: {u: 1}}, b: {at: x >= 0.5, set: {u: 0}}",
          ["a", "b"], 1.0),
+        # The second is due by the first, and restores the mode.
+        ("a: {at: x >= 0.5, set: {u: 1}}, b: {at: u >= 1, set: {u: 0}}",
+         ["a", "b"], 1.0),
+        ("b: {at: u >= 1, set: {u: 0}}, a: {at: x = 0.5, set: {u: 1}}",
+         ["a", "b"], 1.0),
         ("a: {at: x - u >= 0.5, set: {u: 1}}, b: {at: x - u <= -0.2, set: {u: 0}}",
          ["a", "b"], 0.5),
     ],

@@ -88,7 +88,14 @@ def act_in_rounds(
         own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
         on.begin_round(due.conditions, [c for k, c in own.items() if events[k].once])
         located = tuple(events[k].name for k in sorted(own))
-        rounds.append((located, on.modes))
+        if due.periodic or any(events[k].once for k in own):
+            # These events act once at an instant, so no cycle contains this round.
+            rounds.clear()
+        elif (located, on.modes) in rounds:
+            chatter = names_of(rounds[rounds.index((located, on.modes)) :])
+            break
+        else:
+            rounds.append((located, on.modes))
         for k in sorted(due.periodic.union(own)):
             names.append(events[k].name)
             if events[k].impulses:
@@ -99,30 +106,11 @@ def act_in_rounds(
             counts[k] += 1
             if events[k].at is not None and on.chatters(k, counts[k]):
                 chatter = chatter or names_of(acts.visits or rounds)
-        if due.periodic or any(events[k].once for k in own):
-            # These events act once at an instant, so no cycle contains this round.
-            rounds.clear()
-        else:
-            chatter = chatter or _cycle_of(on, rounds)
         due = Due(conditions=frozenset(on.changed())) if names else NOTHING
     total = np.sum(impulses, axis=0) if impulses else np.zeros(0)
     given = tuple(total.tolist()) if total.any() else ()
     after = acts._replace(counts=tuple(counts), rounds=tuple(rounds))
     return Acted(tuple(names), chatter, is_over, given), after, ending
-
-
-def _cycle_of(on: ActsTarget, rounds: Sequence[Round]) -> tuple[str, ...]:
-    """Return the names of the events of a cycle: the last round restores former modes.
-
-    The modes are those before an earlier round; () if they are not. The events of these
-    rounds undo each other at one instant. Within one round events may restore modes:
-    all were due together, and none follows from another.
-    """
-    *earlier, (_, before) = rounds
-    seen, now = [modes for _, modes in earlier], on.modes
-    if now == before or now not in seen:
-        return ()
-    return names_of(rounds[seen.index(now) :])
 
 
 def names_of(rounds: Sequence[Round | Visit]) -> tuple[str, ...]:
