@@ -81,6 +81,9 @@ class Side(NamedTuple):
         The name of the mode variable.
     sliding
         The name of a variable that is 1 while the motion follows the surface, else 0.
+    slack
+        The name of the distance from its level up to which the expression counts as on
+        the side selected.
     node
         The expression whose value 0, or whole number, is the surface.
     whole
@@ -100,6 +103,7 @@ class Side(NamedTuple):
 
     variable: str
     sliding: str
+    slack: str
     node: int
     whole: bool
     text: str

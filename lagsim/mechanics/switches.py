@@ -430,12 +430,15 @@ class Switches:
 
         Where the motion follows a surface, or rests on it, rounding leaves the
         expression of the surface slightly above or below its level. A step then has the
-        value at the level: `sign(x_dot)` is 0 where friction holds x_dot at 0. All
+        value at the level: `sign(x_dot)` is 0 where friction holds x_dot at 0. Where
+        the motion leaves a surface, a step has the value of the selected side until the
+        expression differs from its level by more than the slack of the surface. All
         other steps are as written.
         """
         g, half = self.graph, self.graph.constant(0.5)
         carried = g.constant(1.5)  # above CARRIED, below FOLLOWED
         kept = {g.variable(s.variable): s for s in self.sides}
+        leaving: dict[int, int] = {}
         done: dict[int, int] = {}
         nodes = list(nodes)
         for n in g.cone(nodes):
@@ -450,13 +453,32 @@ class Switches:
             level = g.call("add", variable, half) if side.whole else g.zero
             at = g.call("if", follows, level, variable)
             on_level = g.call("or", follows, g.call("lt", mode, g.constant(-0.5)))
+            if variable not in leaving:
+                leaving[variable] = self._leaves(side)
+            decided = g.call("or", on_level, leaving[variable])
             value = stepped(g, op, at, sign)
             if op in STEPS:
-                done[n] = g.call("if", on_level, value, done[n])
+                done[n] = g.call("if", decided, value, done[n])
             else:
-                free = g.call("and", g.call("not", on_level), done[n])
-                done[n] = g.call("or", g.call("and", on_level, value), free)
+                free = g.call("and", g.call("not", decided), done[n])
+                done[n] = g.call("or", g.call("and", decided, value), free)
         return [done[n] for n in nodes]
+
+    def _leaves(self, side: Side) -> int:
+        """Return the node of whether the motion is just leaving a surface to one side.
+
+        It is while the expression differs from its level by less than the slack of the
+        surface, which is 0 where the expression has already left its level.
+        """
+        g, half = self.graph, self.graph.constant(0.5)
+        (off,) = self.at_levels([side.node])
+        if side.whole:  # the distance from the closer end of the side
+            middle = g.call("add", g.variable(side.variable), half)
+            off = g.call("abs", g.call("sub", off, middle))
+            off = g.call("sub", off, half)
+        near = g.call("lt", g.call("abs", off), g.variable(side.slack))
+        free = g.call("lt", g.variable(side.sliding), half)
+        return g.call("and", free, near)
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` for output rows, with frozen steps on surfaces of the motion.
@@ -652,7 +674,7 @@ def _sides(
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
         k = len(sides)
-        new = Side(f"side.{k}", f"sliding.{k}", *key, text)
+        new = Side(f"side.{k}", f"sliding.{k}", f"slack.{k}", *key, text)
         side = sides.setdefault(key, new._replace(shown=discrete not in switches))
         sides_of[discrete] = g.variable(side.variable), sign
     return tuple(sides.values()), sides_of

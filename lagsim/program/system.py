@@ -331,8 +331,8 @@ class System:
         equations, switches = plan.reduction.equations, plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
-        ends += switches.at_levels([x.node for x in equations.model.located])
-        ends += switches.at_levels(self.columns.sections)
+        ends += [x.node for x in equations.model.located]
+        ends += self.columns.sections
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
@@ -440,6 +440,7 @@ class System:
         )
         p.corner[list(self.switches.corners)] = 1.0
         p.on_rates[:] = on_rates(self.equations, self.switches)
+        p.is_whole[:] = [side.whole for side in self.switches.sides]
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
@@ -486,6 +487,7 @@ class System:
         for k, side in enumerate(self.switches.sides):
             p[side.variable] = memory.place("side") + k
             p[side.sliding] = memory.place("slides") + k
+            p[side.slack] = memory.place("slack") + k
             if side.floor:
                 p[side.floor] = memory.place("floor") + k
             if corner := self.switches.corners.get(k):

@@ -581,8 +581,11 @@ def started(arc: Arc, by: Deciders) -> InstantRecord:
     if by.transitions is None:
         return now
     with TrialModes(arc) as trial:
+        if by.switching is not None:
+            by.switching.put_on_levels(arc)
         due = by.transitions.due_at_start(arc)
-    now = carried_out(now, GO_ON, modes=trial.found, due=due, stored_truth=True)
+    truth = trial.before._replace(truth=trial.found.truth)
+    now = carried_out(now, GO_ON, modes=truth, due=due, stored_truth=True)
     if due.begun is not None and due.begun.impulse:
         first, rest, before = ArcModes.of(arc), now, now.before or row_of(arc)
         if not may_strike(arc, by):

@@ -11,7 +11,7 @@ each is compiled for the constants that it depends on.
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import floor, inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
@@ -360,9 +360,33 @@ def inspect(s: State, p: Parameters) -> None:
         s.smallest_step = s.step_h
     find_end(s, p)
     if SWITCHES and s.cut == 0.0:
+        leave_levels(s, p)
         project_state(s, p, s.t, s.y)
     if s.inertias > 0:
         note_inertias(s, p, s.work)
+
+
+def leave_levels(s: State, p: Parameters) -> None:
+    """Set the slack of each surface without ends to 0 once it has left its level.
+
+    Such a surface is in conditions and output only. The slack of any other surface is
+    set to 0 by the search of its event function.
+    """
+    waits = False
+    for k in range(p.surfaces):
+        waits = waits or (p.slack[k] > 0.0 and has_no_end(p, k))
+    if not waits:
+        return
+    surfaces(s.t, s.y, p, p.rows)
+    for k in range(p.surfaces):
+        level = p.is_whole[k] * floor(p.rows[k] + 0.5)
+        if has_no_end(p, k) and abs(p.rows[k] - level) > p.slack[k]:
+            p.slack[k] = 0.0
+
+
+def has_no_end(p: Parameters, k: int) -> bool:
+    """Whether surface k, which the motion does not follow, ends no arc."""
+    return not (p.slides[k] != 0.0 or p.least[k] > -inf or p.most[k] < inf)
 
 
 def end_at_cut(s: State, p: Parameters) -> None:

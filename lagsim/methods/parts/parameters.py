@@ -204,6 +204,7 @@ class Surfaces(ModeWords):
     # Share of the upper side in the combination of forces that stays on the surface.
     share: Floats = array("surfaces")
     on_rates: Floats = array("surfaces")  # 1: its expression contains rates that jump
+    is_whole: Floats = array("surfaces")  # 1: levels are whole numbers; 0: the level 0
     # 1 for a corner of an equality; a force along its gradient; the jumps of this
     # force.
     corner: Floats = array("surfaces")

@@ -341,6 +341,9 @@ def continue_past(s: Crossings, p: Parameters, t: float) -> None:
         s.t = t
         s.row_limit = s.arc_rows
         if SWITCHES and mode_ends(s, p, low):
+            for i in range(s.conditions):
+                if s.passed_at[i] >= before:
+                    s.orientation[i] = 0.0  # until the loop has ended
             cut(s, p, before, low)
         else:
             search(EVENT, s, p, low, 1.0)
@@ -521,7 +524,8 @@ def end_within(s: SearchTable, p: Parameters, half: int) -> float:
         return s.cut
     if SWITCHES:
         for k in range(s.surfaces):
-            if sampled(s, k, half + 1) > p.slack[k]:
+            value = sampled(s, k, half + 1)
+            if p.slack[k] < value < inf:
                 p.slack[k] = 0.0
     return 0.0
 

@@ -70,10 +70,15 @@ class Truth:
     ----------
     set_by_modes : bool
         Whether conditions contain modes that events set.
+    steps : bool
+        Whether conditions contain steps of rates, whose modes are selected.
     """
 
-    def __init__(self, arc: Arc, *, set_by_modes: bool = True) -> None:
+    def __init__(
+        self, arc: Arc, *, set_by_modes: bool = True, steps: bool = True
+    ) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
+        self.steps = steps
         self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
         # Orientation and leeway (C,) of the conditions before `satisfied`.
         self._before = np.zeros(0), np.zeros(0)
@@ -146,9 +151,12 @@ class Truth:
 
         A condition that is about to become false at that time counts as false.
         """
-        state = self.state
-        self._before = state.orientation.copy(), state.leeway.copy()
+        self.keep()
         return self._marked(self.run("mark_satisfied"))
+
+    def keep(self) -> None:
+        """Keep the present truth of the conditions for `falsified` and `wait`."""
+        self._before = self.state.orientation.copy(), self.state.leeway.copy()
 
     def falsified(self) -> list[int]:
         """Return indices of the conditions that `satisfied` found to become false."""
@@ -168,12 +176,17 @@ class Truth:
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
 
+        Values of steps at the instant are those of one side or the other, by rounding.
+        So the values that `settled` compares are those of false conditions, clear of 0.
+
         waiting : indices of conditions whose truth `satisfied` has found to change.
         """
         state, some = self.state, list(waiting)
         state.marked[some] = 0.0
-        state.orientation[some] = self._before[0][some]
-        state.leeway[some] = self._before[1][some]
+        sides, leeways = (x[some] for x in self._before)
+        state.orientation[some], state.leeway[some] = sides, leeways
+        clear = 2.0 * np.maximum(state.zero[some], np.abs(state.worth[some]))
+        state.worth[some] = np.where(sides != 0.0, sides * clear, state.worth[some])
 
     def mark_true(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store as true from now on the conditions that were last found to become true.
@@ -200,7 +213,8 @@ class Truth:
 
         struck : whether velocities have jumped by an impact.
         """
-        jumped = int(struck or self.set_by_modes or not self.arc.steps)
+        by_modes = self.set_by_modes or self.steps
+        jumped = int(struck or by_modes or not self.arc.steps)
         self._store_start_jumps()
         return self._marked(self.run("settle", jumped))
 

@@ -32,17 +32,17 @@ class Due(NamedTuple):
         The indices of periodic events.
     conditions : frozenset of int
         The indices of conditions of located events, and of `until` after the last.
-    waits : bool
-        Whether the truth of the remaining conditions is decided later, after the modes
-        of laws are selected: where a law may hold a rate at 0 from now on, an
-        expression such as `if(x_dot < 0, 1, 0)` depends on the mode.
+    waiting : frozenset of int
+        The indices of conditions whose truth is decided later, after the modes of laws
+        are selected: where a law may hold a rate at 0 from now on, an expression such
+        as `if(x_dot < 0, 1, 0)` depends on the mode.
     begun : Acted or None
         The acts at the start of the run, which have set their modes already.
     """
 
     periodic: frozenset[int] = frozenset()
     conditions: frozenset[int] = frozenset()
-    waits: bool = False
+    waiting: frozenset[int] = frozenset()
     begun: Acted | None = None
 
     @property

@@ -25,7 +25,7 @@ from lagsim.run.events.corner_sides import CornerSides
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.curve_ends import REACH, come_to_rest
 from lagsim.run.events.root_floors import set_floors
-from lagsim.run.events.surface_modes import SLIDING, SurfaceModes
+from lagsim.run.events.surface_modes import LEVEL, SLIDING, SurfaceModes
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import (
     GO_ON,
@@ -208,6 +208,20 @@ class Switching(Source):
         return self._approach(arc, short=short) if short or code in FAILED else None
 
     # The modes at an instant
+
+    def put_on_levels(self, arc: Arc) -> None:
+        """Put each surface that the state is on at its level, to rounding.
+
+        All other surfaces are set to the sides of their expressions' values.
+        """
+        modes = self.modes
+        modes.begin(arc)
+        modes.forget()
+        crossing = Crossing(modes, {}, (), 0.0, -1, (), None)
+        crossing.find()
+        for k, level in crossing.levels.items():
+            modes.set_mode(k, level, LEVEL)
+        modes.write()
 
     def select(
         self,
@@ -460,6 +474,8 @@ class Switching(Source):
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
         roundoff = np.maximum(noise, 0.5 * modes.p.floor)
+        shown = [k for k in levels if modes.shown[k]]
+        slack[shown] = np.maximum(slack, roundoff)[shown]
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:

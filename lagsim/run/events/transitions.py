@@ -6,8 +6,8 @@ due at one instant act in rounds, in the order of the file (`rounds`); then the 
 their impulses, each evaluated with the velocities before, changes the velocities
 (`impulses`). Then all sources set their own modes and impacts take place, by which
 conditions may become true (`conditions`): their events act, and the cycle repeats
-(`settle`). Where events restore modes that were in force earlier at the same instant,
-with the same state, the cycle has no end, and the run ends.
+(`settle`). Where events are due again at the same instant, with the modes and the state
+with which they have acted before, the cycle has no end, and the run ends.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ class Transitions(Source):
         The indices of periodic events; the index of the event of each condition.
     sequence : Accumulation
         The last acts of each event, by which chatter is found.
+    stepping : frozenset of int
+        The conditions with steps of rates, as in `sign(x_dot) = 0`.
     energetic, set_by_modes, kicks : bool
         Whether energies depend on modes that events set; whether conditions do; whether
         events give impulses.
@@ -64,10 +66,12 @@ class Transitions(Source):
         nodes = [x.node for x in arc.equations.model.located]
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
+        self.stepping = _stepping(arc, nodes)
 
-    def _truth(self, arc: Arc) -> Truth:
+    def truth(self, arc: Arc) -> Truth:
         """Return the decisions of the truth of the conditions."""
-        return Truth(arc, set_by_modes=self.set_by_modes)
+        steps = bool(self.stepping)
+        return Truth(arc, set_by_modes=self.set_by_modes, steps=steps)
 
     def due_at_start(self, arc: Arc) -> Due:
         """Store the truth of the conditions at the start, and return the acts there.
@@ -80,7 +84,7 @@ class Transitions(Source):
             for c, k in enumerate(self.event_of):
                 if events[k].once and events[k].name in begun.names:
                     arc.state.leeway[c] = math.inf
-            self._truth(arc).begin()
+            self.truth(arc).begin()
         if not begun.names:
             return NOTHING
         periodic = [k for k, x in enumerate(events) if x.at is None]
@@ -104,15 +108,16 @@ class Transitions(Source):
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= limit)
         if not len(arc.state.orientation):
             return Due(periodic)
-        truth = self._truth(arc)
+        truth = self.truth(arc)
         truth.decide_before(int(arc.state.event) - 1)
         satisfied = frozenset(truth.satisfied())
         # A rate that ends at 0 may be past 0 by rounding.
-        waiting = truth.jumped([*satisfied, *truth.falsified()])
+        changed = {*satisfied, *truth.falsified()}
+        waiting = truth.jumped(changed) | self.stepping & changed
         if not waiting or not comes_to_rest(arc):
             return Due(periodic, satisfied)
         truth.wait(waiting)
-        return Due(periodic, satisfied - waiting, True)
+        return Due(periodic, satisfied - waiting, waiting)
 
     def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
         """Return the events that are due at the state after all acts.
@@ -123,7 +128,7 @@ class Transitions(Source):
         """
         if not len(arc.state.orientation):
             return NOTHING
-        truth = self._truth(arc)
+        truth = self.truth(arc)
         if not stored_truth:
             truth.decide_before()
         found = truth.settled(struck=struck)
@@ -156,7 +161,8 @@ class Transitions(Source):
         acts, chatter = self._returned(arc, due, acts)
         acted, ending = due.begun, None
         if acted is None and not chatter:
-            acted, acts, ending = act_in_rounds(ArcActs(arc, self), events, due, acts)
+            on = ArcActs(arc, self, due.waiting)
+            acted, acts, ending = act_in_rounds(on, events, due, acts)
         acted = acted or Acted()
         if before is not None:
             arc.add_work(y, before)
@@ -240,11 +246,13 @@ class ArcActs:
     """The modes of the file and the conditions of an arc, on which events act.
 
     See `rounds.ActsTarget`. The modes are those in the memory, in a trial (`modes`).
+    The truth of the conditions `waiting` is decided after the acts.
     """
 
-    def __init__(self, arc: Arc, by: Transitions) -> None:
-        self.arc, self.by = arc, by
-        self._truth = Truth(arc, set_by_modes=by.set_by_modes)
+    def __init__(self, arc: Arc, by: Transitions, waiting: frozenset[int]) -> None:
+        self.arc, self.by, self.waiting = arc, by, waiting
+        self._truth = by.truth(arc)
+        self._truth.keep()
 
     @property
     def modes(self) -> dict[str, float]:
@@ -258,7 +266,10 @@ class ArcActs:
 
     def changed(self) -> set[int]:
         """Return the conditions that have become true by the acts of the round."""
-        return self._truth.changed()
+        found = self._truth.changed()
+        if self.waiting:
+            self._truth.wait(self.waiting)
+        return found - self.waiting
 
     def impulse(self, k: int) -> tuple[Floats, Ending | None]:
         """Return the generalized impulse (n,) of event k, and an ending or None.
@@ -302,6 +313,16 @@ class ArcActs:
         if count == 1:
             sequence.add(self.arc.t, k)
         return count > MOST_ACTS or sequence.is_too_frequent(k)
+
+
+def _stepping(arc: Arc, nodes: list[int]) -> frozenset[int]:
+    """Return the indices of the conditions `nodes` with steps of rates."""
+    switches, p = arc.system.switches, arc.system.p
+    sides = zip(switches.sides, p.on_rates, strict=True)
+    names = {side.variable for side, on_rates in sides if on_rates > 0.0}
+    found = switches.at_levels(nodes) if names else nodes
+    depends = arc.equations.graph.depends
+    return frozenset(k for k, x in enumerate(found) if names & depends([x]))
 
 
 def _with_energy(event: Event, energy: float, names: Collection[str]) -> Event:
