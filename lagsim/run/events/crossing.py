@@ -111,6 +111,8 @@ class Crossing:
     undecided: list[int] = field(default_factory=list)  # surfaces without a decision
     # surfaces that are constant at their levels
     kept: list[int] = field(default_factory=list)
+    # surfaces at whose levels the motion is at rest, while it could also follow them
+    rests: list[int] = field(default_factory=list)
     levels: dict[int, float] = field(default_factory=dict)
     # surfaces whose sides have changed since `rows`
     stale: set[int] = field(default_factory=set)
@@ -446,6 +448,7 @@ class Crossing:
         shown = arc.observed()
         sides, kinds = modes.value.copy(), modes.kind.copy()
         carried, watched = modes.carried, modes.watched
+        held = np.flatnonzero(modes.holds).tolist()
         modes.carried, modes.watched = {}, []
         modes.restore(value, kind)
         self._store_modes(rest.mode, rest.w)
@@ -453,7 +456,9 @@ class Crossing:
         if np.array_equal(arc.observed(), shown, equal_nan=True):
             modes.carried, modes.watched = carried, watched
             modes.restore(sides, kinds)
-        elif self.beside is not None:
+            return
+        self.rests = held
+        if self.beside is not None:
             self._store_laws(rest.modes)
             self.shared = self.laws, rest.modes
 

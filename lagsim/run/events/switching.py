@@ -114,6 +114,9 @@ class Switching(Source):
         Time of the last attempt.
     passed_at : float
         The time of the last point of a table that the kernel has passed.
+    at_rest : list of int
+        The surfaces at whose levels the motion is at rest while it could also follow
+        them, by the last selection.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -127,6 +130,7 @@ class Switching(Source):
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = self.passed_at = math.nan
+        self.at_rest: list[int] = []
 
     @property
     def slides(self) -> Flags:
@@ -253,7 +257,7 @@ class Switching(Source):
         time = arc.t if time is None else time
         if surfaces.stopped:
             at_rest = {*at_rest, *surfaces.stopped}
-        before, holds_before = self.slides, modes.holds
+        before, held = self.slides, self._held()
         modes.forget()
         set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
         known = self._known(surfaces) | dict.fromkeys(at_rest, math.inf)
@@ -276,13 +280,14 @@ class Switching(Source):
             for k in crossing.undecided:
                 if modes.kind[k] == 0.0:  # rows show the choice
                     modes.kind[k] = kept.CHOSEN
+        self.at_rest = crossing.rests
         modes.write()
         modes.store(roundoff=2.0 * roundoff, decisive=modes.decisive())
         self._set_slack(crossing)
         y = self._projected(resting=rests or bool(at_rest))
         found = Decision(
             y=y,
-            events=tuple(self._changes(holds_before, hit, time, rests=rests)),
+            events=tuple(self._changes(held, before, hit, time, rests=rests)),
             cautions=cautions,
             ending=None if y is not None else Ending(Outcome.STATE_JUMPS),
         )
@@ -496,10 +501,25 @@ class Switching(Source):
 
     # Passing a switch
 
+    def _held(self) -> Flags:
+        """Mask (K,) of the surfaces on which the motion stays.
+
+        It follows these, or is at rest at their levels. Which of both depends on the
+        columns of the output (`Crossing._select_rest`), and the events must not.
+        """
+        held = self.modes.holds
+        held[self.at_rest] |= self.modes.kind[self.at_rest] == kept.LEVEL
+        return held
+
     def _changes(
-        self, before: Flags, hit: int | None, time: float, *, rests: bool
+        self, before: Flags, slid: Flags, hit: int | None, time: float, *, rests: bool
     ) -> Iterator[Event]:
-        holds = self.modes.holds
+        """Yield the events of changed modes.
+
+        before, slid : the surfaces (K,) on which the motion stayed, and those that it
+            followed, before the selection.
+        """
+        holds = self._held()
         for k in np.flatnonzero((before != holds) & ~self.modes.shown):
             kind = "switch"
             if self.on_rates[k] or rests:
@@ -507,7 +527,9 @@ class Switching(Source):
             if holds[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # rest before the extrapolated limit
             yield Event(time, kind, switch=self.sides[k].text)
-        if hit is not None and before[hit] == holds[hit] == self.slides[hit]:
+        if hit is None:
+            return
+        if before[hit] == holds[hit] == self.slides[hit] == slid[hit]:
             yield Event(time, "switch", switch=self.sides[hit].text)
 
     def select_at(

@@ -72,3 +72,31 @@ def test_a_switch_at_rest_is_passed_once(argument, step):
 @pytest.mark.parametrize("argument", [ARGUMENTS[k] for k in (1, 2, 5)])
 def test_in_other_units_and_places(argument, other):
     check(argument, **other)
+
+
+@pytest.mark.parametrize("speed", [0, 1.3])
+@pytest.mark.parametrize("push", ["0", "1.5*max(t - 1, 0)", "if(t > 1.5, 3, 0)"])
+def test_a_column_does_not_change_the_events_of_a_body_that_comes_to_rest(push, speed):
+    # A definition has the value at the level where the body rests.
+    def events(definition):
+        text = f"""coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+definitions: {{d: '{definition}'}}
+forces: {{x: '-2*sign(x_dot) + {push}', y: -2*sign(y_dot) + 0.5*sign(x_dot)}}
+initial: {{x: 0, y: 0, x_dot: 1, y_dot: {speed}}}
+simulation: {{duration: 3}}
+"""
+        found = lagsim.simulate(lagsim.load(text), error_bar="never")
+        return [(e.time, e.kind, e.switch) for e in found.events]
+
+    known = events("x")
+    # x decelerates by 2; y by 1.5, and by 2 once x rests.
+    rest = 0.5 + (speed - 0.75) / 2 if speed else 0.0
+    sticks = [time for time, kind, _ in known if kind == "stick"]
+    assert sticks == pytest.approx(sorted([0.5, rest]), abs=1e-9)
+    ends = {"0": 0, "1.5*max(t - 1, 0)": 1, "if(t > 1.5, 3, 0)": 1}
+    assert [kind for _, kind, _ in known].count("slip") == ends[push]
+    for other in ("heaviside(x_dot)", "if(y_dot > 0, 1, 0)", "sign(x_dot)^2*y"):
+        found = events(other)
+        assert [x[1:] for x in found] == [x[1:] for x in known]
+        assert [x[0] for x in found] == pytest.approx([x[0] for x in known], abs=1e-9)
