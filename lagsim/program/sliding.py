@@ -41,7 +41,7 @@ from lagsim.methods.parts.state import (
     surfaces,
 )
 from lagsim.program import mass
-from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF
+from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -212,6 +212,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     The correction is a multiple of f_k - f0, the direction in which the forces act on
     the motion along the surface. The correction is rejected if it does not reduce the
     distance from the surfaces, which happens where the gradient of a surface vanishes.
+    A component that is the rounding of its correction becomes 0: a velocity at rest.
     """
     sliding = int(p.sliding)
     if sliding == 0:
@@ -225,6 +226,9 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
         change = p.side_fields[(j + 1) * width :]
         y[p.positions] += change[p.velocities] * p.right[3 * j + 1]
         y[p.driven] += change[p.driven] * p.right[3 * j + 2]
+    for i in range(p.dynamic.stop):
+        if abs(y[i]) <= STATE_ROUNDOFF * abs(y[i] - p.former[i]):
+            y[i] = 0.0
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
         y[p.dynamic] = p.former[p.dynamic]
