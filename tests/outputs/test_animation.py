@@ -275,3 +275,20 @@ def test_energies_have_the_colours_of_their_picture():
     light = style.partition("}")[0]
     for name, pen in zip(("kinetic", "potential"), PENS, strict=False):
         assert f"--{name}: {pen['color'].lower()};" in light
+
+
+def test_of_too_many_events_rare_ones_are_marked():
+    film, _ = filmed(STOP)
+    often = [Event(k * 5e-4, "event", name="sample") for k in range(6000)]
+    rare = [Event(2.99, "event", name="late"), Event(0.5, "impact", "stop")]
+    # The sample at the time of the impact is not marked.
+    film = film._replace(events=sorted([*often, *rare], key=lambda e: e.time))
+    shown = animation.record(film)
+    marked = [(e["t"], e["what"]) for e in shown["events"]]
+    assert marked == sorted(marked)
+    assert len(marked) == animation.MOST_EVENTS
+    assert {(2.99, "late"), (0.5, "stop")} < set(marked)
+    times = [t for t, what in marked if what == "sample"]
+    assert (times[0], times[-1]) == (0.0, 5999 * 5e-4)
+    assert max(np.diff(times)) < 3.5 * 5e-4  # two intervals, three at the impact
+    assert any("4000 of 6001 events" in note for note in shown["notes"])

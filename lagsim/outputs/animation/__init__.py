@@ -414,6 +414,23 @@ NEAR = 0.1
 MOST_EVENTS = 4000
 
 
+def _thinned(events: Sequence[Event]) -> list[Event]:
+    """Return MOST_EVENTS of more events: all rare ones, of frequent ones some.
+
+    Events of one kind and name that are more than their share are evenly spaced.
+    """
+    own: dict[object, list[int]] = {}
+    for k, e in enumerate(events):
+        own.setdefault((e.kind, e.constraint, e.switch, e.name), []).append(k)
+    kept, left = list[int](), MOST_EVENTS
+    for i, some in enumerate(sorted(own.values(), key=len)):
+        most = min(len(some), left // (len(own) - i))
+        at = np.linspace(0, len(some) - 1, most).round().astype(int)
+        kept += [some[k] for k in at.tolist()]
+        left -= most
+    return [events[k] for k in sorted(kept)]
+
+
 @np.errstate(all="ignore")  # a diverging motion overflows
 def record(film: Film) -> dict[str, Any]:
     """Return a film as JSON data for the script of the page; `page` joins such data."""
@@ -438,7 +455,10 @@ def record(film: Film) -> dict[str, Any]:
     events = merged(film.events)
     notes = list(film.notes)
     if len(events) > MOST_EVENTS:
-        notes.append(f"the first {MOST_EVENTS} of {len(events)} events are marked")
+        notes.append(
+            f"{MOST_EVENTS} of {len(events)} events are marked, of frequent ones some"
+        )
+        events = _thinned(events)
     return {
         "name": film.name,
         "description": film.description,
@@ -463,7 +483,7 @@ def record(film: Film) -> dict[str, Any]:
             {"t": e.time, "kind": e.kind,
              "what": e.constraint or e.switch or e.name or "",
              "points": [names.index(p) for p in film.struck.get(e.constraint, ())]}
-            for e in events[:MOST_EVENTS]
+            for e in events
         ],
         "horizon": film.horizon if math.isfinite(film.horizon) else None,
         "units": dict(film.units),
