@@ -121,6 +121,7 @@ CASES = [
     ("definition", X, "x if x > 0 else l   ite(x > 0, x, l)   x(t)   x[t]   [x]"),
     ("definition", L * X, "l*(x if x > 0 else l)"),
     ("definition", X, "fmod(x, l)   x mod 2   \\lvert x \\rvert   \\left|x\\right|"),
+    ("definition", -X, "fmod(-x, l)   rem(-x, l)   fmod(-x, -l)"),
     ("definition", X, "float(x)   x.   y = x"),
     ("definition", math.asin(X), "sin^-1(x)   sin⁻¹(x)"),
     ("definition", math.sin(math.radians(T)), "sin(theta°)"),
