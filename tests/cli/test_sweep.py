@@ -110,9 +110,9 @@ def test_fifty_runs_are_compiled_once(lagsim, write, monkeypatch):
     made = []
     begun = System.__init__
 
-    def begin(self, *arguments):
+    def begin(self, *arguments, **named):
         made.append(self)
-        begun(self, *arguments)
+        begun(self, *arguments, **named)
 
     monkeypatch.setattr(System, "__init__", begin)
     assert lagsim("sweep", write(SPRING), "K=10:40:50", *QUICK, "-j", 1).code == 0
