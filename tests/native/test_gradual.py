@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,35 +56,32 @@ def values(parts: GradualParts) -> list[float]:
 
 
 @pytest.mark.usefixtures("empty")
-def test_parts_are_optimised_one_after_the_other() -> None:
+def test_kernels_that_run_longer_are_optimised() -> None:
     parts = GradualParts(program(), quick=True)
     first = parts.objects
-    assert not parts.used(gradual.FIRST_USE[0] / 2.0)
-    found, counts = [values(parts)], [len(parts.improvable)]
-    for seconds in gradual.FIRST_USE:
-        assert parts.used(seconds)
-        found.append(values(parts))
-        counts.append(len(parts.improvable))
-    assert counts == [2, 1, 0]
-    assert all(a == b for a, b in pairwise(found))
+    assert not parts.used(gradual.SHORT / 2.0)
+    found = values(parts)
+    assert len(parts.improvable) == 2
+    assert parts.used(gradual.SHORT)
+    assert values(parts) == found
+    assert parts.improvable == []
     assert not parts.used(1e9)
     assert [a == b for a, b in zip(first, parts.objects, strict=True)] == [
         True,
         False,
         False,
     ]
+    assert all(part.is_compiled for part in program())
 
 
 @pytest.mark.usefixtures("empty")
-def test_quick_code_of_an_earlier_process_is_optimised_soon() -> None:
-    assert values(GradualParts(program(), quick=True))
+def test_quick_code_of_an_earlier_process_is_used_again() -> None:
+    before = GradualParts(program(), quick=True)
+    found = values(before)
     again = GradualParts(program(), quick=True)
     assert len(again.improvable) == 2
-    assert again.used(gradual.LATER_USE[0])
-    assert values(again)
-    known = GradualParts(program(), quick=True)
-    assert [part.is_compiled for part in program()] == [True, True, False]
-    assert known.improvable == known.improvable[-1:]
+    assert again.objects == before.objects
+    assert values(again) == found
 
 
 def test_optimised_code_is_used_where_it_is_stored(empty: Path) -> None:
@@ -101,9 +97,8 @@ def test_rows_are_those_of_optimised_code(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case, tables, counts = open_case(read_file(str(MODELS / f"{name}.yaml"))), [], []
-    for seconds in (1e9, 0.0):  # quick code throughout; parts optimised within the run
-        monkeypatch.setattr(gradual, "FIRST_USE", (seconds, seconds))
-        monkeypatch.setattr(gradual, "LATER_USE", (seconds, seconds))
+    for seconds in (1e9, 0.0):  # quick code throughout; optimised within the run
+        monkeypatch.setattr(gradual, "SHORT", seconds)
         session, keep = case.ready(quick=True), Keep()
         parts = session.system.link(session.plan.method).parts
         counts.append(len(parts.improvable))

@@ -89,12 +89,6 @@ class ProgramPart:
                 self.__dict__["_content"] = found
         return "_content" in self.__dict__
 
-    @property
-    def was_quick(self) -> bool:
-        """Whether the cache has `quick_object`."""
-        _, path = _place(self._quick_key)
-        return path is not None and path.exists()
-
     @cached_property
     def quick_object(self) -> bytes:
         """Object code that is compiled soon and runs longer, with the bits of `object`.
