@@ -191,9 +191,6 @@ def test_a_thermostat(name, start):
     [
         ("on: {at: x_dot <= 1, set: {u: 2}}\n  off: {at: x_dot >= 1, set: {u: 0}}",
          ["on", "off"]),
-        ("a: {at: x >= 1, set: {u: 3}}\n  b: {at: u*x >= 2, set: {u: 0}}", ["a", "b"]),
-        (("a: {at: x >= 1, set: {u: 3}}\n  b: {at: u >= 2, set: {u: 5}}\n  "
-           "c: {at: u = 5, set: {u: 0}}"), ["a", "b", "c"]),
         ("a: {at: x >= 1 + 1e-13*u, set: {u: u + 1}}", ["a"]),
     ],
 )  # fmt: skip
@@ -208,6 +205,25 @@ def test_events_that_undo_each_other_end_the_run(events, named):
     # It ends at the first of them: v = 2 - t; x = 2 t - t^2/2.
     time = 1.0 if named[0] == "on" else 2 - math.sqrt(2)
     assert found.record["end"] == pytest.approx(time, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("events", "names"),
+    [
+        ("a: {at: x >= 1, set: {u: 3}}\n  b: {at: u*x >= 2, set: {u: 0}}", ["a", "b"]),
+        (("a: {at: x >= 1, set: {u: 3}}\n  b: {at: u >= 2, set: {u: 5}}\n  "
+           "c: {at: u = 5, set: {u: 0}}"), ["a", "b", "c"]),
+    ],
+)  # fmt: skip
+def test_events_that_restore_a_mode_end_nothing_if_none_is_due_again(events, names):
+    text = f"modes: {{u: 0}}\nforces: {{x: u - 1}}\nevents:\n  {events}"
+    found = simulate(scene(text, "x: 0, x_dot: 2"))
+    assert found.outcome == "done"
+    # v = 2 - t, x = 2 t - t^2/2, and x passes 1 upwards once.
+    time = pytest.approx(2 - math.sqrt(2), abs=1e-9)
+    assert acts(found) == [(name, time) for name in names]
+    assert found["x"][-1] == pytest.approx(1.5, abs=1e-9)
+    assert found["u"][-1] == 0
 
 
 def relay(v, A, c, k, f, w):

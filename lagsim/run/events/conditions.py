@@ -71,7 +71,7 @@ class Truth:
     set_by_modes : bool
         Whether conditions contain modes that events set.
     steps : bool
-        Whether conditions contain steps of rates, whose modes are selected.
+        Whether conditions contain steps whose sides are selected at an instant.
     """
 
     def __init__(

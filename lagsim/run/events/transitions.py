@@ -48,8 +48,9 @@ class Transitions(Source):
         The indices of periodic events; the index of the event of each condition.
     sequence : Accumulation
         The last acts of each event, by which chatter is found.
-    stepping : frozenset of int
-        The conditions with steps of rates, as in `sign(x_dot) = 0`.
+    selected, stepping : frozenset of int
+        The conditions with steps whose sides are selected at an instant, and those of
+        them with steps of rates, as in `sign(x_dot) = 0`.
     energetic, set_by_modes, kicks : bool
         Whether energies depend on modes that events set; whether conditions do; whether
         events give impulses.
@@ -66,11 +67,12 @@ class Transitions(Source):
         nodes = [x.node for x in arc.equations.model.located]
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
-        self.stepping = _stepping(arc, nodes)
+        self.selected = _with_steps(arc, nodes, least=0.0)
+        self.stepping = _with_steps(arc, nodes, least=1.0)
 
     def truth(self, arc: Arc) -> Truth:
         """Return the decisions of the truth of the conditions."""
-        steps = bool(self.stepping)
+        steps = bool(self.selected)
         return Truth(arc, set_by_modes=self.set_by_modes, steps=steps)
 
     def due_at_start(self, arc: Arc) -> Due:
@@ -315,11 +317,14 @@ class ArcActs:
         return count > MOST_ACTS or sequence.is_too_frequent(k)
 
 
-def _stepping(arc: Arc, nodes: list[int]) -> frozenset[int]:
-    """Return the indices of the conditions `nodes` with steps of rates."""
+def _with_steps(arc: Arc, nodes: list[int], least: float) -> frozenset[int]:
+    """Return the indices of the conditions `nodes` with steps whose sides are selected.
+
+    least : 1 for steps of rates alone, else 0.
+    """
     switches, p = arc.system.switches, arc.system.p
     sides = zip(switches.sides, p.on_rates, strict=True)
-    names = {side.variable for side, on_rates in sides if on_rates > 0.0}
+    names = {side.variable for side, on_rates in sides if on_rates >= least}
     found = switches.at_levels(nodes) if names else nodes
     depends = arc.equations.graph.depends
     return frozenset(k for k, x in enumerate(found) if names & depends([x]))

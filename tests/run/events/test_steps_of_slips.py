@@ -172,3 +172,25 @@ simulation: {{duration: 1.49}}
     # It begins where 9 F/12.1 is the limit.
     begins = math.asin(2 * 12.1 / 9 / 4.43) / 2.53
     assert result.events[0].time == pytest.approx(begins, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau", "rk4, step: 0.01"])
+@pytest.mark.parametrize(
+    "at", ["sign(x + 0.5) <= -0.5", "if(x > -0.5, 1, 0) <= 0.5", "floor(2*x + 2) <= 0.5"]
+)
+def test_a_condition_on_a_step_of_a_position_beside_a_switch_at_its_level(at, method):
+    # A body at rest keeps the switch of its velocity at the level for ever.
+    text = f"""coordinates: {{x: {{}}, rests: {{}}}}
+energy: {{kinetic: (x_dot^2 + rests_dot^2)/2, potential: 0}}
+states: {{z: {{rate: "if(rests_dot < 0, 0, 1)"}}}}
+forces: {{x: -abs(x - 5)/5}}
+modes: {{u: 0}}
+events: {{e: {{at: "{at}", set: {{u: 1}}}}}}
+initial: {{x: 0, rests: 0, x_dot: 1, rests_dot: 0, z: 0}}
+simulation: {{duration: 5, output_step: 0.125, method: {method}}}
+"""
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    # With w^2 = 1/5 the distance from 5 is 5 cosh(w t) - sinh(w t)/w, and becomes 5.5.
+    growth = (5.5 + math.sqrt(5.5**2 - 4 * 5)) / (5 - math.sqrt(5))
+    [event] = result.events
+    assert event.time == pytest.approx(math.sqrt(5) * math.log(growth), abs=1e-8)
