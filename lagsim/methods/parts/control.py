@@ -386,8 +386,10 @@ def against(error: float, tolerance: float) -> float:
 def limit_works(s: Control, p: Parameters, h: float, new: Floats) -> None:
     """Raise the tolerances of works to the errors of the corresponding energies.
 
-    An error of a velocity changes the kinetic energy, and the work of the forces in the
-    step: of forces, too, that rows hold, beside which the velocity is 0.
+    An error of a velocity changes the kinetic energy. Where the velocity is within its
+    tolerance, since rows hold it at 0, the error also changes the work of the forces in
+    the step. (Elsewhere this change is limited by the velocity's own range: near the
+    stop of a slip on a disc it would hide the error of the whole step.)
 
     If terms A^T W A replace the inertia of a massless coordinate, the multipliers on
     this coordinate have the rounding of these terms, and so has the work.
@@ -404,9 +406,11 @@ def limit_works(s: Control, p: Parameters, h: float, new: Floats) -> None:
         own = int(p.worked[i])
         off = of_velocities[i]
         speed = max(abs(before[i]), abs(v[i]))
-        push = s.parts[s.n + i]
-        if p.laws > 0:
-            push = max(push, p.law_pushes[s.n + i])
+        push = 0.0
+        if speed <= off and p.laws > 0:
+            push = max(s.parts[s.n + i], p.law_pushes[s.n + i])
+        elif speed <= off and p.m > 0:
+            push = s.parts[s.n + i]
         energy = (speed + off + h * push) * abs(s.masses[i]) * off
         if p.augmented > 0.0 and s.masses[i] == 0.0:
             for j in range(i + 1):
