@@ -176,7 +176,8 @@ simulation: {{duration: 1.49}}
 
 @pytest.mark.parametrize("method", ["dop853", "taylor", "radau", "rk4, step: 0.01"])
 @pytest.mark.parametrize(
-    "at", ["sign(x + 0.5) <= -0.5", "if(x > -0.5, 1, 0) <= 0.5", "floor(2*x + 2) <= 0.5"]
+    "at",
+    ["sign(x + 0.5) <= -0.5", "if(x > -0.5, 1, 0) <= 0.5", "floor(2*x + 2) <= 0.5"],
 )
 def test_a_condition_on_a_step_of_a_position_beside_a_switch_at_its_level(at, method):
     # A body at rest keeps the switch of its velocity at the level for ever.
