@@ -197,8 +197,8 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     """Return the nodes that are compared with tolerances after a run, by name.
 
     `scale:NAME` is the residual scale of a constraint; `missed:NAME` is min(gap, 0) of
-    a contact or freewheel while its condition holds, its violation, and the residual of
-    an equality while its condition holds. Limited equalities have neither.
+    a contact or freewheel while its condition holds, its violation. Equalities that
+    hold at times, and limited ones, have neither.
 
     rows : the row of each constraint by its name.
     """
@@ -207,13 +207,12 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     nodes: dict[str, int] = {}
     for name, row in rows.items():
         law = laws[name]
-        if law.one_sided or (law.equal and law.when is not None):
-            one_sided = law.one_sided
-            missed = g.call("min", row.residual, g.zero) if one_sided else row.residual
+        if law.one_sided:
+            missed = g.call("min", row.residual, g.zero)
             if law.when is not None:
                 missed = g.call("mul", law.when, missed)
             nodes[f"missed:{name}"] = missed
-        if not law.bounded:
+        if law.one_sided or law.always:
             nodes[f"scale:{name}"] = row.residual_scale
     return nodes
 

@@ -618,19 +618,3 @@ simulation: {{duration: 2.5, output_step: 0.1}}
     assert timed.t == pytest.approx(always.t, abs=1e-9)
     for name in ("x", "x_dot", "y_dot", "work", "impulse.wire"):
         assert timed[name] == pytest.approx(always[name], abs=1e-8)
-
-
-def test_a_kink_of_velocities_in_a_relation_with_when_is_not_passed_in_silence():
-    # Right is rest at x_dot = 0, as without `when`; on one side alone the relation is
-    # violated there.
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
-constraints: {c: {relation: "y_dot = abs(x_dot)*0.2 - 0.5", when: t < 9}}
-initial: {x: 0, y: 0, x_dot: 0.5, y_dot: -0.4}
-simulation: {duration: 0.5, output_step: 0.1}
-"""
-    found = simulated(text)
-    off = np.abs(found["y_dot"] - 0.2 * np.abs(found["x_dot"]) + 0.5)
-    assert not found.complete or np.max(off) < 1e-9
-    assert found.complete or "constraint `c` is off" in found.reason
