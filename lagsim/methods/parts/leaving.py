@@ -160,8 +160,8 @@ def change_by_errors(
 ) -> None:
     """Store the largest changes of rows first ... last - 1 by errors in `middles`.
 
-    The changes are those at two states that differ from the start of the step by at
-    least `step_errors` in each component.
+    Each row is evaluated at two states that differ from the state at the start of the
+    step by at least `step_errors` in each component.
     """
     before, most = s.starts, s.middles
     for k in range(first, last):

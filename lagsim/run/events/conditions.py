@@ -176,8 +176,9 @@ class Truth:
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
 
-        Values of steps at the instant are those of one side or the other, by rounding.
-        So the values that `settled` compares are those of false conditions, clear of 0.
+        At the instant rounding decides on which side a step is evaluated. For the
+        comparison in `settled` each condition is therefore given a value clear of 0, as
+        if it were false.
 
         waiting : indices of conditions whose truth `satisfied` has found to change.
         """

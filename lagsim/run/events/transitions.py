@@ -29,9 +29,10 @@ from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
 from lagsim.tolerances import SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
     from lagsim.run.events.corner_sides import CornerSides
     from lagsim.run.trajectory import JumpImpulses
@@ -48,9 +49,10 @@ class Transitions(Source):
         The indices of periodic events; the index of the event of each condition.
     sequence : Accumulation
         The last acts of each event, by which chatter is found.
-    selected, stepping : frozenset of int
-        The conditions with steps whose sides are selected at an instant, and those of
-        them with steps of rates, as in `sign(x_dot) = 0`.
+    selects : bool
+        Whether conditions contain steps whose sides are selected at an instant.
+    stepping : frozenset of int
+        The conditions with such steps of rates, as in `sign(x_dot) = 0`.
     energetic, set_by_modes, kicks : bool
         Whether energies depend on modes that events set; whether conditions do; whether
         events give impulses.
@@ -67,13 +69,14 @@ class Transitions(Source):
         nodes = [x.node for x in arc.equations.model.located]
         modes = {mode for x in events for mode, _ in x.sets}
         self.set_by_modes = bool(modes & arc.equations.graph.depends(nodes))
-        self.selected = _with_steps(arc, nodes, least=0.0)
-        self.stepping = _with_steps(arc, nodes, least=1.0)
+        sides, on_rates = arc.system.switches.sides, arc.system.p.on_rates
+        self.selects = bool(_with_steps(arc, nodes, sides))
+        rates = [x for x, on in zip(sides, on_rates, strict=True) if on > 0.0]
+        self.stepping = _with_steps(arc, nodes, rates)
 
     def truth(self, arc: Arc) -> Truth:
         """Return the decisions of the truth of the conditions."""
-        steps = bool(self.selected)
-        return Truth(arc, set_by_modes=self.set_by_modes, steps=steps)
+        return Truth(arc, set_by_modes=self.set_by_modes, steps=self.selects)
 
     def due_at_start(self, arc: Arc) -> Due:
         """Store the truth of the conditions at the start, and return the acts there.
@@ -317,15 +320,12 @@ class ArcActs:
         return count > MOST_ACTS or sequence.is_too_frequent(k)
 
 
-def _with_steps(arc: Arc, nodes: list[int], least: float) -> frozenset[int]:
-    """Return the indices of the conditions `nodes` with steps whose sides are selected.
-
-    least : 1 for steps of rates alone, else 0.
-    """
-    switches, p = arc.system.switches, arc.system.p
-    sides = zip(switches.sides, p.on_rates, strict=True)
-    names = {side.variable for side, on_rates in sides if on_rates >= least}
-    found = switches.at_levels(nodes) if names else nodes
+def _with_steps(arc: Arc, nodes: list[int], sides: Sequence[Side]) -> frozenset[int]:
+    """Return the indices of the conditions `nodes` that contain steps of `sides`."""
+    if not sides:
+        return frozenset()
+    names = {side.variable for side in sides}
+    found = arc.system.switches.at_levels(nodes)
     depends = arc.equations.graph.depends
     return frozenset(k for k, x in enumerate(found) if names & depends([x]))
 
