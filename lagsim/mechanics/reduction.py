@@ -400,7 +400,7 @@ class Reduction(NamedTuple):
             reduction = reduction._followed_by(*eliminate_coordinate(e, k, c))
         return reduction._replace(eliminated=tuple(names))
 
-    def kept(self, full: Floats) -> Floats:
+    def independent(self, full: Floats) -> Floats:
         """Return the entries of the remaining coordinates in a vector of all.
 
         A vector with the length of the remaining coordinates is returned unchanged.
@@ -419,8 +419,8 @@ class Reduction(NamedTuple):
         blocks : the places of the parts of y.
         """
         y = np.zeros(blocks.size)
-        y[blocks.positions] = self.kept(start.q)
-        y[blocks.velocities], y[blocks.first_order] = self.kept(start.v), start.s
+        y[blocks.positions] = self.independent(start.q)
+        y[blocks.velocities], y[blocks.first_order] = self.independent(start.v), start.s
         return y
 
     def _followed_by(

@@ -202,7 +202,7 @@ class Memory:
     ...     t: float
     ...     size: int
     ...     y: Floats = array("size", 2.5)
-    >>> walk = Walk.made(size=3)
+    >>> walk = Walk.allocate(size=3)
     >>> walk.t = 1.0
     >>> walk.flat.tolist()  # t; size; first index and length of y; y
     [1.0, 3.0, 4.0, 3.0, 2.5, 2.5, 2.5]
@@ -253,7 +253,7 @@ class Memory:
         cls.number_words = {field.name: field.word for field in numbers}
 
     @classmethod
-    def made(cls, **sizes: int) -> Self:
+    def allocate(cls, **sizes: int) -> Self:
         """Return a new memory of the given sizes; other sizes have their defaults.
 
         Raises

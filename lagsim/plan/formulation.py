@@ -335,9 +335,9 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
         many = "constraint is" if len(rows) == 1 else "constraints are"
         why += f"; {len(rows)} {many} left and projected"
     choices = (Choice("formulation: elimination", why),)
-    q, v = reduction.kept(start.q), reduction.kept(start.v)
-    kept = Instant(start.t, q, v, start.s)
-    began = start_at(reduction.equations, kept)
+    q, v = reduction.independent(start.q), reduction.independent(start.v)
+    independent = Instant(start.t, q, v, start.s)
+    began = start_at(reduction.equations, independent)
     return Formulation("elimination", reduction, began, bool(rows), 0.0, choices)
 
 

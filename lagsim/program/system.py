@@ -406,7 +406,7 @@ class System:
         sparsity = self.sparsity() if self.has_loops else None
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
         fixed = self._fixed()
-        p = memory.made(
+        p = memory.allocate(
             n=self.n, m=self.m, size=self.size, values=len(fixed["fixed"]),
             model_modes=len(fixed["file_modes"]), switches=len(fixed["branches"]),
             states=len(self.equations.states),
@@ -569,7 +569,7 @@ class System:
         for mine, its in zip(self.p.modes, other.p.modes, strict=True):
             mine[:] = its
         self.p.known, self.p.passed = other.p.known, other.p.passed
-        self.p.apart = other.p.apart
+        self.p.knot_distance = other.p.knot_distance
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 
@@ -722,7 +722,7 @@ class Runner:
         room = 0
         if located or strobes:
             room = max(2 * (located + strobes), min(BLOCK, STATES // (2 + system.size)))
-        state: State = self.method.STATE.made(
+        state: State = self.method.STATE.allocate(
             n=system.n,
             states=len(system.equations.states),
             size=system.size,

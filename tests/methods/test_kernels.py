@@ -199,7 +199,7 @@ def hairers(error5, error3):
 
 def norm_with(motion, works):
     """The norm of errors of order 5 and 3, whose tolerances are 1."""
-    s = dop853.STATE.made(n=len(motion) // 2, size=len(motion) + len(works))
+    s = dop853.STATE.allocate(n=len(motion) // 2, size=len(motion) + len(works))
     error_norm = bind(embedded.error_norm, {}, {"PAIR": dop853.PAIR})
     s.tolerances[:] = 1.0
     errors = np.array([e[k] for k in (0, 1) for e in (*motion, *works)])

@@ -39,7 +39,7 @@ def test_a_method_says_what_it_is(name):
     assert module.IMAGINARY_LIMIT >= 0.0
     assert module.HANDLES
     assert re.search(r"^Sources?: \S", module.__doc__, re.MULTILINE)
-    larger, smaller = (module.STATE.made(size=k, n=k // 2) for k in (8, 4))
+    larger, smaller = (module.STATE.allocate(size=k, n=k // 2) for k in (8, 4))
     assert len(larger.flat) > len(smaller.flat)
     for kernel in ("start", "step", "interpolate"):
         assert callable(getattr(module, kernel))

@@ -48,7 +48,7 @@ def test_a_pivot_that_cancels_is_none(left):
     # (1, 1; 1, 1 + left): nothing but rounding is left of the second diagonal.
     entries = [Entry(0, i, j, 0) for i in (0, 1) for j in (0, 1)]
     found = factored(entries, 2, {})
-    p = SparseNewton.made(n=2, size=4, **found.sizes)
+    p = SparseNewton.allocate(n=2, size=4, **found.sizes)
     found.fill(p)
     for last, done in ((1.0 + left, 0), (1.5, 1)):
         values = np.array([1.0, 1.0, 1.0, last])

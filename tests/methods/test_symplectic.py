@@ -41,7 +41,7 @@ def test_compositions_are_symmetric_and_meet_the_conditions_that_are_sums():
     # others are left to the observed orders.
     for module in (kahan_li6, kahan_li8):
         weights = np.array(module.WEIGHTS)
-        assert len(weights) == module.STATE.made().stages
+        assert len(weights) == module.STATE.allocate().stages
         assert list(weights) == list(weights[::-1])
         assert abs(math.fsum(weights) - 1.0) < 4e-16
         for power in range(3, module.ORDER, 2):

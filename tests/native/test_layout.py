@@ -50,7 +50,7 @@ def asks_for_more(s: Walk) -> float:
 
 
 def test_the_flat_array_is_all_there_is_to_it() -> None:
-    s = Longer.made(size=4)
+    s = Longer.allocate(size=4)
     # Four words, two for each of six arrays and a block, and 4 + 4 + 12 + 3 elements:
     # what is a part has none of its own.
     assert len(s.flat) == 4 + 2 * 7 + 23
@@ -97,4 +97,4 @@ def test_an_array_of_a_base_class_is_not_replaced_unawares() -> None:
     class Replaced(Walk):
         y: Floats = array(lambda _: 0, replaces=True)
 
-    assert len(Replaced.made().y) == 0
+    assert len(Replaced.allocate().y) == 0

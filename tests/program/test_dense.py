@@ -112,7 +112,7 @@ class System:
         m, n = self.A.shape
         parts = (self.M, self.A, self.f, self.b)
         y = np.concatenate([np.ravel(part) for part in parts])
-        p = Parameters.made(n=n, m=m, size=2 * n, loops=1, reached=m)
+        p = Parameters.allocate(n=n, m=m, size=2 * n, loops=1, reached=m)
         p = Parameters(np.concatenate([p.flat, GUARD]))
         whole = [(0, n)]  # every row may have any column
         RowPattern([0] * n, [whole] * m, [[]] * m).fill(p)

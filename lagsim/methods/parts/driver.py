@@ -152,7 +152,7 @@ def arrived(s: State, p: Parameters) -> int:
         return at.SWITCH_FOUND
     if s.t >= s.end:
         return at.DONE
-    if pass_knots(p, s.t + p.apart) > 0:
+    if pass_knots(p, s.t + p.knot_distance) > 0:
         if SWITCHES and is_at_level(s, p, NOWHERE):
             return at.SWITCH_FOUND
         restart(s, p)

@@ -94,7 +94,7 @@ def next_end(s: SearchTable, p: Parameters) -> float:
     """Return the latest time at which a step may end: the arc's end, or a knot."""
     if p.passed < p.known:
         knot = p.knot_times[int(p.passed)]
-        if knot < s.end - p.apart:
+        if knot < s.end - p.knot_distance:
             return float(knot)
     return float(s.end)
 

@@ -116,7 +116,7 @@ class KnownPoints(ModelParameters):
     knots: int  # number of knots that the memory can hold
     known: float  # number of stored knots ...
     passed: float  # ... and number of passed knots
-    apart: float  # knots closer to each other than this are one knot
+    knot_distance: float  # knots closer to each other than this are one knot
 
     knot_times: Floats = array("knots")
     # the number of the branch of the switch whose cell changes

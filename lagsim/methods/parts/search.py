@@ -358,14 +358,14 @@ def mode_ends(s: Crossings, p: Parameters, x: float) -> bool:
     over = False
     store_values(s, p, x)
     for k in range(s.surfaces):
-        over = over or ends(s, p, k, s.kept[k], x)
+        over = over or ends(s, p, k, s.inner_values[k], x)
     return over
 
 
 def store_values(s: SearchTable, p: Parameters, x: float) -> None:
-    """Store all event functions at the fraction x of the last step in s.kept."""
+    """Store all event functions at the fraction x of the last step."""
     rows_at(EVENT, s, p, x)
-    s.kept[:] = s.values[: events(s)]
+    s.inner_values[:] = s.values[: events(s)]
 
 
 def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
@@ -541,12 +541,12 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
     s.switched = 0.0
     store_values(s, p, high)
     for k in range(events(s)):
-        if ends(s, p, k, s.kept[k], high):
+        if ends(s, p, k, s.inner_values[k], high):
             first = k
             least = least_allowed(EVENT, s, p, k)
             if value_at(EVENT, s, p, k, low) >= 0.0:
                 least = 0.0
-            if errs_until(s, p, k, s.kept[k]) == 0.0:
+            if errs_until(s, p, k, s.inner_values[k]) == 0.0:
                 high = end_of(EVENT, s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began below the ground by rounding ends where the gap
@@ -562,7 +562,7 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
     if SWITCHES:
         for k in range(p.laws):
             law = p.surfaces + k
-            value = s.kept[law]
+            value = s.inner_values[law]
             over = not value >= least_allowed(EVENT, s, p, law)
             errs = over and errs_until(s, p, law, value) > 0.0
             p.law_opens[k] = 1.0 if errs else 0.0

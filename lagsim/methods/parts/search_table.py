@@ -143,7 +143,7 @@ class SearchTable(Rank):
     high_before: Floats = array("size")
 
     # All event functions at one fraction of the step, see `store_values`.
-    kept: Floats = array(lambda s: s.surfaces + s.conditions)
+    inner_values: Floats = array(lambda s: s.surfaces + s.conditions)
     event: float  # the number, from 1, of the located condition; or 0
     switched: float  # the number, from 1, of the surface of the located switch; or 0
     # 1 where the expression of a surface or condition may have a pole; 0 for laws.

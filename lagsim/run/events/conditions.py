@@ -164,14 +164,14 @@ class Truth:
         found: list[int] = np.flatnonzero(was_true & (now != 0.0)).tolist()
         return found
 
-    def jumped(self, some: Iterable[int]) -> frozenset[int]:
-        """Return the conditions among `some` whose values have jumped past 0.
+    def jumped(self, candidates: Iterable[int]) -> frozenset[int]:
+        """Return the conditions among `candidates` whose values have jumped past 0.
 
         Their values exceed the rounding of 0, although the motion has just changed the
         truth of the conditions.
         """
         state = self.state
-        return frozenset(k for k in some if abs(state.worth[k]) > state.zero[k])
+        return frozenset(k for k in candidates if abs(state.worth[k]) > state.zero[k])
 
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
@@ -182,12 +182,14 @@ class Truth:
 
         waiting : indices of conditions whose truth `satisfied` has found to change.
         """
-        state, some = self.state, list(waiting)
-        state.marked[some] = 0.0
-        sides, leeways = (x[some] for x in self._before)
-        state.orientation[some], state.leeway[some] = sides, leeways
-        clear = 2.0 * np.maximum(state.zero[some], np.abs(state.worth[some]))
-        state.worth[some] = np.where(sides != 0.0, sides * clear, state.worth[some])
+        state, indices = self.state, list(waiting)
+        state.marked[indices] = 0.0
+        sides, leeways = (x[indices] for x in self._before)
+        state.orientation[indices], state.leeway[indices] = sides, leeways
+        clear = 2.0 * np.maximum(state.zero[indices], np.abs(state.worth[indices]))
+        state.worth[indices] = np.where(
+            sides != 0.0, sides * clear, state.worth[indices]
+        )
 
     def mark_true(self, *, for_ever: Iterable[int] = ()) -> None:
         """Store as true from now on the conditions that were last found to become true.

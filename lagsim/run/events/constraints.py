@@ -407,10 +407,10 @@ class RankLosses(Source):
         rows = zip(arc.equations.rows, np.abs(left) > HEAVY, strict=True)
         names = tuple(row.name for row, is_in in rows if is_in)
         events = tuple(Event(time, "rank", name, smallest) for name in names)
-        some = ", ".join(names)
+        listed = ", ".join(names)
         text = (
-            f"at t = {time:.9g} the constraints {some} become dependent "
+            f"at t = {time:.9g} the constraints {listed} become dependent "
             f"(smallest singular value {smallest:.1e}): a singular configuration, "
             "where motions branch; their multipliers are large around it"
         )
-        return Decision(events, self.once(RANK, text, some))
+        return Decision(events, self.once(RANK, text, listed))

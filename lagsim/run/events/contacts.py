@@ -112,7 +112,7 @@ class StateAfter:
         The state after the impacts.
     laws : LawsAt
         The laws at the instant.
-    moved : bool
+    has_new_state : bool
         Whether y may differ from the state before the impacts.
     events, cautions
         The events, and the warnings.
@@ -128,7 +128,7 @@ class StateAfter:
 
     y: Floats
     laws: LawsAt
-    moved: bool = True
+    has_new_state: bool = True
     events: list[Event] = field(default_factory=list)
     cautions: list[Caution] = field(default_factory=list)
     rows: Floats | None = None
@@ -139,7 +139,7 @@ class StateAfter:
     def decision(self, arc: Arc) -> Decision:
         """Return the events, state, rows, impulses and ending as a `Decision`.
 
-        The decision has a state only if the state may have moved.
+        The decision has a state only if the state may have changed.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class StateAfter:
             why = f"{self.ending.about}: {self.ending.outcome.advice}"
             text = f"no motion exists from this start on: {why}"
             raise InputError([Problem(NO_MOTION, text)])
-        y = self.y if self.moved else None
+        y = self.y if self.has_new_state else None
         sizes = None if y is None else np.maximum(arc.sizes, np.abs(y))
         return Decision(
             events=tuple(self.events), cautions=tuple(self.cautions), y=y,
@@ -221,9 +221,9 @@ class Contacts(Source):
         return Ending(Outcome.SWITCHES_ACCUMULATE, about)
 
     def _report(
-        self, found: StateAfter, code: WarningCode, some: list[int], **numbers: float
+        self, found: StateAfter, code: WarningCode, indices: list[int], **numbers: float
     ) -> None:
-        """Add a warning about some laws, once for each code.
+        """Add a warning about laws, once for each code.
 
         Parameters
         ----------
@@ -231,16 +231,16 @@ class Contacts(Source):
             The record whose `cautions` receive the warning.
         code : str
             A key of `WARNINGS`.
-        some : list of int
+        indices : list of int
             Indices of the laws.
         **numbers
             Fields of the text.
         """
-        text = WARNINGS[code].format(names=self._names(some), **numbers)
+        text = WARNINGS[code].format(names=self._names(indices), **numbers)
         found.cautions += self.once(code, text)
 
-    def _names(self, some: Collection[int]) -> str:
-        return quoted(self.laws[k].name for k in some)
+    def _names(self, indices: Collection[int]) -> str:
+        return quoted(self.laws[k].name for k in indices)
 
     def velocities(
         self, arc: Arc, laws: LawsAt, law: int, corners: CornerSides | None,
@@ -281,25 +281,25 @@ class Contacts(Source):
         if not self._is_examined(arc) and (names := self._jumping(here, closed)):
             found.ending = Ending(Outcome.CONSTRAINT_JUMPS, names[0])
             return found
-        some = [k for k, on in enumerate(closed) if on]
+        closed_laws = [k for k, on in enumerate(closed) if on]
         if self.sliders:
-            some = sorted({*some, *self.sliders})
+            closed_laws = sorted({*closed_laws, *self.sliders})
         # Whether the bound of a law decreases depends on sides that are decided later.
-        if wrong := here.out_of_range(some, laws.closed if decided else ()):
+        if wrong := here.out_of_range(closed_laws, laws.closed if decided else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
-        some = [k for k in self.striking if closed[k]]
-        if struck := [k for k in some if here.strikes(k)]:
+        striking = [k for k in self.striking if closed[k]]
+        if struck := [k for k in striking if here.strikes(k)]:
             # The impact may engage a freewheel.
             free = [k for k in self.freewheels if here.in_force[k]]
-            reached = here.reached({*struck, *ends}, {*some, *free})
+            reached = here.reached({*struck, *ends}, {*striking, *free})
             here = self._strike(here, reached, ends, found, corners)
         if self.sliders:
             here = self._settled(here, found)
         if found.rows is not None and laws.shared is not None:
             found.laws = found.laws._replace(shared=None)
         steady = None if law < 0 else steady_laws(arrived, here)
-        found.state = LawState(here, some, steady)
+        found.state = LawState(here, striking, steady)
         return found
 
     def modes(self, arc: Arc, laws: LawsAt, state: LawState) -> StateAfter:
@@ -314,8 +314,8 @@ class Contacts(Source):
         state : LawState
             The laws at the state reached, none of which approaches.
         """
-        here, some, steady = state
-        found = StateAfter(arc.y, laws, moved=False)
+        here, striking, steady = state
+        found = StateAfter(arc.y, laws, has_new_state=False)
         p, slid = arc.system.p, laws.slid
         if laws.shared is None or here.grazing:
             could = that_could_act(here, laws.closed)
@@ -330,14 +330,14 @@ class Contacts(Source):
         p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
         held = np.flatnonzero(p.law_mode == kept.HELD).tolist()
         if not slid.isdisjoint(held):
-            found.y, found.moved = self._stopped(here, held, slid), True
+            found.y, found.has_new_state = self._stopped(here, held, slid), True
         events = changes(here, laws.mode) if arc.steps else ()
         found.laws = laws._replace(mode=p.law_mode.copy(), shared=None)
         found.events += [e for e in events if e.constraint not in laws.rested]
         if chosen.paradox:
-            found.ending = Ending(Outcome.PARADOX, self._names(some))
+            found.ending = Ending(Outcome.PARADOX, self._names(striking))
         # The friction of a body that rests on two points is never determined.
-        redundant = [k for k in chosen.some if chosen.mode[k] == kept.REDUNDANT]
+        redundant = [k for k in chosen.active if chosen.mode[k] == kept.REDUNDANT]
         shares = any(here.table.is_one_sided[k] for k in redundant)
         p.law_shared[:] = p.law_shares = 0.0
         if redundant:
@@ -346,7 +346,9 @@ class Contacts(Source):
             p.law_shares = p.law_shared.max()
         if shares or chosen.open:
             code: WarningCode = SHARED_FRICTION if chosen.open else SHARED_CONTACT
-            self._report(found, code, chosen.some if chosen.open else some, t=arc.t)
+            self._report(
+                found, code, chosen.active if chosen.open else striking, t=arc.t
+            )
         return found
 
     def _stopped(
@@ -452,18 +454,18 @@ class Contacts(Source):
     def _strike(
         self,
         here: Kinematics,
-        some: list[int],
+        active: list[int],
         ends: dict[int, float],
         found: StateAfter,
         corners: CornerSides | None,
     ) -> Kinematics:
-        """Compute and apply the impulses of some laws; return the laws afterwards.
+        """Compute and apply the impulses of laws; return the laws afterwards.
 
         Parameters
         ----------
         here : Kinematics
             The laws just before the impact.
-        some : list of int
+        active : list of int
             Indices of the laws with impulses.
         ends : dict of int to float
             End times of the series of bounces that end with this impact, by contact.
@@ -475,21 +477,21 @@ class Contacts(Source):
         arc, before = here.arc, found.y
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
-        struck = [k for k in some if here.strikes(k)]
+        struck = [k for k in active if here.strikes(k)]
         rests = {k: here.rest(k, float(here.restitutions[k])) for k in struck}
         ends = {k: arc.t + left for k, left in rests.items() if left is not None}
         ends |= stopped
-        e = np.array([0.0 if k in ends else here.restitutions[k] for k in some])
+        e = np.array([0.0 if k in ends else here.restitutions[k] for k in active])
         # A contact whose series ends is held as an equality; a slip has the friction of
         # the impulses that remain in its series.
-        equalities = [i for i, k in enumerate(some) if k in ends] if stopped else []
-        solution = _solve_impact(here, some, e, equalities)
+        equalities = [i for i, k in enumerate(active) if k in ends] if stopped else []
+        solution = _solve_impact(here, active, e, equalities)
         if corners is not None and corners.corners:
-            solution = _solve_impact_beside(corners, here, some, e, equalities)
+            solution = _solve_impact_beside(corners, here, active, e, equalities)
         here, problem, rates, result, y = solution
         # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
-        deep = [k for k in some if k in self.contacts and here.gaps[k] < 0.0]
+        deep = [k for k in active if k in self.contacts and here.gaps[k] < 0.0]
         if deep:
             y[arc.state.positions] -= lift(deep, here.gaps[deep])
         found.y = y
@@ -497,12 +499,12 @@ class Contacts(Source):
         if deep:
             left = rates + problem.D @ result.impulses
             there = kept_at_rest(
-                there, np.array(some)[np.abs(left) <= here.still[some]]
+                there, np.array(active)[np.abs(left) <= here.still[active]]
             )
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
         energy = float(changes.sum())
         given = np.zeros(len(self.laws))
-        given[some] = result.impulses
+        given[active] = result.impulses
         bent = self._at_corners(here, struck, corners)
         found.impulses = transmit(arc, before, y, given, [*bent.values()])
         contacts = [k for k in struck if k in self.contacts]
@@ -516,7 +518,7 @@ class Contacts(Source):
             found.events += corner_events(arc, corners.corners, energy, bent)
         sizes = np.abs(result.impulses)
         listed = (sizes > SOLUTION_ROUNDOFF * sizes.max()).tolist()
-        for i, k in enumerate(some):
+        for i, k in enumerate(active):
             if here.table.slips[k] or not listed[i]:
                 continue
             name = self.laws[k].name
@@ -527,11 +529,11 @@ class Contacts(Source):
             found.events.append(event)
             self._count_impact(found, k, ends)
         if not result.found:
-            found.ending = Ending(Outcome.PARADOX, self._names(some))
+            found.ending = Ending(Outcome.PARADOX, self._names(active))
         elif not result.impulses.any() and not bent:
             # the closing rates were rounding of the other motions of their bodies
             found.rows = None
-        self._warn(here, some, result, found, ending=bool(stopped))
+        self._warn(here, active, result, found, ending=bool(stopped))
         return there
 
     def _count_impact(self, found: StateAfter, k: int, ends: dict[int, float]) -> None:
@@ -570,26 +572,26 @@ class Contacts(Source):
         return {name: k for name, k in own.items() if name in names}
 
     def _warn(
-        self, here: Kinematics, some: list[int], result: Impact, found: StateAfter,
+        self, here: Kinematics, active: list[int], result: Impact, found: StateAfter,
         *, ending: bool,
     ) -> None:  # fmt: skip
         """Add warnings of an impact that is not unique, or gains energy, to `found`.
 
-        some : indices of the laws struck.
+        active : indices of the laws struck.
         result : the result of the impact.
         ending : whether the impact ends a series of bounces; then a gain is not
             reported.
         here : all laws just before the impact.
         """
         if result.open:
-            self._report(found, IMPACT_ORDER, some, t=here.t)
-        speeds = np.abs(here.rates[some]) + np.abs(result.after)
+            self._report(found, IMPACT_ORDER, active, t=here.t)
+        speeds = np.abs(here.rates[active]) + np.abs(result.after)
         # At the end of a series the contact is held, which may pull it down from its
         # last flight: no gain of energy is reported.
         if not ending and result.energy > COMPUTED_ZERO * (
             np.abs(result.impulses) @ speeds
         ):
-            self._report(found, IMPACT_ENERGY, some, t=here.t, gained=result.energy)
+            self._report(found, IMPACT_ENERGY, active, t=here.t, gained=result.energy)
 
 
 class ImpactSolution(NamedTuple):
@@ -617,7 +619,7 @@ class ImpactSolution(NamedTuple):
 
 
 def _solve_impact(
-    here: Kinematics, some: list[int], e: Floats, equalities: list[int],
+    here: Kinematics, active: list[int], e: Floats, equalities: list[int],
     stopped: Collection[int] = (),
 ) -> ImpactSolution:  # fmt: skip
     """Compute the impulses of r laws at a state, and the state after.
@@ -626,22 +628,22 @@ def _solve_impact(
     ----------
     here : Kinematics
         All laws just before the impulses.
-    some : list of int, length r
+    active : list of int, length r
         The numbers of the r laws.
     e : ndarray, shape (r,)
         Their coefficients of restitution.
     equalities : list of int
-        The indices in `some` of laws that are held as equalities.
+        The indices in `active` of laws that are held as equalities.
     stopped : collection of int
         The corners of equalities at which the velocity across the surface is stopped,
         too.
     """
     matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
-    problem, response = here.problem(some, e, matrix)
+    problem, response = here.problem(active, e, matrix)
     if equalities:
         problem = replace(problem, table=problem.table.with_equalities(equalities))
-    rates, y = here.rates[some], here.y.copy()
-    result = impact(problem, rates, here.still[some])
+    rates, y = here.rates[active], here.y.copy()
+    result = impact(problem, rates, here.still[active])
     y[here.arc.velocities] += response @ result.impulses
     return ImpactSolution(here, problem, rates, result, y)
 
@@ -649,7 +651,7 @@ def _solve_impact(
 def _solve_impact_beside(
     corners: CornerSides,
     here: Kinematics,
-    some: list[int],
+    active: list[int],
     e: Floats,
     equalities: list[int],
 ) -> ImpactSolution:
@@ -662,7 +664,7 @@ def _solve_impact_beside(
     def jump(stopped: frozenset[int]) -> Floats:
         y = here.y.copy()
         corners.project(y, stopped)
-        found.append(_solve_impact(here.at(y), some, e, equalities, stopped))
+        found.append(_solve_impact(here.at(y), active, e, equalities, stopped))
         return found[-1].y
 
     corners.after(jump)

@@ -110,7 +110,7 @@ class Crossing:
     hanging: list[int] = field(default_factory=list)
     undecided: list[int] = field(default_factory=list)  # surfaces without a decision
     # surfaces that are constant at their levels
-    kept: list[int] = field(default_factory=list)
+    constant: list[int] = field(default_factory=list)
     # surfaces at whose levels the motion is at rest, while it could also follow them
     rests: list[int] = field(default_factory=list)
     levels: dict[int, float] = field(default_factory=dict)
@@ -263,14 +263,14 @@ class Crossing:
             self.hanging += [k] * is_hanging
             self.open.append(k)
 
-    def _rest_if_constant(self, some: Collection[int]) -> None:
+    def _rest_if_constant(self, surfaces: Collection[int]) -> None:
         """Set surfaces whose expressions are constant around the state to rest.
 
-        some : the surfaces that are examined, all at their levels.
+        surfaces : the surfaces that are examined, all at their levels.
         """
         modes = self.modes
         modes.write()
-        for k in some:
+        for k in surfaces:
             if modes.is_constant_around(k):
                 modes.set_mode(k, modes.levels[k], LEVEL)
                 self._watch(k)
@@ -278,7 +278,7 @@ class Crossing:
     def _watch(self, k: int) -> None:
         """Let the arc end where surface k, constant at its level, leaves it."""
         self.modes.watched.append(k)
-        self.kept.append(k)
+        self.constant.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of surface k; 0 where it is below rounding.

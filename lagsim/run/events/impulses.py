@@ -65,7 +65,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
 
     def state(v: Floats) -> Floats:
         new = y.copy()
-        new[arc.velocities] = arc.plan.reduction.kept(v)
+        new[arc.velocities] = arc.plan.reduction.independent(v)
         return new
 
     def change(x: Floats) -> Floats:

@@ -124,7 +124,7 @@ class Chosen(NamedTuple):
     ----------
     mode, direction : ndarray, shape (L,)
         Mode of each law, and the direction of its friction or limit.
-    some : list of int, length r
+    active : list of int, length r
         Indices of the laws that could act.
     multipliers, D : ndarray, shape (r,)
         Their multipliers, and the diagonal of their matrix D, accelerations per
@@ -136,7 +136,7 @@ class Chosen(NamedTuple):
 
     mode: Floats
     direction: Floats
-    some: list[int]
+    active: list[int]
     multipliers: Floats
     D: Floats
     paradox: bool
@@ -295,7 +295,7 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
             floors[pair] = p.law_floor[k] if math.isinf(p.law_lasts[k]) else 0.0
             stills[pair] = p.law_still[k]
             continue
-        places = [found.some.index(j) for j in pair]
+        places = [found.active.index(j) for j in pair]
         deceleration = float(np.linalg.norm((found.multipliers * found.D)[places]))
         if deceleration == 0.0:
             continue
@@ -316,7 +316,7 @@ def set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     if begun and here.t < arc.settings.end:
         from lagsim.run.events.slips import begin_slips
 
-        places = [found.some.index(k) for pair in begun for k in pair]
+        places = [found.active.index(k) for pair in begun for k in pair]
         friction = np.linalg.norm(found.multipliers[places].reshape(-1, 2), axis=1)
         begin_slips(here, np.array(begun), friction, steady)
 
@@ -342,7 +342,7 @@ def _steady(
     """
     moment, steady = here.arc.short_time, here.arc.settings.end - here.t
     while moment < steady:
-        y = _state_after(here, here.free, found.some, found.multipliers, moment)
+        y = _state_after(here, here.free, found.active, found.multipliers, moment)
         later = here.at(y, here.t + moment)
         bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment

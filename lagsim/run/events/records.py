@@ -165,7 +165,7 @@ class LawState(NamedTuple):
     ----------
     here : Kinematics
         Gaps, rates and accelerations of the laws.
-    some : list of int
+    striking : list of int
         The laws that are closed and can strike.
     steady : ndarray of bool, shape (L,), or None
         A mask of the laws whose motion no impact at this instant has changed, see
@@ -173,5 +173,5 @@ class LawState(NamedTuple):
     """
 
     here: Kinematics
-    some: list[int]
+    striking: list[int]
     steady: Flags | None = None

@@ -465,7 +465,7 @@ class Switching(Source):
         # A constant expression that is exactly at its level leaves it at any other
         # value; one that is at its level within rounding leaves it at a larger one.
         for k in modes.watched:
-            if k in crossing.kept:
+            if k in crossing.constant:
                 if k != crossing.hit and event_functions[k] == 0.0:
                     slack[k] = 0.0
                 slack[k] = max(slack[k], LARGER * modes.roundoff_around(k))
@@ -570,10 +570,10 @@ class Switching(Source):
         # A surface that a fast motion passes once is no part of the accumulation.
         again = [i for i in located if i in often]
         still, recent = arc.system.p.law_still.copy(), self.sequence.recent.copy()
-        for some in [located] + [again] * (again != located):
-            if not some or not self._is_negligible(limit - arc.t, some):
+        for members in [located] + [again] * (again != located):
+            if not members or not self._is_negligible(limit - arc.t, members):
                 continue
-            several = some + self._switching_together(some, near)
+            several = members + self._switching_together(members, near)
             if laws is not None:
                 from lagsim.run.events.contacts import rest_soon
 
@@ -584,12 +584,12 @@ class Switching(Source):
                 arc.system.p.law_still[:] = still
                 self.sequence.recent.extend(recent)
                 continue  # of impacts `contacts` computes the limit
-            zeno = [self._rested(arc, i, limit) for i in some]
+            zeno = [self._rested(arc, i, limit) for i in members]
             events = (*zeno, *found.decision.events)
             return found._replace(decision=found.decision._replace(events=events))
         return None
 
-    def _is_negligible(self, left: float, some: Collection[int]) -> bool:
+    def _is_negligible(self, left: float, surfaces: Collection[int]) -> bool:
         """Whether the motion across surfaces in a short time is below its resolution.
 
         The resolution is the tolerance times the range of the motion, plus the rounding
@@ -597,7 +597,7 @@ class Switching(Source):
         speed across the surface, and from the terms of the forces.
 
         left : the time.
-        some : the indices of the surfaces.
+        surfaces : the indices of the surfaces.
         """
         modes, arc, n = self.modes, self.modes.arc, self.modes.arc.system.n
         rows, values = modes.rows(), modes.values(arc.t, arc.y)
@@ -610,7 +610,7 @@ class Switching(Source):
             for x in (arc.ranges_to(arc.y), arc.magnitudes)
         )
         least = arc.plan.tolerance * (J @ ranges) + RESIDUAL_ROUNDOFF * (J @ magnitudes)
-        return bool(np.all((far <= least)[[*some]]))
+        return bool(np.all((far <= least)[[*surfaces]]))
 
     def _near(self, within: float) -> list[int]:
         """Return the surfaces whose levels the motion can reach in the time `within`.
@@ -624,9 +624,9 @@ class Switching(Source):
         return near
 
     def _switching_together(
-        self, some: Collection[int], near: Collection[int]
+        self, surfaces: Collection[int], near: Collection[int]
     ) -> list[int]:
-        """Return the surfaces of `near` that switch together with surfaces of `some`.
+        """Return the surfaces of `near` that switch together with `surfaces`.
 
         Their gradients are parallel: several kinks lie at one place, of which the
         search locates a single one at each switch.
@@ -635,7 +635,7 @@ class Switching(Source):
         return [
             j
             for j in near
-            if j not in some and any(multiple_of(J[k], J[j]) for k in some)
+            if j not in surfaces and any(multiple_of(J[k], J[j]) for k in surfaces)
         ]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:

@@ -139,7 +139,7 @@ class KnotTimes(_Ahead):
         for time, before, after in clock.knots(
             arc.equations.graph, self._values, *ends
         ):
-            if time > self._start + arc.system.p.apart:
+            if time > self._start + arc.system.p.knot_distance:
                 is_event = is_linear and low < max(before, after) < high
                 yield time, k, before, after, is_event
 
@@ -147,7 +147,9 @@ class KnotTimes(_Ahead):
         """Set the cell of each table at the time reached."""
         p = arc.system.p
         if self._is_other(arc) or not self._taken:
-            p.apart = max(self._rounding(clock) for clock in clocks(arc).values())
+            p.knot_distance = max(
+                self._rounding(clock) for clock in clocks(arc).values()
+            )
             for k, clock in clocks(arc).items():
                 discrete = [arc.system.switches.modes[k].discrete]
                 value = Values(arc.equations.graph, discrete, self._values)
@@ -155,7 +157,7 @@ class KnotTimes(_Ahead):
                 arc.system.set_modes(values_by_majority(value, arc.t, first), [k])
             self._fill(arc)
         if arc.t < arc.settings.end:  # a table may end where the run does
-            pass_knots(p, arc.t + p.apart)
+            pass_knots(p, arc.t + p.knot_distance)
 
     def _rounding(self, clock: TimedTable) -> float:
         """Return a bound of the rounding error of the knots' times of a table.
@@ -188,7 +190,7 @@ class KnotTimes(_Ahead):
         events = []
         for k in range(first, self._reported):
             time = float(p.knot_times[k])
-            if self._are_events[k] and not time - self._last <= p.apart:
+            if self._are_events[k] and not time - self._last <= p.knot_distance:
                 events.append(Event(time, "switch"))  # one event for several tables
                 self._last = time
         return Decision(events=tuple(events))

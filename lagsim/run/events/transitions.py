@@ -209,8 +209,8 @@ class Transitions(Source):
         names, v = tuple(events[k].name for k in sorted(own)), arc.y[arc.velocities]
         least = SOLUTION_ROUNDOFF * arc.magnitudes[arc.velocities]
         earlier, now = acts.visits, (names, arc.modes, v.copy())
-        for k, (some, modes, w) in enumerate(earlier):
-            if some == names and modes == now[1] and (np.abs(w - v) <= least).all():
+        for k, (acted, modes, w) in enumerate(earlier):
+            if acted == names and modes == now[1] and (np.abs(w - v) <= least).all():
                 return acts, names_of(earlier[k:])
         return acts._replace(visits=(*earlier, now)), ()
 
