@@ -11,7 +11,7 @@ each is compiled for the constants that it depends on.
 
 from __future__ import annotations
 
-from math import floor, inf, sqrt
+from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
@@ -19,6 +19,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project
 from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.crossings import Crossings
+from lagsim.methods.parts.leaving import has_no_end, store_distances
 from lagsim.methods.parts.parameters import FOLLOWED, PUSH, REDUNDANT, Parameters
 from lagsim.methods.parts.state import (
     event_functions,
@@ -369,24 +370,17 @@ def inspect(s: State, p: Parameters) -> None:
 def leave_levels(s: State, p: Parameters) -> None:
     """Set the slack of each surface without ends to 0 once it has left its level.
 
-    Such a surface is in conditions and output only. The slack of any other surface is
-    set to 0 by the search of its event function.
+    The slack of any other surface is set to 0 by the search of its event function.
     """
     waits = False
     for k in range(p.surfaces):
         waits = waits or (p.slack[k] > 0.0 and has_no_end(p, k))
     if not waits:
         return
-    surfaces(s.t, s.y, p, p.rows)
+    store_distances(s.t, s.y, p, s.values)
     for k in range(p.surfaces):
-        level = p.is_whole[k] * floor(p.rows[k] + 0.5)
-        if has_no_end(p, k) and abs(p.rows[k] - level) > p.slack[k]:
+        if has_no_end(p, k) and abs(s.values[k]) > p.slack[k]:
             p.slack[k] = 0.0
-
-
-def has_no_end(p: Parameters, k: int) -> bool:
-    """Whether surface k, which the motion does not follow, ends no arc."""
-    return not (p.slides[k] != 0.0 or p.least[k] > -inf or p.most[k] < inf)
 
 
 def end_at_cut(s: State, p: Parameters) -> None:

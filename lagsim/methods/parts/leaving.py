@@ -22,7 +22,7 @@ after the first step of `verlet`, for example, has no part of the force after it
 
 from __future__ import annotations
 
-from math import inf
+from math import floor, inf
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.control import pseudorandom
@@ -41,10 +41,12 @@ from lagsim.methods.parts.state import (
     interpolate,
     located,
     sections,
+    surfaces,
 )
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.native.kernels.words import Static
 
 UNTIL = True
@@ -96,10 +98,32 @@ def evaluate_values(kind: Static, s: SearchTable, p: Parameters, t: float) -> No
     """Store the values of a kind at the time t and the state in `work` in s.values."""
     if SWITCHES and kind == EVENT:
         event_functions(t, s.work, p, s.values)
+        store_distances(t, s.work, p, s.values)
     if UNTIL and kind == EVENT:
         located(t, s.work, p, s.values[s.surfaces :])
     if kind == CROSSING:
         sections(t, s.work, p, s.values[relations(s) :])
+
+
+def store_distances(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the distances of surfaces without ends from their levels in out.
+
+    Such a surface is in conditions and output only, and has no event function.
+    """
+    some = False
+    for k in range(p.surfaces):
+        some = some or has_no_end(p, k)
+    if not some:
+        return
+    surfaces(t, y, p, p.rows)
+    for k in range(p.surfaces):
+        if has_no_end(p, k):
+            out[k] = p.rows[k] - p.is_whole[k] * floor(p.rows[k] + 0.5)
+
+
+def has_no_end(p: Parameters, k: int) -> bool:
+    """Whether surface k, which the motion does not follow, ends no arc."""
+    return not (p.slides[k] != 0.0 or p.least[k] > -inf or p.most[k] < inf)
 
 
 def zero_of(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
@@ -147,6 +171,8 @@ def bound_margins(
             off = 0.0
         if s.margins[k] >= 0.0:
             s.margins[k] = most[k] if off <= most[k] else -1.0
+            if SWITCHES and k < p.surfaces and kind == EVENT and has_no_end(p, k):
+                p.slack[k] = max(p.slack[k], s.margins[k])
     if UNTIL and kind == EVENT:
         interpolate(s, p, 1.0, s.work)
         located(s.step_t + s.step_h, s.work, p, s.values[s.surfaces :])

@@ -119,3 +119,38 @@ def test_a_motion_that_returns_to_0_crosses_it(method):
 def test_a_switch_at_the_place_of_rest_stays_on_its_side(force, method):
     _, _, found = run(method, force)
     assert [x.kind for x in found.events if x.kind == "switch"] == []
+
+
+STEPS = {  # each condition, and the sign of the force that makes it true
+    "sign(x_dot) >= 0.5": 1, "if(x_dot > 0, 1, 0) >= 0.5": 1, "sign(x_dot) <= -0.5": -1,
+    "if(x_dot < 0, 1, 0) >= 0.5": -1, "if(x_dot >= 0, 1, 0) <= 0.5": -1,
+}  # fmt: skip
+RELEASED = """
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: "{sign}*max(t - 1.25, 0)^{n}"}}
+constraints: {{rub: {{relation: x_dot = 0, limit: 0.5, when: t < 1.25}}}}
+initial: {{x: 0, x_dot: 0}}
+modes: {{m: 0}}
+events:
+{events}
+simulation: {{duration: 2, output_step: 0.5, method: {method}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["rattle", "rk4", "moreau", "dop853", "dopri5"])
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_released_slip_has_the_sign_of_its_force(sign, n, method):
+    events = "\n".join(
+        f'  e{k}: {{at: "{at}", set: {{m: m + 1}}}}' for k, at in enumerate(STEPS)
+    )
+    if method in FIXED:
+        method += ", step: 0.05"
+    found = lagsim.simulate(
+        RELEASED.format(sign=sign, n=n, method=method, events=events),
+        error_bar="never",
+    )
+    acts = [(x.name, x.time) for x in found.events if x.kind == "event"]
+    right = [f"e{k}" for k, way in enumerate(STEPS.values()) if way == sign]
+    assert acts == [(name, 1.25) for name in right]
