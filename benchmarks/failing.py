@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from benchmarks.failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
 from lagsim.methods import dop853
 from lagsim.model.reader import read_file
+from lagsim.native.kernels import keys
 from lagsim.native.link import cache
 from lagsim.run.arcs import Run
 from lagsim.run.observers import Keep
@@ -82,12 +83,12 @@ def constants(module, **values):
     try:
         for name, value in values.items():
             setattr(module, name, value)
-        cache._fingerprints.clear()  # noqa: SLF001  # of kernels with other constants
+        cache._digests = keys.Digests()  # noqa: SLF001  # of kernels with other constants
         yield
     finally:
         for name, value in before.items():
             setattr(module, name, value)
-        cache._fingerprints.clear()  # noqa: SLF001
+        cache._digests = keys.Digests()  # noqa: SLF001
 
 
 def oscillator():

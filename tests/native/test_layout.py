@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from lagsim.native.kernels.keys import KernelError, fingerprint
+from lagsim.native.kernels.keys import Digests, KernelError
 from lagsim.native.kernels.translation import translate
 from lagsim.native.layout import Block, Memory, after, array, block, part
 
@@ -82,9 +82,9 @@ def counts(s: Longer) -> float:
 def test_another_declaration_is_another_fingerprint(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    before = fingerprint([counts])
+    before = Digests().fingerprint([counts])
     monkeypatch.setattr(Longer.fields["count"], "word", 20)
-    assert fingerprint([counts]) != before
+    assert Digests().fingerprint([counts]) != before
 
 
 def test_an_array_of_a_base_class_is_not_replaced_unawares() -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from lagsim.native.kernels.keys import KernelError, fingerprint
+from lagsim.native.kernels.keys import Digests, KernelError
 from lagsim.native.kernels.translation import translate
 from lagsim.native.kernels.words import Static, apart, fused, total, unrolled
 from lagsim.native.link.engine import Engine, compile_object
@@ -312,14 +312,15 @@ def module(path: Path, text: str) -> ModuleType:
 
 def test_fingerprint_sees_text_tables_and_statics(tmp_path: Path) -> None:
     text = HEAD + "def f() -> float:\n    return TABLE[1] + math.pi\n"
-    prints = [fingerprint([module(tmp_path / "k.py", text).f])]
+    prints = [Digests().fingerprint([module(tmp_path / "k.py", text).f])]
     loaded = module(tmp_path / "k.py", text + "# more\n")
-    prints += [fingerprint([loaded.f]), fingerprint([loaded.f], {"TABLE": (1.0,)})]
-    prints.append(fingerprint([loaded.f, loaded.g]))
+    prints.append(Digests().fingerprint([loaded.f]))
+    prints.append(Digests().fingerprint([loaded.f], {"TABLE": (1.0,)}))
+    prints.append(Digests().fingerprint([loaded.f, loaded.g]))
     loaded.TABLE = (1.0, 3.0)
-    prints.append(fingerprint([loaded.f]))
+    prints.append(Digests().fingerprint([loaded.f]))
     assert len(set(prints)) == 5
-    assert fingerprint([loaded.f]) == prints[-1]
+    assert Digests().fingerprint([loaded.f]) == prints[-1]
     assert translate([search]) == translate([search])
 
 

@@ -11,7 +11,7 @@ import inspect
 import sys
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeGuard
 
 from lagsim.native.kernels import words
 from lagsim.native.layout import Memory
@@ -26,43 +26,92 @@ class KernelError(Exception):
     """A kernel leaves the subset of Python; the message has file, line and advice."""
 
 
-def fingerprint(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
-) -> str:
-    """Return a digest of all inputs that determine the text written by `translate`.
+class Reached(NamedTuple):
+    """A kernel as it enters a digest.
 
-    The digest covers the files of the translator and of the modules of all kernels
-    reached, and the values of the static globals that the kernels use, also values
-    computed from other modules.
-
-    functions, statics : see `translation.translate`.
+    Attributes
+    ----------
+    text : str
+        Its name, its static globals, and the layouts of its parameters.
+    file : str
+        Digest of the file that defines it.
+    calls : list of function
+        The kernels that it uses.
     """
-    # Minor versions of Python may parse the same text differently.
-    parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
-    parts.append(text_beside(__file__))
-    files: dict[str, None] = {}
-    waiting = [as_kernel(function) for function in functions]
-    seen = set(waiting)
-    layouts: dict[type[Memory], None] = {}
-    for function in waiting:
+
+    text: str
+    file: str
+    calls: list[FunctionType]
+
+
+class Digests:
+    """Digests of the sources of kernels, each kernel read once.
+
+    Files, globals and layouts must not change while an instance is in use.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[object, ...], str] = {}
+        self._reached = functools.cache(self._read)
+        self._layouts: dict[type[Memory], str] = {}
+        self._file = functools.cache(_file_digest)
+
+    def fingerprint(
+        self,
+        functions: Sequence[Callable[..., Any]],
+        statics: Mapping[str, object] | None = None,
+    ) -> str:
+        """Return a digest of all inputs that determine the text written by `translate`.
+
+        The digest covers the files of the translator and of the modules of all kernels
+        reached, and the values of the static globals that the kernels use, also values
+        computed from other modules.
+
+        functions, statics : see `translation.translate`.
+        """
+        chosen = repr(sorted((statics or {}).items()))
+        if (*functions, chosen) not in self._known:
+            self._known[*functions, chosen] = self._computed(functions, chosen)
+        return self._known[*functions, chosen]
+
+    def _computed(self, functions: Sequence[Callable[..., Any]], chosen: str) -> str:
+        # Minor versions of Python may parse the same text differently.
+        parts = [repr(sys.version_info[:2]), chosen, text_beside(__file__)]
+        waiting = dict.fromkeys(map(as_kernel, functions))
+        parts += [f"exported {x.__module__}.{x.__qualname__}" for x in waiting]
+        reached: dict[FunctionType, None] = {}
+        while waiting:
+            function, _ = waiting.popitem()
+            reached[function] = None
+            found = self._reached(function)
+            parts += [found.text, found.file]
+            waiting |= dict.fromkeys(x for x in found.calls if x not in reached)
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+    def _read(self, function: FunctionType) -> Reached:
         plain = inspect.unwrap(function)
-        parts.append(f"{plain.__module__}.{plain.__qualname__}")
-        files[plain.__code__.co_filename] = None
-        layouts |= dict.fromkeys(memories(function).values())
-        if words.is_external(function):
-            continue
-        for name, value in _globals(function):
-            if is_static(value):
-                parts.append(f"{name} = {value!r}")
-            elif is_own(value) and value not in seen:
-                seen.add(value)
-                waiting.append(value)
-    for memory in layouts:
-        parts += [f"{name} {f.kind} {f.word}" for name, f in memory.fields.items()]
-    digest = hashlib.sha256("\n".join(parts).encode())
-    for file in files:
-        digest.update(Path(file).read_bytes())
-    return digest.hexdigest()
+        parts = [f"{plain.__module__}.{plain.__qualname__}"]
+        for memory in memories(function).values():
+            if memory not in self._layouts:
+                self._layouts[memory] = _layout_text(memory)
+            parts.append(self._layouts[memory])
+        calls = []
+        if not words.is_external(function):
+            for name, value in _globals(function):
+                if is_static(value):
+                    parts.append(f"{name} = {value!r}")
+                elif is_own(value):
+                    calls.append(value)
+        file = self._file(plain.__code__.co_filename)
+        return Reached("\n".join(parts), file, calls)
+
+
+def _layout_text(memory: type[Memory]) -> str:
+    return "\n".join(f"{name} {f.kind} {f.word}" for name, f in memory.fields.items())
+
+
+def _file_digest(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 @functools.cache

@@ -43,7 +43,7 @@ _SIZE = struct.Struct("<q")  # the length of p, before an object
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
-_fingerprints: dict[tuple[object, ...], str] = {}
+_digests = keys.Digests()
 
 
 class ProgramPart:
@@ -153,17 +153,14 @@ def kernel_part(
 
     functions, statics : see `translation.translate`.
     """
-    # The digest is computed once in a process: it takes nearly as long as a short run.
-    known = *functions, repr(statics)
-    if known not in _fingerprints:
-        _fingerprints[known] = keys.fingerprint(functions, statics)
+    digest = _digests.fingerprint(functions, statics)
 
     def translated() -> tuple[str, int]:
         from lagsim.native.kernels import translation  # only first runs translate
 
         return translation.translate(functions, statics), 0
 
-    return ProgramPart(["kernel", _fingerprints[known]], translated, optimise=True)
+    return ProgramPart(["kernel", digest], translated, optimise=True)
 
 
 def linked(
