@@ -14,6 +14,9 @@ w = p / (C lambda), leaves [0, 1]: the row of one side alone then leads away fro
 corner. Where the applied force jumps at the surface too, by d du/dq, the push is
 p = w (C lambda + d).
 
+A relation of velocities, y' = k*abs(x'), has its corner at a surface u(q', q, t) = 0,
+and du/dq' takes the place of du/dq.
+
 Source: P. Lotstedt, Mechanical systems of rigid bodies subject to unilateral
 constraints, SIAM J. Appl. Math. 42, 1982, section 2, on corners as intersections.
 """
@@ -27,7 +30,7 @@ from lagsim.language.derivatives import gradient
 from lagsim.mechanics.surfaces import Corner
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
@@ -47,12 +50,10 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
     Returns
     -------
     dict
-        Index of the side -> its corner. Surfaces that depend on velocities, or at which
-        no row of an equality jumps, have none.
+        Index of the side -> its corner. Surfaces at which no row of an equality jumps
+        have none.
     """
-    equalities = [
-        (r, x.row) for r, x in enumerate(e.relations) if x.equal and x.row.holonomic
-    ]
+    equalities = [(r, x.row) for r, x in enumerate(e.relations) if x.equal]
     if not equalities or not switches.sides:
         return {}
     g, fast = e.graph, frozenset(e.velocities)
@@ -65,9 +66,10 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
             (r, row) for r, row in equalities if not own.isdisjoint(g.cone(slopes[r]))
         ]
         (u,) = switches.freeze([side.node])
-        if not bent or fast & g.depends([u]):
+        if not bent:
             continue
-        J = gradient(g, u, e.flow.positions)
+        moving = bool(fast & g.depends([u]))
+        J = gradient(g, u, _variables(e, moving=moving))
         square = g.product_sum((x, x) for x in J)
         if square == g.zero:
             continue
@@ -76,8 +78,13 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         for r, _ in bent:
             levers[1 + r] = _along(g, slopes[r], J, square)
         names = tuple(row.name for _, row in bent)
-        found[k] = Corner(f"push.{k}", tuple(levers), names)
+        found[k] = Corner(f"push.{k}", tuple(levers), names, moving)
     return found
+
+
+def _variables(e: Equations, *, moving: bool) -> Sequence[int]:
+    """Return the variables q (n,), or q' if `moving`, of the gradient of a surface."""
+    return e.flow.rates if moving else e.flow.positions
 
 
 def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:
@@ -135,20 +142,21 @@ def with_pushes(
     -------
     Equations
         With the pushes p as further variables. The power of a push at a surface that
-        moves in time is added to the work of each group that contains all
-        coordinates of the surface.
+        moves in time, or of velocities, is added to the work of each group that
+        contains all coordinates of the surface.
     """
     g, f, works = e.graph, list(e.f), list(e.works)
     rates = [g.variable(name) for name in e.velocities]
     for k, corner in found.items():
         push, u = g.variable(corner.push), switches.sides[k].node
-        J = gradient(g, u, e.flow.positions)
+        J = gradient(g, u, _variables(e, moving=corner.moving))
         f = [
             g.call("add", a, g.call("mul", push, x)) for a, x in zip(f, J, strict=True)
         ]
         own = {name for name, x in zip(e.q, J, strict=True) if x != g.zero}
         power = g.call("mul", push, g.product_sum(zip(J, rates, strict=True)))
         for i, work in enumerate(works):
-            if own <= work.coordinates and "t" in g.depends([u]):
+            moved = corner.moving or "t" in g.depends([u])
+            if own <= work.coordinates and moved:
                 works[i] = work._replace(rate=g.call("add", work.rate, power))
     return replace(e, f=tuple(f), works=tuple(works))

@@ -119,17 +119,20 @@ class Corner(NamedTuple):
     Attributes
     ----------
     push : str
-        The name of the variable p, the generalized force along du/dq.
+        The name of the variable p, the generalized force along du/dq, or du/dq'.
     levers : tuple of int, length 1 + m
         Nodes of mode variables: the components of the forces, then of each row, along
-        du/dq. Their jumps at the surface are d and C.
+        this gradient. Their jumps at the surface are d and C.
     rows : tuple of str
         The names of the rows with a kink.
+    moving : bool
+        Whether the surface depends on velocities.
     """
 
     push: str
     levers: tuple[int, ...]
     rows: tuple[str, ...]
+    moving: bool
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

@@ -261,6 +261,11 @@ class Switches:
     corners: Mapping[int, Corner] = field(default_factory=dict)
     cuts: frozenset[int] = frozenset()
 
+    @property
+    def turns(self) -> frozenset[int]:
+        """The corners at which velocities jump: those of surfaces of positions."""
+        return frozenset(k for k, x in self.corners.items() if not x.moving)
+
     def freeze(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` with each switch decided by its mode variable.
 

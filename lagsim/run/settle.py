@@ -387,7 +387,7 @@ def equalities_struck(
 
 def corners_at(now: InstantRecord, by: Deciders) -> CornerSides | None:
     """Return the corners of equalities at the instant; None in models without any."""
-    if by.switching is None or not now.arc.system.switches.corners:
+    if by.switching is None or not now.arc.system.switches.turns:
         return None
     return CornerSides(now.arc, by.switching.modes, now.surfaces)
 
@@ -573,7 +573,7 @@ def started(arc: Arc, by: Deciders) -> InstantRecord:
     so that the row before shows the forces of a body at rest on its floor.
     """
     now, switches = new_record(arc, located=STARTED), arc.system.switches
-    if by.jumping and (switches.modes or switches.corners):
+    if by.jumping and (switches.modes or switches.turns):
         with TrialModes(arc) as trial:
             before = at_start(arc)
         now = carried_out(now, GO_ON, modes=trial.found, before=before)

@@ -77,7 +77,7 @@ class CornerSides:
     def __init__(self, arc: Arc, modes: SurfaceModes, surfaces: SurfacesAt) -> None:
         self.arc, self.modes = arc, modes
         modes.begin(arc, surfaces.selected)
-        on = arc.system.switches.corners
+        on = arc.system.switches.turns
         levels = dict(surfaces.levels)
         rows, values = modes.rows(), modes.values(arc.t, arc.y)
         near = RESIDUAL_ROUNDOFF * modes.sizes(rows)

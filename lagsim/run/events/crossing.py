@@ -25,7 +25,13 @@ import numpy as np
 from lagsim.mechanics.algebra import multiple_of
 from lagsim.run.events.curve_ends import REACH
 from lagsim.run.events.kinematics import Kinematics
-from lagsim.run.events.law_modes import Chosen, ahead_of, that_could_act, write_modes
+from lagsim.run.events.law_modes import (
+    Chosen,
+    ahead_of,
+    chosen_modes,
+    that_could_act,
+    write_modes,
+)
 from lagsim.run.events.surface_modes import (
     ABOVE,
     BELOW,
@@ -100,8 +106,11 @@ class Crossing:
     hit: int  # the surface that has ended the last arc, or -1
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
     beside: LawsAt | None  # the laws at the instant, or None without laws
-    shared: tuple[list[int], RowModes] | None = None  # see `LawsAt`
-    laws: list[int] = field(default_factory=list)  # numbers of the laws that could act
+    shared: tuple[list[int], RowModes, list[int]] | None = None  # see `LawsAt`
+    # numbers of the laws that could act, without the equalities among them
+    laws: list[int] = field(default_factory=list)
+    # numbers of the laws that are equalities in force
+    held: list[int] = field(default_factory=list)
     # surfaces whose side the forces decide
     open: list[int] = field(default_factory=list)
     # surfaces whose side open surfaces decide
@@ -147,8 +156,7 @@ class Crossing:
         value, whole = modes.value.copy(), modes.whole
         if self.beside is not None:
             modes.write()  # gaps are those of the sides selected so far
-            here = Kinematics(modes.arc, modes.arc.y)
-            self.laws = that_could_act(here, self.beside.closed)
+            self._sort_laws(self.beside)
         for k in modes.order:
             if not modes.depends[k].isdisjoint(self.stale):
                 self._evaluate()
@@ -159,6 +167,30 @@ class Crossing:
             self._by_forces([ABOVE if value[k] >= x else BELOW for k, x in pairs])
         if modes.nested:
             self._evaluate()
+
+    def _sort_laws(self, beside: LawsAt) -> None:
+        """Store the laws that could act in `laws`, and equalities in force in `held`.
+
+        Equalities get modes with which the evaluations of forces include them: they
+        hold on each side of each surface, with the row and the multiplier of this side.
+        """
+        arc = self.modes.arc
+        here = Kinematics(arc, arc.y)
+        closed, equal = that_could_act(here, beside.closed), here.table.equal
+        self.laws = [k for k in closed if not equal[k]]
+        self.held = [k for k in closed if equal[k]]
+        if self.held:
+            found, p = chosen_modes(here, self.held, {}), arc.system.p
+            p.law_mode[self.held] = found.mode[self.held]
+            p.law_direction[self.held] = found.direction[self.held]
+
+    def _here(self, y: Floats | None = None) -> Kinematics:
+        """Return the laws at y (size,), with the equalities in force held.
+
+        y : by default the state reached.
+        """
+        arc = self.modes.arc
+        return Kinematics(arc, arc.y if y is None else y, held=self.held)
 
     def _evaluate(self) -> None:
         """Compute `values`, `rows`, `sizes` and `levels` with the present sides."""
@@ -419,7 +451,7 @@ class Crossing:
         found = cone.select(now, still)
         if self.beside is not None and cone.modes is not None:
             self._store_laws(cone.modes)
-            self.shared = self.laws, cone.modes
+            self.shared = self.laws, cone.modes, self.held
         if found is None and self.at_rest:  # the motion spirals into its rest
             found = [SLIDING] * len(now)
         if found is None or cone.is_fork:
@@ -460,7 +492,7 @@ class Crossing:
         self.rests = held
         if self.beside is not None:
             self._store_laws(rest.modes)
-            self.shared = self.laws, rest.modes
+            self.shared = self.laws, rest.modes, self.held
 
     def _leaves(self, w: Floats, i: int, chosen: RowModes) -> int | None:
         """Return the side to which short steps leave an open surface: BELOW or ABOVE.
@@ -579,9 +611,11 @@ class Crossing:
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:
             self._settle(corner)
-            rows, a, others = modes.rows(y), modes.accelerations(y), np.zeros(0)
-            if self.laws:  # accelerations without the laws
-                here = Kinematics(arc, y)
+            rows, others = modes.rows(y), np.zeros(0)
+            if self.beside is None:
+                a = modes.accelerations(y)
+            else:  # without the laws
+                here = self._here(y)
                 a, others = here.free[arc.state.driven], here.accelerations[self.laws]
             J, b = rows.J[self.open], rows.b[self.open]
             if whole.any():
@@ -620,8 +654,8 @@ class Crossing:
 
         found : the modes of rows, the rows of the laws first.
         """
-        here = Kinematics(self.modes.arc, self.modes.arc.y)
-        write_modes(here.arc, Chosen.of(here, self.laws, found))
+        here = self._here()
+        write_modes(here.arc, Chosen.of(here, self.laws, found, self.held))
 
     def _acting(
         self, left: Mapping[int, int], corner: Sequence[int]
@@ -643,9 +677,8 @@ class Crossing:
             Rates of the k open surfaces per multiplier.
         """
         self._settle(corner)
-        arc = self.modes.arc
-        laws = Kinematics(arc, arc.y).acting(self.laws, left)
-        J = self.modes.rows().J[self.open, : arc.system.n]
+        laws = self._here().acting(self.laws, left)
+        J = self.modes.rows().J[self.open, : self.modes.arc.system.n]
         return laws, J @ laws.response
 
     def _share(self, w: Floats) -> None:
@@ -675,7 +708,7 @@ class Crossing:
         """
         modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.short_time
         self._share(w)
-        if not self.laws:
+        if self.beside is None:
             forced = partial(modes.forced, combined=True)
             y = arc.y + moment * arc.rates(arc.t, arc.y)
             change = forced(y, arc.t + moment) - forced(arc.y)
@@ -686,4 +719,4 @@ class Crossing:
             a[: arc.system.n] += forced
             return np.asarray(rows.J @ a - rows.b)[self.open]
 
-        return moment, ahead_of(Kinematics(arc, arc.y), self.laws, others)(p)[0]
+        return moment, ahead_of(self._here(), self.laws, others)(p)[0]

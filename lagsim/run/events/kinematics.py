@@ -149,13 +149,15 @@ class Kinematics:
 
     Attributes
     ----------
+    held : sequence of int
+        Indices of laws that hold as equalities in forces; all others are off.
     gaps, rates, accelerations : ndarray, shape (L,)
         Of each law: the gap of a contact, or the rate of another law; the rate; and the
-        derivative of the rate without any law.
+        derivative of the rate without the other laws.
     forces : ndarray, shape (L,)
         The magnitude of the terms of `accelerations`.
     free : ndarray, shape (size,)
-        y' without any law.
+        y' without any law but `held`.
     pushes : ndarray, shape (L,)
         `forces` plus the accelerations that closed laws could add: the scale of a
         balance of forces.
@@ -190,13 +192,15 @@ class Kinematics:
         y: Floats,
         t: float | None = None,
         near: Kinematics | None = None,
+        held: Sequence[int] = (),
     ) -> None:
         """Evaluate the laws at the state y (size,) and the time t (default: now).
 
         near : the laws at another state of the same instant, with equal ranges.
+        held : the indices of laws that hold as equalities, in their present modes.
         """
         system, n, m = arc.system, arc.system.n, arc.system.m
-        self.arc, self.y, self.laws = arc, y, system.laws
+        self.arc, self.y, self.laws, self.held = arc, y, system.laws, held
         self.t = t = arc.t if t is None else t
         self.count, size = len(system.laws), (n + m) * n
         found = arc.runner.function("geometry", size + 4 * m)(t, y)
@@ -244,7 +248,7 @@ class Kinematics:
 
         Contacts that graze here graze there, too.
         """
-        return Kinematics(self.arc, y, t, self)
+        return Kinematics(self.arc, y, t, self, self.held)
 
     def _compute_free(self) -> None:
         """Compute accelerations (L,) of the laws, all laws off, and sizes of terms.
@@ -416,12 +420,12 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Evaluate motion and laws at t and y (size,) as if all L laws were off.
+        """Evaluate motion and laws at t and y (size,), all L laws off but `held`.
 
         Returns
         -------
         field : ndarray, shape (size,)
-            y' without forces of laws.
+            y' without forces of the other laws.
         b : ndarray, shape (L,)
             The right-hand sides of A q'' = b, for the rows of the laws.
         bounds, statics : ndarray, shape (L,)
@@ -429,7 +433,7 @@ class Kinematics:
             sticks.
         """
         p, m, L = self.arc.system.p, self.arc.system.m, self.count
-        field = self._field(t, y, ())
+        field = self._field(t, y, self.held)
         # Results that `field` stores in the parameters.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
@@ -464,7 +468,7 @@ class Kinematics:
         Impulses do not: for impulses see `MassAndRows.delassus`.
         """
         p = self.arc.system.p
-        if not p.sliding:
+        if not p.sliding and not self.held:
             return self.shape.delassus
         return self.delassus_along(np.flatnonzero(p.slides == kept.FOLLOWED).tolist())
 
@@ -476,7 +480,8 @@ class Kinematics:
         """
         shape, (_, J) = self.shape, self.arc.surface_rows(self.t, self.y)
         surfaces = J[sorted(along), : self.arc.system.n]
-        return delassus(shape.M, np.vstack([shape.equalities, surfaces]), shape.rows)
+        equalities = [shape.equalities, shape.rows[[*self.held]], surfaces]
+        return delassus(shape.M, np.vstack(equalities), shape.rows)
 
     def _closed(self) -> list[bool]:
         """Return for each of L laws whether it is closed.

@@ -145,9 +145,10 @@ class LawsAt(NamedTuple):
         Laws that count as closed whatever their gaps are, since they were located.
     rested : frozenset of str
         Contacts whose bounces have ended, which list no event `contact`.
-    shared : tuple of (list of int, RowModes), or None
+    shared : tuple of (list of int, RowModes, list of int), or None
         Laws and their modes in the problem that the last phase `sides` has solved for
-        surfaces and laws together; None without such a problem, and after impacts.
+        surfaces and laws together, and the equalities that held in it; None without
+        such a problem, and after impacts.
     """
 
     mode: Floats
@@ -155,7 +156,7 @@ class LawsAt(NamedTuple):
     left: Mapping[int, int] = {}
     closed: frozenset[int] = frozenset()
     rested: frozenset[str] = frozenset()
-    shared: tuple[list[int], RowModes] | None = None
+    shared: tuple[list[int], RowModes, list[int]] | None = None
 
 
 class LawState(NamedTuple):

@@ -274,7 +274,8 @@ class Switching(Source):
             crossing.decide()
             several = [k for k in crossing.undecided if not self.sides[k].shown]
             roundoff, cautions = crossing.roundoff, self._undecided(several)
-            ridges = corners_met(arc, levels)
+            # A corner that forces hold at its level, and could follow, is a groove.
+            ridges = [k for k in corners_met(arc, levels) if k not in crossing.rests]
             ridges = [k for k in ridges if modes.kind[k] == kept.LEVEL]
             cautions += self._undecided(ridges)
             for k in crossing.undecided:
@@ -370,7 +371,7 @@ class Switching(Source):
 
     def _followed(self, arc: Arc) -> bool:
         """Whether the motion follows a corner of an equality."""
-        return any(self.slides[k] for k in arc.system.switches.corners)
+        return any(self.slides[k] for k in arc.system.switches.turns)
 
     def _projected(self, *, resting: bool) -> Floats | None:
         """Return the state (size,) projected onto the surfaces followed, or None.
@@ -732,4 +733,4 @@ def corners_met(arc: Arc, levels: Collection[int]) -> list[int]:
 
     levels : the surfaces that the state is on.
     """
-    return [k for k in levels if k in arc.system.switches.corners]
+    return [k for k in levels if k in arc.system.switches.turns]

@@ -1,0 +1,197 @@
+"""Kinks of velocity relations, `y_dot = k*abs(x_dot) + c`, with `when` and without.
+
+Closed forms: under gravity the relation acts on x like dry friction of the bound k*g on
+the mass 1 + k^2. With a force r*t along x the motion stops while r*t < k*g, rests until
+r*t = k*g, and begins to slide like the third power of the time.
+"""
+
+import numpy as np
+import pytest
+
+import lagsim
+
+K, C, R, V0, G = 0.3, -0.2, 1.4, 0.9, 9.81
+# The force on the mass 1 + k^2, and the times of the stop and of the slip.
+BOUND = K * G
+END, STEP = 3.0, 0.05
+SLOW = pytest.mark.slow
+
+MODEL = """
+parameters: {{k: 0.3, m: {m!r}, r: {r!r}, g: {g!r}, U: {U!r}, c: {c!r}, X: {place!r}}}
+coordinates: {{{names}}}
+energy: {{kinetic: "{kinetic}", potential: "{potential}"}}
+forces: {{x: {force}}}
+constraints: {{{rows}}}
+initial: {{x: {x!r}, y: 0, x_dot: {U!r} + {v!r}, y_dot: k*{v!r} + {c!r}{more}}}
+simulation: {{duration: {end!r}, output_step: {step!r}{method}}}
+"""
+SPELLINGS = (
+    "y_dot = k*abs(u) + c", "y_dot - c = max(k*u, -k*u)", "y_dot = c + k*hypot(u, 0)",
+    "y_dot = if(u > 0, k*u, -k*u) + c", "y_dot = if(u >= 0, k*u, -k*u) + c",
+)  # fmt: skip
+WHEN = {"when": "{{relation: '{}', when: t < 100}}", "always": "'{}'"}
+
+
+def times(mass, bound):
+    """Return the times at which the motion stops, and at which it slides again."""
+    stop = (bound - np.sqrt(bound**2 - 2 * R * mass * V0)) / R
+    return stop, bound / R
+
+
+def speed_and_place(t, mass, bound):
+    """Return x_dot and x (rows,), of the motion from x = 0."""
+    stop, slip = times(mass, bound)
+
+    def slid(t):
+        v = V0 + (R * t**2 / 2 - bound * t) / mass
+        return v, V0 * t + (R * t**3 / 6 - bound * t**2 / 2) / mass
+
+    later = np.maximum(t - slip, 0.0)
+    v, x = slid(np.minimum(t, stop))
+    v = np.where(t < stop, v, R * later**2 / 2 / mass)
+    return v, x + R * later**3 / 6 / mass
+
+
+def run(relation, when, **changes):
+    """Return the run of a relation, in other units, boosted, or beside more rows."""
+    own = {
+        "names": "x: {}, y: {}", "kinetic": "(x_dot^2 + y_dot^2)/2", "x": 0.0,
+        "potential": "g*y", "U": 0.0, "length": 1.0, "time": 1.0, "more": "",
+        "method": "", "rows": "h: ROW", "m": 0.0, "force": "r*t", "end": END,
+        "v": V0, "c": C, "place": 0.0,
+    } | changes  # fmt: skip
+    length, time = own.pop("length"), own.pop("time")
+    own |= {"c": own["c"] * length / time, "v": own["v"] * length / time}
+    own["end"] *= time
+    text = relation.replace("u", "(x_dot - U)" if own["U"] else "x_dot")
+    own["rows"] = own["rows"].replace("ROW", WHEN[when].format(text))
+    model = MODEL.format(
+        r=R * length / time**3, g=G * length / time**2, step=STEP * time, **own,
+    )  # fmt: skip
+    return lagsim.simulate(lagsim.load(model), error_bar="never")
+
+
+def check(found, mass=1 + K * K, bound=BOUND, U=0.0, x=0.0, length=1.0, time=1.0):
+    """Check the motion, lambda, the energy and the events with the closed forms."""
+    assert found.complete
+    assert {x.code for x in found.warnings} <= {"unused-parameter"}
+    t = found.t / time
+    v, place = speed_and_place(t, mass, bound)
+    speed = length / time
+    assert (found["x_dot"] - U) / speed == pytest.approx(v, abs=1e-9)
+    moved = (found["x"] - x - U * found.t) / length
+    assert moved == pytest.approx(place, abs=1e-9)
+    assert found["y_dot"] / speed == pytest.approx(K * v + C, abs=1e-9)
+    assert found["y"] / length == pytest.approx(K * (place) + C * t, abs=1e-9)
+    stop, slip = times(mass, bound)
+    rest = (t > stop) & (t < slip)
+    assert rest.sum() > 10
+    pull = found["lambda_h"][rest] * time**2 / length
+    assert np.abs(pull) == pytest.approx(G, rel=1e-12)
+    balance = (found["energy"] - found["work"]) / speed**2
+    assert balance == pytest.approx(balance[0], abs=1e-11, rel=1e-14)
+    events = [(e.kind, e.time / time) for e in found.events]
+    assert [kind for kind, _ in events] == ["stick", "slip"]
+    assert [at for _, at in events] == pytest.approx([stop, slip], abs=1e-6)
+
+
+@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("relation", SPELLINGS)
+def test_the_motion_rests_at_a_kink_like_dry_friction(relation, when):
+    check(run(relation, when))
+
+
+@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize(
+    "changes",
+    [{"U": 3.0}, {"x": 1e3}, {"length": 1e3}, {"time": 1e-3}],
+    ids=["boosted", "far", "millimetres", "milliseconds"],
+)
+def test_elsewhere(when, changes):
+    check(run(SPELLINGS[0], when, **changes), **changes)
+
+
+METHODS = {
+    "when": ["dopri5", pytest.param("rk4, step: 0.002", marks=SLOW)],
+    "always": [
+        "dopri5", *(pytest.param(x, marks=SLOW) for x in ("taylor", "radau")),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("when", "method"), [(when, x) for when, some in METHODS.items() for x in some]
+)
+def test_by_other_methods(when, method):
+    name = getattr(method, "values", [method])[0]
+    check(run(SPELLINGS[0], when, method=f", method: {name}"))
+
+
+@pytest.mark.parametrize("order", ["h: ROW, MORE", "MORE, h: ROW"])
+@pytest.mark.parametrize("when", WHEN)
+def test_beside_other_rows(when, order):
+    also = WHEN[when].format("z_dot = m*abs(x_dot) + 0.1*(y_dot - c)")
+    m = 0.4
+    found = run(
+        SPELLINGS[0], when, m=m, rows=order.replace("MORE", f"z: {also}"),
+        names="x: {}, y: {}, z: {}", kinetic="(x_dot^2 + y_dot^2 + z_dot^2)/2",
+        more=", z: 0, z_dot: (m + 0.1*k)*0.9",
+    )  # fmt: skip
+    check(found, mass=1 + K**2 + (m + 0.1 * K) ** 2)
+    limit = "rub: {relation: x_dot = 0, limit: 0.5}"
+    found = run(SPELLINGS[0], when, rows=order.replace("MORE", limit))
+    v, x = speed_and_place(found.t, 1 + K**2, BOUND + 0.5)
+    assert found["x_dot"] == pytest.approx(v, abs=1e-9)
+    assert found["x"] == pytest.approx(x, abs=1e-9)
+
+
+@pytest.mark.parametrize("when", WHEN)
+def test_beside_a_heavy_body_and_coupled_masses(when):
+    heavy = "(x_dot^2 + y_dot^2)/2 + 5e5*z_dot^2"
+    names = "x: {}, y: {}, z: {}"
+    check(run(SPELLINGS[0], when, names=names, kinetic=heavy, more=", z: 0, z_dot: 1"))
+    # With y_dot = k*u + c: (1 + 2 b k + k^2) u_dot = r t - k g on the upper side.
+    coupled = "(x_dot^2 + y_dot^2)/2 + 0.2*x_dot*y_dot"
+    found = run(SPELLINGS[0], when, kinetic=coupled)
+    stop, slip = times(1 + 0.4 * K + K**2, BOUND)
+    rest = (found.t > stop) & (found.t < slip)
+    assert found["y_dot"][rest] == pytest.approx(C, abs=1e-12)
+    assert np.abs(found["lambda_h"][rest]) == pytest.approx(G, rel=1e-12)
+    assert [e.time for e in found.events] == pytest.approx([stop, slip], abs=1e-6)
+
+
+@pytest.mark.parametrize("force", ["1.2", "r*t"])
+@pytest.mark.parametrize("relation", ["y_dot = k*abs(x_dot)", "y = k*abs(x)"])
+def test_the_relation_ends_while_the_motion_rests_at_its_kink(relation, force):
+    rows = f"h: {{relation: {relation}, when: t < 1.5}}"
+    text = {"v": 0.0, "c": 0.0, "rows": rows, "force": force, "end": 2.0}
+    found = run(SPELLINGS[0], "when", **text)
+    t = found.t
+    assert {x.code for x in found.warnings} <= {"unused-parameter"}
+    later = np.maximum(t - 1.5, 0.0)
+    pushed = {"1.2": 1.2 * later, "r*t": R * (np.maximum(t, 1.5) ** 2 - 1.5**2) / 2}
+    assert found["x_dot"] == pytest.approx(pushed[force], abs=1e-9)
+    assert found["y_dot"] == pytest.approx(-G * later, abs=1e-9)
+    assert np.abs(found["lambda_h"][t < 1.5]) == pytest.approx(G, rel=1e-12)
+    assert sum(e.kind in ("switch", "stick", "slip") for e in found.events) <= 3
+
+
+@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("force", ["0", "r*t"])
+@pytest.mark.parametrize("X", [0.0, 3.0])
+def test_a_groove_holds_a_bead_until_the_force_exceeds_its_slope(when, force, X):
+    row = WHEN[when].format("y = k*abs(x - X)" if X else "y = k*abs(x)")
+    text = {"v": 0.0, "rows": f"h: {row}", "force": force, "x": X, "c": 0.0}
+    found = run(SPELLINGS[0], when, place=X, **text)
+    assert {x.code for x in found.warnings} <= {"unused-parameter"}
+    later = np.maximum(found.t - BOUND / R, 0.0) * (force != "0")
+    assert found["x"] - X == pytest.approx(R * later**3 / 6 / (1 + K**2), abs=1e-9)
+    assert found["y"] == pytest.approx(K * (found["x"] - X), abs=1e-9)
+    rest = later == 0.0
+    assert np.abs(found["lambda_h"][rest]) == pytest.approx(G, rel=1e-9)
+
+
+def test_unequal_sides():
+    # Upwards like friction of k g; the side below, steeper, is never reached.
+    check(run("y_dot = if(u > 0, k*u, -2*k*u) + c", "when"))
+    check(run("y_dot = if(u > 0, k*u, -2*k*u) + c", "always"))
