@@ -152,3 +152,24 @@ def test_an_oscillator_set_in_motion_by_a_weak_force(method, square):
     # The back action on a is of second order, 1e-20.
     exact = weak * (np.cos(t) - np.cos(np.sqrt(square) * t)) / (square - 1)
     assert np.max(np.abs(found["b"] - exact)) < 1e-8 * np.ptp(exact)
+
+
+# A coin on a disc that speeds up by 0.8 rad/s each second: its rows hold all of its
+# motion, or forces have the same effect.
+COIN = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+initial: {x: 0.2, y: 0}
+"""
+HELD = 'constraints: {a: "x_dot + 0.8*t*y = 0", b: "y_dot - 0.8*t*x = 0"}'
+DRIVEN = "forces: {x: -0.8*y - 0.8*t*y_dot, y: 0.8*x + 0.8*t*x_dot}"
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853"])
+@pytest.mark.parametrize("more", [HELD, DRIVEN], ids=["held", "driven"])
+def test_components_that_displace_each_other_without_end(more, method):
+    """No force balances their displacements, which begin as t^2 and t^4."""
+    found = run(COIN + f"{more}\nsimulation: {{duration: 4, method: {method}}}")
+    angle = 0.4 * found["t"] ** 2
+    assert np.max(np.abs(found["x"] - 0.2 * np.cos(angle))) < 1e-11
+    assert np.max(np.abs(found["y"] - 0.2 * np.sin(angle))) < 1e-11

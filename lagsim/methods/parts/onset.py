@@ -8,7 +8,8 @@ than the effect of the errors that neighbours may have is none.
 Where components that begin to move limit a step, and the others would not, the scale of
 a component becomes at least 1 % of its displacement by the motions of its neighbours,
 each for the time in which the neighbour's own motion lasts, and at most of the
-displacement at which its own force balances theirs. This displacement acts on
+displacement at which its own force balances theirs. With this displacement it has at
+most the kinetic energy of the component that moves most. The displacement acts on
 components farther away in turn. All are found from y' at displaced states.
 """
 
@@ -107,6 +108,7 @@ def spread_scales(
     """
     n, own, moves, forces, found = s.n, s.reach, s.point, s.point_rates, s.exact_rates
     longest = (LASTS * h) * (LASTS * h)
+    energy = 0.0
     forces[:n] = 0.0
     found[:n] = 0.0
     for i in range(s.velocities.stop):
@@ -114,6 +116,9 @@ def spread_scales(
         if s.tolerances[i] > 0.0:
             own[i] = max(own[i], width_with(s, i, new))
         moves[i] = own[i]
+    for i in range(n):
+        speed = max(own[n + i], abs(k[i])) + LASTS * h * abs(k[n + i])
+        energy = max(energy, s.masses[i] * speed * speed)
     for signs in range(2):
         raise_to_changes(s, p, t, y, k, signs, forces)
     for i in range(n):
@@ -125,7 +130,7 @@ def spread_scales(
         moves[n + i] = lasting * own[n + i]
     raise_to_changes(s, p, t, y, k, 0, found)
     for hop in range(int(s.hops)):
-        if spread_once(s, p, t, y, k, longest, hop % 2) == 0:
+        if spread_once(s, p, t, y, k, longest, energy, hop % 2) == 0:
             # The others are known not to be reached. If none is, the step may be too
             # long, and the component that moves others counts as one at its onset.
             for i in range(s.velocities.stop):
@@ -141,6 +146,7 @@ def spread_once(
     y: Floats,
     k: Floats,
     longest: float,
+    energy: float,
     signs: int,
 ) -> int:
     """Raise the sizes `onset` of components that others reach; return their number.
@@ -151,6 +157,10 @@ def spread_once(
     raised; the effects of their own displacements are added for the next call.
 
     longest : the square of the longest time.
+    energy : twice the largest kinetic energy of a component, at the speed that it may
+        reach in the longest time. No component that is reached has more: if two
+        displace each other and no force balances (x'' = -y, y'' = x), their sizes would
+        grow with each call.
     t, y, k, signs : see `raise_to_changes`.
     """
     n, own, moves, back = s.n, s.reach, s.point, s.far_before
@@ -173,8 +183,10 @@ def spread_once(
     raised = 0
     for i in range(n):
         balanced = part_of(forces[i], back[i])
-        size = balanced * moves[i]
         speed = balanced * moves[n + i]
+        slower = sqrt(part_of(energy, s.masses[i] * speed * speed))
+        size = slower * balanced * moves[i]
+        speed = slower * speed
         lasting = part_of(found[i], forces[i])
         if moves[i] > 0.0:
             forces[i] = 0.0
