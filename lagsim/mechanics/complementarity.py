@@ -35,10 +35,8 @@ counts, else the best one.
    method finds it. Ties are broken lexicographically, which excludes cycles: on
    degenerate problems (balls that touch at rest, redundant legs) the method ends, too,
    at a solution whose rows with nonzero multipliers are independent. With discs,
-   Newton's method continues from there, or from a polygon of more corners; then once
-   more with the single rows that hold eliminated, since masses of very different sizes
-   leave the directions of a disc at other scales. Last, where all bounds are constant,
-   Newton's method for a smoothed minimum problem.
+   Newton's method continues from there, or from a polygon of more corners. Last, where
+   all bounds are constant, Newton's method for a smoothed minimum problem.
 3. Proximal point iteration: a small addition to the diagonal makes rows independent,
    and its effect on the solution is removed by iteration. Where rows with discs are
    dependent, this attempt is the first: it leads approximately to the least
@@ -404,9 +402,7 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     if discs:
         yield _proximal(unit, FIRM_ON_DISCS, PROXIMAL_ON_DISCS)
         for corners in CORNERS:
-            point = _descend(unit, _by_pivots(unit, corners))
-            yield point
-            yield from _beside_held(point)
+            yield _descend(unit, _by_pivots(unit, corners))
         # Where solutions of D p + c = 0 touch a disc, Newton's steps are slow.
         yield _descend(unit, -least_squares(unit.D, unit.c, DEPENDENT_SQUARE))
         symmetric = unit.is_constant and (unit.low[0] == -unit.high[0]).all()
@@ -419,35 +415,6 @@ def _attempts(unit: ComplementarityProblem) -> Iterator[_MultiplierPoint]:
     at = np.where(unit.c > 0.0, unit.low, unit.high)
     low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
     yield _MultiplierPoint(unit, _by_pivots(replace(unit, low=low, high=high)))
-
-
-def _beside_held(point: _MultiplierPoint) -> Iterator[_MultiplierPoint]:
-    """Eliminate the held rows that belong to no disc, and solve for the other rows.
-
-    The elimination can leave inertias in the two directions of a disc that differ by
-    the ratio of masses; the remaining problem is therefore scaled by its own diagonal.
-    Yields one candidate solution, or none without such rows.
-
-    Parameters
-    ----------
-    point : _MultiplierPoint
-        An approximate solution, which determines the rows that hold.
-    """
-    problem = point.problem
-    single = point.inside & (problem.pairs < 0)
-    single[problem.normals[problem.normals >= 0]] = False
-    held, left = np.flatnonzero(single), np.flatnonzero(~single).tolist()
-    if not len(held):
-        return
-    right = np.column_stack([problem.D, problem.c])
-    X = least_squares(right[np.ix_(held, held)], right[held], DEPENDENT_SQUARE)
-    less = right - problem.D[:, held] @ X
-    reduced, s = _scaled(replace(problem, D=less[:, :-1], c=less[:, -1]).part(left))
-    found = _descend(reduced, point.p[left] / s)
-    p = point.p.copy()
-    p[left] = found.p * s
-    p[held] = -X[:, left] @ p[left] - X[:, -1]
-    yield _MultiplierPoint(problem, p)
 
 
 def _proximal(
