@@ -34,6 +34,7 @@ def test_it_does_so_in_other_words(name):
         ("balanced under if(t < 1, 0, 1e-3*(t - 1))", "shifted"),
         ("two are pushed by 2.0*sin(3.0*t) beside 0", "shifted"),
         ("pushed at an angle of 2.0", "boosted"),
+        ("pushed at an angle of 0.001", "boosted"),
     ],
 )  # fmt: skip
 def test_rounding_in_other_words_costs_no_steps(name, word):

@@ -122,25 +122,36 @@ def test_a_kick_of_beads_in_corners_at_one_place(place, slopes, kinks, side):
     assert found == pytest.approx(right, abs=1e-9 * unit)
 
 
-@pytest.mark.parametrize("kicked", [0, 1, 2])
-@pytest.mark.parametrize("count", [2, 3, 8])
-def test_a_kick_of_one_of_several_beads_leaves_the_others_in_their_corners(
-    count, kicked
-):
-    # No rods: the other beads have no speed on either side of their corners.
-    if kicked >= count:
-        kicked = count - 1
-    n = range(count)
+def kicked(impulses):
+    """Return the x_dot of beads without rods just after impulses in their corners."""
+    n = range(len(impulses))
     own = (f"x{i}: {i}, x{i}_dot: 0, y{i}: 0, y{i}_dot: {{guess: 0}}" for i in n)
+    kicks = ", ".join(f"x{i}: {impulse}" for i, impulse in enumerate(impulses))
     text = f"""
 coordinates: {{{"".join(f"x{i}: {{}}, y{i}: {{}}, " for i in n)}z: {{}}}}
 energy:
   kinetic: {"+".join(f"(x{i}_dot^2 + y{i}_dot^2)/2" for i in n)} + z_dot^2/2
   potential: 9.81*({"+".join(f"y{i}" for i in n)})
 constraints: {{{", ".join(f"wire{i}: y{i} = abs(x{i} - {i})" for i in n)}}}
-events: {{kick: {{at: z = 0, impulse: {{x{kicked}: -1}}}}}}
+events: {{kick: {{at: z = 0, impulse: {{{kicks}}}}}}}
 initial: {{{", ".join(own)}, z: -1, z_dot: 1}}
 simulation: {{duration: 1.25, output_step: 0.25}}
 """
-    found = after(text, *(f"x{i}_dot" for i in n))
-    assert found == pytest.approx([-0.5 * (i == kicked) for i in n], abs=1e-9)
+    return after(text, *(f"x{i}_dot" for i in n))
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+@pytest.mark.parametrize("count", [2, 3, 8])
+def test_a_kick_of_one_of_several_beads_leaves_the_others_in_their_corners(
+    count, which
+):
+    # The other beads have no speed on either side of their corners.
+    impulses = [-1.0 * (i == min(which, count - 1)) for i in range(count)]
+    assert kicked(impulses) == pytest.approx([0.5 * x for x in impulses], abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 7, 12])
+def test_kicks_of_several_beads_lead_each_to_its_own_side(count):
+    # More corners than those whose sides are all combined are decided by turns.
+    impulses = [(-1.0) ** (i // 2) * (1 + i) for i in range(count)]
+    assert kicked(impulses) == pytest.approx([0.5 * x for x in impulses], abs=1e-9)
