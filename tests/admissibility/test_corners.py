@@ -8,7 +8,7 @@ import yaml
 from scipy.optimize import linprog
 
 import lagsim
-from tests.support import refused
+from tests.support import dumped, refused
 
 G = 9.81
 
@@ -17,7 +17,7 @@ def model(coordinates, potential, constraints=(), unit=1.0, at=0.0, **more):
     """Return a model of unit masses, with lengths in 1/unit, about a position."""
     kinetic = " + ".join(f"{q}_dot^2/2" for q in coordinates)
     guess = {q: {"guess": at + unit * x} for q, x in coordinates.items()}
-    return yaml.safe_dump(
+    return dumped(
         {
             "coordinates": {q: {} for q in coordinates},
             "energy": {"kinetic": f"({kinetic})/{unit**2!r}", "potential": potential},

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.signal import lsim
 
 import lagsim
 from tests.support import MODELS, simulate
@@ -82,6 +81,8 @@ def test_deformations_are_those_published(zeta, periods, inches):
 
 @pytest.mark.slow
 def test_the_response_spectrum_is_that_of_scipy():
+    from scipy.signal import lsim  # takes over a second
+
     t, ground = RECORD.T
     periods, exact = [0.1, 0.3, 0.7, 1.5, 3.0], []
     for T in periods:

@@ -10,15 +10,19 @@ from lagsim.language.names import rate_of
 from lagsim.show.lagrange import derived
 from lagsim.show.printers import as_json
 from tests.show.cases import known, numbers
-from tests.support import MODELS, SHIPPED, case_of, ready, refused, run, shipped
+from tests.support import (
+    MODELS,
+    SHIPPED,
+    case_of,
+    constraints_of,
+    has_laws,
+    ready,
+    refused,
+    run,
+)
 
 # Without the constraint of its length a quaternion has directions without inertia.
-CONSTRAINED = [
-    name
-    for name in SHIPPED
-    if any(c.always for c in shipped(name).constraints)
-    and not shipped(name).quaternions
-]
+CONSTRAINED = [name for name in SHIPPED if constraints_of(name) and not has_laws(name)]
 QUICK = ("elastic-pendulum-curve", "rolling-disk", "appell-hamel", "car-axis")
 EACH = [
     pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in CONSTRAINED

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import yaml
 
 import lagsim
+from tests.support import dumped
 
 # Errors of whole runs reach a hundred times the tolerance of a step, 1e-11 by default.
 GLOBAL = 1e-9
@@ -44,7 +44,7 @@ def scene(
     }
     if forces:
         document["forces"] = forces
-    return yaml.safe_dump(document, sort_keys=False)
+    return dumped(document)
 
 
 def contact(relation, restitution, **friction):

@@ -35,6 +35,7 @@ def test_energy_constraints_and_tolerances_of_every_model(name):
     # chaotic motion, a fifth of this.
     assert found.drift < 1e-10 * scale
     # Those that hold at times: tests/scenes/contact.
+    assert has_laws(name) == bool(found.equations.laws)
     for row in () if has_laws(name) else found.equations.rows:
         scale = found[f"scale:{row.name}"]
         # Projected to rounding: a few hundred units in the last place of the terms.
