@@ -547,8 +547,8 @@ class _Form:
         if len(a) == 1:
             return next(iter(a.items()))
         common, inverse = _shared(a)
-        rest = {_product(m, inverse): c for m, c in a.items()}
-        return _product(common, ((self._sum(rest), Fraction(1)),)), self.g.one
+        rest = (self._term(_product(m, inverse), c) for m, c in a.items())
+        return _product(common, ((self.g.sum(rest), Fraction(1)),)), self.g.one
 
     def _power(self, a: Sum, exponent: Fraction) -> Sum:
         g = self.g
@@ -571,9 +571,6 @@ class _Form:
             return self.g.zero
         monomial, factor = self.as_monomial(a)
         return self._term(monomial, factor)
-
-    def _sum(self, a: Sum) -> int:
-        return self.g.sum(self._term(m, c) for m, c in a.items())
 
     def _term(self, monomial: Monomial, factor: int) -> int:
         g = self.g
