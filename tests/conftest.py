@@ -54,11 +54,11 @@ def heeded_signals():
         signal.signal(kind, handler)
 
 
-# Of a test with this many cases or more every tenth is quick, others with each commit;
-# the rest waits for the slow suite. Of two or three cases one is quick where each is a
-# run of a model, or several.
+# Of a test with this many cases or more one in QUICK_ONE_IN is quick, and at least one,
+# others with each commit; the rest waits for the slow suite. Of two or three cases one
+# is quick where each is a run of a model, or several.
 MANY_CASES = 4
-QUICK_ONE_IN = 10
+QUICK_ONE_IN = 40
 ROOMS_OF_RUNS = (
     *("admissibility", "api", "cli", "invariance", "mechanics", "methods", "outputs"),
     *("program", "run", "scenes", "show", "studies"),
@@ -150,11 +150,9 @@ def pytest_generate_tests(metafunc):
 def waiting(test, cases, *, many):
     """Return the cases of a test that wait for the slow suite at this commit."""
     if many:
-        return [
-            case
-            for case in cases
-            if not chosen(f"{test}[{case.id}]", COMMIT, QUICK_ONE_IN)
-        ]
+        names = [f"{test}[{case.id}]" for case in cases]
+        quick = {*share(names, COMMIT, QUICK_ONE_IN)}
+        return [x for x, name in zip(cases, names, strict=True) if name not in quick]
     if not test.startswith(RUNS):
         return []
     quick = turn(test, COMMIT, cases)
