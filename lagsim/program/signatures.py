@@ -28,7 +28,10 @@ AT_SECTIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     crossings.finish: (None, (_POINTER, _POINTER, ctypes.c_double)),
 }
 AT_CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
-    truth.evaluate_with_bounds: (None, (_POINTER, _POINTER, ctypes.c_int64)),
+    truth.evaluate_with_bounds: (
+        None,
+        (_POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
+    ),
     truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
     truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.decide_before: (None, (_POINTER, _POINTER, ctypes.c_int64)),

@@ -164,6 +164,8 @@ class SearchTable(Rank):
     worth: Floats = array("conditions")
     trend: Floats = array("conditions")
     condition_slopes: Floats = array(lambda s: s.conditions * (2 + s.dynamic.stop))
+    # Values at two states just before or after, see `truth.evaluate_beside`.
+    beside: Floats = array(lambda s: 2 * s.conditions)
     # Change of the value of an inequality by jumps just after the start of the run, if
     # it is true then; otherwise, and after the first step, 0.
     ahead: Floats = array("conditions")

@@ -19,7 +19,7 @@ is on the side to which its rate leads.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.search_table import (
@@ -49,9 +49,15 @@ NEAR = 4.0
 # A value has jumped to 0 if its distance from 0 is within the error of the state, and
 # the error at most this part of the jump.
 LEAP = 2.0**-20
+# Time over which one-sided rates are differenced, as a part of the last step. Ratio of
+# the changes in this time and in half of it: at least that of a root, 1 for a jump; and
+# the largest deviation from 2, the ratio of a linear change.
+ASIDE = 2.0**-12
+STEEPEST = 1.2
+UNEVEN = 0.25
 
 
-def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int) -> None:
+def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int, way: int) -> None:
     """Evaluate all conditions at the state reached; store values, bounds and rates.
 
     `worth` has the values, `zero` the sizes up to which a value counts as 0, and
@@ -59,6 +65,8 @@ def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int) -> None:
 
     found : the index of the condition located there, or -1; its value there bounds the
         error of the state.
+    way : -1 for the rates just before the state, 1 for the rates just after it, where
+        a condition has a kink (`abs(x) <= 0` at x = 0); 0 for the rates by the slopes.
     """
     slopes, rates = s.condition_slopes, s.exact_rates
     evaluate(s, p)
@@ -76,6 +84,7 @@ def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int) -> None:
             part = max(part, 2.0 * value / terms if terms > 0.0 else 2.0 * value)
     least = max(RESIDUAL_ROUNDOFF, float(s.rtol))
     width_of = s.dynamic.stop + 1
+    ahead = 0.0
     for k in range(s.conditions):
         row = slopes[s.conditions + k * width_of :]
         change = row[s.dynamic.stop]
@@ -90,6 +99,67 @@ def evaluate_with_bounds(s: SearchTable, p: Parameters, found: int) -> None:
         s.trend[k] = change
         zero = part * terms_of(s, k) + same_time(s, s.t) * abs(change)
         s.zero[k] = max(zero, LEAST)
+        ahead = turn_at_kink(s, p, k, way, least * moved, ahead)
+
+
+def turn_at_kink(
+    s: SearchTable, p: Parameters, k: int, way: int, least: float, ahead: float
+) -> float:
+    """Replace the rate of condition k at a kink by the rate on one side of the state.
+
+    Return the time of `evaluate_beside`, 0 if the states are not evaluated yet.
+
+    way : see `evaluate_with_bounds`.
+    least : the least rate that is not 0.
+    ahead : the time returned for the condition before.
+    """
+    if way == 0 or not abs(s.worth[k]) <= s.zero[k]:
+        return ahead
+    if ahead == 0.0:
+        ahead = evaluate_beside(s, p, way)
+    turned = rate_beside(s, k, ahead)
+    if turned * s.trend[k] <= 0.0 and abs(turned) > least:
+        s.trend[k] = turned
+    return ahead
+
+
+def evaluate_beside(s: SearchTable, p: Parameters, way: int) -> float:
+    """Evaluate all conditions at two states just before or after the state reached.
+
+    The states are on the line along the present rates; the values at the nearer one are
+    stored first in `beside` (2 C,). Return the time to the farther one, at twice the
+    distance of the nearer one; nan if no time has passed since the last instant.
+
+    way : -1 before, 1 after.
+    """
+    time = float(s.step_h)
+    if way < 0:
+        time = min(time, float(s.t) - float(s.arc_start))
+    time *= way * ASIDE
+    state = s.point
+    for half in range(2):
+        part = 0.5 * time * (1 + half)
+        for i in range(s.size):
+            state[i] = s.y[i] + part * s.exact_rates[i]
+        located(s.t + part, state, p, s.beside[half * s.conditions :])
+    return time if abs(time) > same_time(s, s.t) else nan
+
+
+def rate_beside(s: SearchTable, k: int, time: float) -> float:
+    """Return the rate of condition k on one side of the state; 0 if it is not known.
+
+    It is not known where the value does not change by more than its rounding, or jumps.
+    After the state the change has to be in proportion to the time: a value at rest that
+    leaves 0 later is decided by its leeway. Before it the value may reach 0 like a
+    power of the time, as that of `x^2 <= 0` does.
+
+    time : the time to the farther state of `evaluate_beside`.
+    """
+    near = s.beside[k] - s.worth[k]
+    far = s.beside[s.conditions + k] - s.worth[k]
+    ratio = far / near if near != 0.0 else 0.0
+    known = ratio > STEEPEST and (time < 0.0 or abs(ratio - 2.0) < UNEVEN)
+    return float(far / time) if known and abs(far) > NEAR * s.zero[k] else 0.0
 
 
 def evaluate(s: SearchTable, p: Parameters) -> None:
@@ -147,7 +217,7 @@ def located_within(s: SearchTable, p: Parameters) -> float:
     found = int(s.event) - 1
     if found < 0:
         return 0.0
-    evaluate_with_bounds(s, p, found)
+    evaluate_with_bounds(s, p, found, 0)
     return error_of_time(s, found)
 
 
@@ -175,7 +245,7 @@ def decide_before(s: SearchTable, p: Parameters, found: int) -> None:
             s.calm = 0.0
     if not far:
         s.calm = 0.0
-        evaluate_with_bounds(s, p, found)
+        evaluate_with_bounds(s, p, found, -1)
 
 
 def is_calm(s: SearchTable, k: int, least: float) -> bool:
@@ -234,7 +304,7 @@ def wait(s: SearchTable, p: Parameters) -> int:
     """
     found = int(s.event) - 1
     s.met_first = float(found)
-    evaluate_with_bounds(s, p, found)
+    evaluate_with_bounds(s, p, found, -1)
     mark(s)
     delay = 0.0
     for k in range(s.conditions):
@@ -303,7 +373,7 @@ def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
         evaluate(s, p)
     if s.steps > 0.0 and not may_change(s):
         return 0
-    evaluate_with_bounds(s, p, -1)
+    evaluate_with_bounds(s, p, -1, 1)
     count = become(s, 1)
     choose_sides(s, p)
     return count

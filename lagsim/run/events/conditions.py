@@ -96,7 +96,7 @@ class Truth:
         `settled` finds the side of each value of 0, by its rate.
         """
         state, equation = self.state, self.state.equation > 0.0
-        self.run("evaluate_with_bounds", -1)
+        self.run("evaluate_with_bounds", -1, 0)
         np.maximum(state.zero, rounding_of_start(self.arc), out=state.zero)
         values, zero, fixed = state.worth, state.zero, np.isinf(state.leeway)
         off = (np.abs(values) > zero) & ((values < 0.0) | equation) & ~fixed
