@@ -44,6 +44,7 @@ _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare wr
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
 _digests = keys.Digests()
+_new: set[str] = set()  # the inputs of the quick code that this process has compiled
 
 
 class ProgramPart:
@@ -67,6 +68,7 @@ class ProgramPart:
         optimise: bool,
     ) -> None:
         self.made_from, self.optimise, self._write = made_from, optimise, write
+        self._written: tuple[str, int] | None = None  # kept beside quick code
 
     @cached_property
     def _content(self) -> bytes:
@@ -77,7 +79,8 @@ class ProgramPart:
         return [*self.made_from, *engine.target()]
 
     def _compiled(self) -> bytes:
-        ir, p_size = self._write()
+        ir, p_size = self._written or self._write()
+        self._written = None
         return _SIZE.pack(p_size) + engine.compile_object(ir, optimise=self.optimise)
 
     @property
@@ -98,9 +101,17 @@ class ProgramPart:
         KernelError, NativeError
             As for `object`.
         """
-        return _kept(
-            self._quick_key, lambda: engine.compile_object(self._write()[0], quick=True)
-        )
+        return _kept(self._quick_key, self._quickly_compiled)
+
+    def _quickly_compiled(self) -> bytes:
+        _new.add(_digest(self.made_from))
+        self._written = self._write()
+        return engine.compile_object(self._written[0], quick=True)
+
+    @property
+    def is_new(self) -> bool:
+        """Whether this process has compiled `quick_object`, and no earlier one."""
+        return _digest(self.made_from) in _new
 
     @property
     def _quick_key(self) -> list[object]:
