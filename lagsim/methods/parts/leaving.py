@@ -11,7 +11,8 @@ step, its margin. Up to the margin
 - a section is not crossed: the margin is part of its band.
 
 A value leaves if it is 0 at the start of an arc, to its rounding, and if a motion with
-the rates of that time changes it in the step by no more than its margin.
+the rates of that time changes it in the step by no more than its margin. With fixed
+steps a condition leaves also from a value within its margin.
 
 The margin is the change of the value at states that differ by the errors of the
 components. With step control these errors follow from the tolerances. With fixed steps
@@ -130,20 +131,29 @@ def zero_of(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
     """Return the size up to which row k is 0 at the start of an arc; below 0: never.
 
     A surface or a slip that leaves has a slack. With step control a condition that is
-    false, and 0 to its rounding, is located where it becomes true, however soon.
+    false, and 0 to its rounding, is located where it becomes true, however soon. With
+    fixed steps a condition within its margin is 0.
     """
     if kind == CROSSING:
         return float(s.bands[k - relations(s)])
     if UNTIL and k >= s.surfaces:
         c = k - s.surfaces
-        zero = max(float(s.leeway[c]), float(s.zero[c]))
-        leaves = s.orientation[c] == 0.0 or s.fixed_step > 0.0
-        return zero if leaves and zero < inf else -1.0
+        zero = zero_of_condition(s, c)
+        if not zero < inf:
+            return -1.0
+        if s.fixed_step > 0.0:
+            return inf
+        return zero if s.orientation[c] == 0.0 else -1.0
     if not SWITCHES or not 0.0 < p.slack[k] < inf:
         return -1.0
     law = k - p.surfaces
     leaves = p.slides[k] == 0.0 if law < 0 else p.law_mode[law] == SLIDING
     return float(p.slack[k]) if leaves else -1.0
+
+
+def zero_of_condition(s: SearchTable, c: int) -> float:
+    """Return the size up to which condition c is 0, to its rounding."""
+    return max(float(s.leeway[c]), float(s.zero[c]))
 
 
 def bound_margins(
@@ -164,11 +174,7 @@ def bound_margins(
         s.work[i] += s.step_h * s.spare[i]
     evaluate_values(kind, s, p, s.step_t + s.step_h)
     for k in range(first, last):
-        off = abs(before[k])
-        if s.margins[k] == inf:
-            off = abs(s.values[k] - before[k])
-        elif kind == EVENT and k < s.surfaces:
-            off = 0.0
+        off = change_within(kind, s, k, before[k], s.values[k])
         if s.margins[k] >= 0.0:
             s.margins[k] = most[k] if off <= most[k] else -1.0
             if SWITCHES and k < p.surfaces and kind == EVENT and has_no_end(p, k):
@@ -179,6 +185,22 @@ def bound_margins(
         for c in range(s.conditions):
             if s.values[s.surfaces + c] * s.orientation[c] < -float(s.zero[c]):
                 s.margins[s.surfaces + c] = -1.0
+
+
+def change_within(
+    kind: Static, s: SearchTable, k: int, before: float, after: float
+) -> float:
+    """Return the size of row k that its margin must reach for the row to leave.
+
+    before, after : the value at the start of the step, and after a motion with the
+        rates of that time.
+    """
+    if s.margins[k] != inf:
+        return 0.0 if kind == EVENT and k < s.surfaces else abs(before)
+    change = abs(after - before)
+    if UNTIL and kind == EVENT and k >= s.surfaces:
+        change = max(change, abs(before) - zero_of_condition(s, k - s.surfaces))
+    return change
 
 
 def change_by_errors(

@@ -287,6 +287,8 @@ def find_end(s: Crossings, p: Parameters) -> None:
     search(EVENT, s, p, 0.0, 1.0)
     if UNTIL and s.event > 0.0:
         continue_past(s, p, t)
+    if UNTIL and s.cut > 0.0:
+        disarm_past(s)
     if UNTIL:
         for k in range(s.conditions):
             if follows(s, k):
@@ -312,6 +314,7 @@ def add_margins(s: SearchTable, p: Parameters) -> None:
     if UNTIL:
         for k in range(s.conditions):
             s.own_leeway[k] = s.leeway[k]
+            s.armed_at[k] = 0.0
             s.leeway[k] += margin(s, s.surfaces + k)
 
 
@@ -404,13 +407,14 @@ def prepare_true(s: SearchTable, p: Parameters) -> None:
     while x <= last:
         conditions_at(s, p, x)
         for k in range(s.conditions):
-            arm(s, k, x == last)
+            arm(s, k, x, x == last)
         x *= FARTHER
     if starts:
         conditions_at(s, p, 0.0)
     for k in range(s.conditions):
         equation = s.equation[k] > 0.0
-        if starts and equation and s.values[k] * s.orientation[k] > 0.0:
+        armed = equation and s.armed_at[k] > 0.0
+        if starts and armed and s.values[k] * s.orientation[k] > 0.0:
             s.leeway[k] = 0.0
         if not equation and s.orientation[k] == 0.0 and s.leeway[k] < inf:
             s.orientation[k] = 1.0
@@ -422,17 +426,27 @@ def conditions_at(s: SearchTable, p: Parameters, x: float) -> None:
     located(s.step_t + x * s.step_h, s.work, p, s.values)
 
 
-def arm(s: SearchTable, k: int, last: bool) -> None:
+def arm(s: SearchTable, k: int, x: float, last: bool) -> None:
     """Arm condition k if it is false, to be located when it is true.
 
+    x : the fraction of the last step at which the values are known.
     last : whether inequalities are armed as well, and the leeway ends.
     """
     value, equation = s.values[k], s.equation[k] > 0.0
     waits = s.orientation[k] == 0.0 and (equation or (last and s.leeway[k] <= 0.0))
     if waits and abs(value) > s.leeway[k] and (equation or value < 0.0):
         s.orientation[k] = 1.0 if value > 0.0 else -1.0
+        s.armed_at[k] = x
         if last:
             s.leeway[k] = 0.0
+
+
+def disarm_past(s: SearchTable) -> None:
+    """Undo the arming of conditions at points past the end of a step cut short."""
+    for k in range(s.conditions):
+        if s.armed_at[k] > s.cut:
+            s.orientation[k] = 0.0
+            s.leeway[k] = s.own_leeway[k]
 
 
 def ends(s: SearchTable, p: Parameters, k: int, value: float, x: float) -> bool:

@@ -137,6 +137,8 @@ class SearchTable(Rank):
     margins: Floats = array(lambda s: relations(s) + s.sections, -1.0)
     step_errors: Floats = array("size")
     own_leeway: Floats = array("conditions")
+    # The fraction of the last step at which each condition was armed, or 0.
+    armed_at: Floats = array("conditions")
     # Sizes, least and largest values before the last step.
     sizes_before: Floats = array("size")
     low_before: Floats = array("size")
@@ -290,6 +292,8 @@ def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
         own[k] = own[k] * s.orientation[k] + s.leeway[k]
         if s.orientation[k] == 0.0:
             own[k] = 1.0
+        if x < s.armed_at[k]:  # the motion has not left the last zero yet
+            own[k] = max(own[k], TINY)
         if own[k] == 0.0:  # true; so a true condition has not ended
             own[k] = TINY if follows(s, k) else -TINY
 

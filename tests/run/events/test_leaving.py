@@ -154,3 +154,52 @@ def test_a_released_slip_has_the_sign_of_its_force(sign, n, method):
     acts = [(x.name, x.time) for x in found.events if x.kind == "event"]
     right = [f"e{k}" for k, way in enumerate(STEPS.values()) if way == sign]
     assert acts == [(name, 1.25) for name in right]
+
+
+# Conditions at places and rates below the error of the first step: true for a force > 0
+# never, for a force < 0 once.
+TINY = ("x <= -1e-30", "x_dot <= -1e-20", "x = -1e-25", "x >= -1e-30")
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("force", ["1", "t", "t^2", "t^5", "t^12", "-t^2", "-1"])
+def test_levels_below_the_error_of_a_step(force, method):
+    events = "\n".join(
+        f"  e{k}: {{at: {at}, set: {{n: n + 1}}}}" for k, at in enumerate(TINY)
+    )
+    if method in FIXED:
+        method += ", step: 0.1"
+    found = lagsim.simulate(
+        MODEL.format(
+            far=0.0, m=1.0, laws="", x=0.0, v=0.0, duration=2.0, force=force,
+            method=method, events=events,
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    acts = {x.name: x.time for x in found.events if x.kind == "event"}
+    right = {"e0", "e1", "e2"} if force.startswith("-") else set()
+    assert acts.keys() == right
+    assert found["n"][-1] == len(right)
+    assert all(time <= 0.11 for time in acts.values())
+
+
+@pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
+@pytest.mark.parametrize("n", [1, 3, 5, 12])
+@pytest.mark.parametrize("v", [0.5, 0.3, 0.7 / 3])
+@pytest.mark.parametrize("rate", [True, False])
+def test_a_place_at_which_friction_stops_is_met_once(rate, v, n, method):
+    """The block reaches d = 0 as its rate vanishes, to rounding, and goes on later."""
+    events = "  place: {at: d = 0, set: {n: n + 1}}\n"
+    events += "  rate: {at: x_dot = 0, set: {n: n + 1}}\n" * rate
+    if method in FIXED:
+        method += ", step: 0.1"
+    found = lagsim.simulate(
+        MODEL.format(
+            far=0.0, m=1.0, x=-v * v, v=v, duration=3.0, method=method, events=events,
+            force=f"if(t < 1.25, 0, 0.5 + (t - 1.25)^{n})",
+            laws="constraints: {rub: {relation: x_dot = 0, limit: 0.5}}",
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    acts = [x.name for x in found.events if x.kind == "event"]
+    assert sorted(acts) == ["place"] + ["rate"] * rate
