@@ -187,7 +187,8 @@ def compared(
     scales, still = _scales(sizes, moving, linked, largest, by_forces)
     # The other coordinates move by far more than their errors.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
-    if slow[:n].any():
+    # Where a run blows up, its last forces could push a coordinate past all ranges.
+    if slow[:n].any() and run.outcome is not Outcome.NOT_FINITE:
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
         by_forces[:n] = could_push(equations, rows, which, step).reach
         if equations.states:

@@ -62,3 +62,19 @@ def test_reported_within_thirty_times_the_error(scene, method, step):
     true = np.max(np.abs(x - exact(found.t)))
     reported = found.error.coordinates["x"].largest
     assert true / 30 - own < reported < 30 * (true + own)
+
+
+@pytest.mark.parametrize("output_step", [0.05, 0.1])
+@pytest.mark.parametrize("method", ["rk4", "verlet"])
+def test_a_run_that_blows_up_does_not_rest(method, output_step):
+    result = lagsim.simulate(
+        f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 1e8*x^4}}
+initial: {{x: 3, x_dot: 0}}
+simulation: {{duration: 1, output_step: {output_step}, method: {method}, step: 0.1}}
+"""
+    )
+    assert result.outcome == "failed"
+    assert not result.error.rests
+    assert result.error.coordinates["x"].relative >= 0.1
