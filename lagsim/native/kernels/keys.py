@@ -32,7 +32,7 @@ class Reached(NamedTuple):
     Attributes
     ----------
     text : str
-        Its name, its static globals, and the layouts of its parameters.
+        Its name, its static globals, and digests of the layouts of its parameters.
     file : str
         Digest of the file that defines it.
     calls : list of function
@@ -93,7 +93,7 @@ class Digests:
         parts = [f"{plain.__module__}.{plain.__qualname__}"]
         for memory in memories(function).values():
             if memory not in self._layouts:
-                self._layouts[memory] = _layout_text(memory)
+                self._layouts[memory] = _layout_digest(memory)
             parts.append(self._layouts[memory])
         calls = []
         if not words.is_external(function):
@@ -106,8 +106,10 @@ class Digests:
         return Reached("\n".join(parts), file, calls)
 
 
-def _layout_text(memory: type[Memory]) -> str:
-    return "\n".join(f"{name} {f.kind} {f.word}" for name, f in memory.fields.items())
+def _layout_digest(memory: type[Memory]) -> str:
+    fields = memory.fields.items()
+    text = "\n".join(f"{name} {field.kind} {field.word}" for name, field in fields)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _file_digest(file: str) -> str:
