@@ -195,3 +195,49 @@ def test_unequal_sides():
     # Upwards like friction of k g; the side below, steeper, is never reached.
     check(run("y_dot = if(u > 0, k*u, -2*k*u) + c", "when"))
     check(run("y_dot = if(u > 0, k*u, -2*k*u) + c", "always"))
+
+
+GROOVE = """
+coordinates: {{x: {{}}, y: {{}}{names}}}
+energy: {{kinetic: "(x_dot^2 + y_dot^2)/2{kinetic}", potential: "9.81*y{potential}"}}
+constraints: {{h: {h}, {other}}}
+initial: {{x: {x}, y: {x}/2{start}}}
+forces: {{x: {force}}}
+simulation: {{duration: 2.5, output_step: 0.05}}
+"""
+
+
+@pytest.mark.parametrize("when", WHEN)
+def test_two_relations_with_one_kink(when):
+    h, g = (WHEN[when].format(x) for x in ("y = abs(x)/2", "z = 0.2*abs(x) + 0.1*y"))
+    text = GROOVE.format(
+        names=", z: {}", kinetic=" + z_dot^2/2", potential=" + 3*z", h=h,
+        other=f"g: {g}", x=0.3, start=", z: 0.075", force=0,
+    )  # fmt: skip
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert not found.warnings
+    assert all(np.isfinite(found[name]).all() for name in found.columns)
+    # With z = x/4 on the mass 1 + 1/4 + 1/16; each passage shrinks by `ratio`.
+    square = 0.25 + 0.0625
+    pull, ratio = (9.81 * 0.5 + 3 * 0.25) / (1 + square), (1 - square) / (1 + square)
+    first = np.sqrt(2 * 0.3 / pull)
+    end = first * (1 + 2 * ratio / (1 - ratio))
+    assert found.events[-1].time == pytest.approx(end, abs=1e-6)
+    rest = found.t > end + 1e-6
+    assert np.max(np.abs(found["x"][rest])) < 1e-12
+    assert np.abs(found["lambda_g"][rest]) == pytest.approx(3.0, rel=1e-9)
+    assert np.abs(found["lambda_h"][rest]) == pytest.approx(9.81 + 0.3, rel=1e-9)
+
+
+@pytest.mark.parametrize("when", WHEN)
+def test_a_limit_beside_a_groove(when):
+    # Both hold x: the bead rests until the force exceeds the slope and the limit.
+    text = GROOVE.format(
+        names="", kinetic="", potential="", h=WHEN[when].format("y = abs(x)/2"),
+        other="rub: {relation: x_dot = 0, limit: 0.3}", x=0.0, start="", force="6*t",
+    )  # fmt: skip
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete
+    later = np.maximum(found.t - (9.81 * 0.5 + 0.3) / 6, 0.0)
+    assert found["x"] == pytest.approx(later**3 / 1.25, abs=1e-9)
+    assert found["y"] == pytest.approx(later**3 / 2.5, abs=1e-9)

@@ -466,7 +466,7 @@ class Crossing:
 
         At rest a switch has its value at the level; sliding, a combination of both
         sides. The motion is equal, but columns that contain the switch differ. If
-        all columns agree, the modes found are restored.
+        all columns agree, or are undefined at the levels, the modes found are restored.
 
         Parameters
         ----------
@@ -485,7 +485,10 @@ class Crossing:
         modes.restore(value, kind)
         self._store_modes(rest.mode, rest.w)
         modes.write()
-        if np.array_equal(arc.observed(), shown, equal_nan=True):
+        found = arc.observed()
+        # Rows of equalities may be dependent at the level: their solution is nan.
+        undefined = bool((np.isnan(found) & ~np.isnan(shown)).any())
+        if undefined or np.array_equal(found, shown, equal_nan=True):
             modes.carried, modes.watched = carried, watched
             modes.restore(sides, kinds)
             return

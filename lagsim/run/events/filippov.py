@@ -313,13 +313,16 @@ class FilippovCone:
         return bool(np.all(off <= self.tolerance))
 
     def _is_inside(self, sides: Corner, trial: SideSolution) -> bool:
-        """Whether the multipliers of all held laws are clearly inside their bounds.
+        """Whether the multipliers of all laws at rest are clearly inside their bounds.
 
         sides, trial : the sides of the surfaces, and the solution with them.
         """
-        closed, p = self.laws(sides)[0].closed, trial.modes.multipliers
+        laws, p = self.laws(sides)[0], trial.modes.multipliers
+        closed, slow = laws.closed, np.abs(laws.rates) <= laws.slow
         table = closed.table
-        for k in np.flatnonzero(table.bounded).tolist():
+        for k in np.flatnonzero(table.bounded & slow).tolist():
+            if trial.modes.mode[k] is Mode.SLIDING:
+                return False
             if trial.modes.mode[k] in HOLDING:
                 n, pair = table.normals[k], table.pairs[k]
                 size = math.hypot(p[k], p[pair] if pair >= 0 else 0.0)
