@@ -64,7 +64,8 @@ ROWS = (
         "The position that a constraint prescribes, and every gap, is a continuous "
         "function of time.",
         "the velocity that a constraint prescribes may jump, but not the position: "
-        "join the pieces of the prescribed motion, or of the ground, without a step",
+        "join the pieces of the prescribed motion, or of the ground, without a step; "
+        "with fixed steps, use a shorter step where bodies collide",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
         "constraints: {belt: 'x = if(t < 0.5, 1, 2)'}\n",
         _RUN),
