@@ -367,11 +367,8 @@ class Arc(NamedTuple):
         for name, number in numbers.items():
             setattr(self.state, name, number)
 
-    def next(self, end: float, ahead: float) -> Arc:
-        """Return the arc that begins at the current state and ends at `end`.
-
-        ahead : the time at which the kernel pauses, if it is earlier than `end`.
-        """
+    def next(self, end: float) -> Arc:
+        """Return the arc that begins at the current state and ends at `end`."""
         settings, runner, state = self.settings, self.runner, self.state
         if self.system.watched:
             name = self.plan.method
@@ -382,10 +379,10 @@ class Arc(NamedTuple):
                 state = taken_over(state, runner, settings.options)
         if self.system.laws:
             state.linked[:] = self.system.coupled_coordinates()
-        state.end = ahead = min(end, ahead)
+        state.end = end
         # A row at the instant of the end is the next arc's, or the last.
         last = settings.end - SAME_STEP * settings.output_step
-        state.row_limit = state.arc_rows = min(ahead - width(settings, ahead), last)
+        state.row_limit = state.arc_rows = min(end - width(settings, end), last)
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = state.event = state.most_step = 0.0

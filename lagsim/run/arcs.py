@@ -315,7 +315,7 @@ class Run:
         """
         ending = self._recorded(settle(started(self.arc, self.deciders), self.deciders))
         if ending is None:
-            self._begin_arc(self.arc.settings.end)
+            self._begin_arc()
         return ending
 
     def _recorded(self, now: InstantRecord) -> Ending | None:
@@ -545,7 +545,7 @@ class Run:
                 self.corners.add(corner, self._beside_event(), within)
             if ending is not None:
                 return ending
-        self._begin_arc(decision.ahead)
+        self._begin_arc()
         return None
 
     def _carry_out(self, decision: Decision) -> None:
@@ -559,15 +559,12 @@ class Run:
         if decision.sizes is not None:
             self.arc.sizes[:] = decision.sizes
 
-    def _begin_arc(self, ahead: float) -> None:
-        """Begin the next arc at the current state.
-
-        ahead : the time at which the kernel pauses before the end of the arc.
-        """
+    def _begin_arc(self) -> None:
+        """Begin the next arc at the current state."""
         arc = self.arc
         known = (time for source in self.timed for time in source.times(arc))
         end = min(arc.settings.end, instant(arc.settings, known))
-        self.arc = arc.next(end, ahead)
+        self.arc = arc.next(end)
         if self.record.t != arc.t:
             self.record = new_record(self.arc)
         self.arcs += 1

@@ -6,7 +6,6 @@ A `Source` pauses or ends arcs and returns a `Decision`, which the run carries o
 from __future__ import annotations
 
 from enum import Enum
-from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from lagsim.codes import known
@@ -238,8 +237,6 @@ class Decision(NamedTuple):
         Continuation of the run.
     located : Located
         The event function that has ended the arc, where the instant is settled.
-    ahead : float
-        Time at which the sources examine the next arc again.
     """
 
     events: tuple[Event, ...] = ()
@@ -254,7 +251,6 @@ class Decision(NamedTuple):
     ending: Ending | None = None
     turn: Turn = Turn.NONE
     located: Located = NOWHERE
-    ahead: float = inf
 
     def after(self, first: Decision) -> Decision:
         """Return this decision for a jump at the time of the jump of `first`.

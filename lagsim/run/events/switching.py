@@ -63,12 +63,6 @@ LEFT = 1e-4
 TWICE = 2.0
 # Allowance for the rounding of a constant expression, in parts of sampled values.
 LARGER = 8.0
-# Steps towards a surface past which values are not finite end after the part AHEAD of
-# the distance. Where such a step fails it is shortened to the part BACK of its length,
-# MOST_APPROACHES times at most.
-AHEAD = 0.9
-BACK = 0.25
-MOST_APPROACHES = 60
 BENT = (
     "{} makes no progress near a switch: its steps are shorter than the rounding of "
     "positions allows"
@@ -105,13 +99,6 @@ class Switching(Source):
     resting : dict of int to float
         Surfaces at whose level constraints hold the motion in the present arc, see
         `surface_modes.SurfaceModes.constrained`.
-    approaches : int
-        Number of attempts, since the last surface was reached, to step close to a
-        surface beyond which y' may not be finite.
-    reach : float
-        Part of the distance to the surface that the last attempt has covered.
-    tried_at : float
-        Time of the last attempt.
     passed_at : float
         The time of the last point of a table that the kernel has passed.
     at_rest : list of int
@@ -127,9 +114,7 @@ class Switching(Source):
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
         self.resting: dict[int, float] = {}
-        self.approaches = 0
-        self.reach = AHEAD
-        self.tried_at = self.passed_at = math.nan
+        self.passed_at = math.nan
         self.at_rest: list[int] = []
 
     @property
@@ -197,7 +182,7 @@ class Switching(Source):
         return bool(np.any(modes.on_rates & (modes.off_levels() <= near)))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision at a located switch, or ahead of a surface that is near.
+        """Return the decision at a located switch, or beside one that no step can pass.
 
         None if the code of the kernel concerns no switch.
         """
@@ -205,11 +190,10 @@ class Switching(Source):
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
             return self._reached(arc, hit) if hit < self.modes.count else None
-        if code == at.PAUSED:
-            checks = arc.checks_approach and arc.t != self.passed_at
-            return self._stuck(arc) if checks else None
-        short = code == at.DONE and arc.t < arc.end
-        return self._approach(arc, short=short) if short or code in FAILED else None
+        if code in FAILED:
+            return self._reached_to_rounding(arc)
+        checks = code == at.PAUSED and arc.checks_approach
+        return self._stuck(arc) if checks and arc.t != self.passed_at else None
 
     # The modes at an instant
 
@@ -541,7 +525,6 @@ class Switching(Source):
         Where switches accumulate, the state counts as at rest on their surfaces.
         Arguments: see `select`.
         """
-        self.approaches = 0
         self.sequence.add(arc.t, k)
         found = self._at_limit(arc, surfaces, laws, k)
         if found is not None:
@@ -648,53 +631,30 @@ class Switching(Source):
         name = corner.rows[0] if corner else None
         return Event(time, "zeno", name, switch=self.sides[k].text)
 
-    def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
-        """Return the decision to end an arc ahead of a surface that no step can pass.
+    def _reached_to_rounding(self, arc: Arc) -> Decision | None:
+        """Return the decision to settle where no step can pass the next surface.
 
-        On the other side the branch in force may have no finite value (a root, an
-        inverse). Where the state is on a surface already, or no step leads to it, the
-        surface counts as reached.
-
-        short : whether the arc ended before its planned end; if so, another arc begins
-            where no surface is near, else None is returned.
+        The surface counts as reached if the motion reaches it within the rounding of
+        its argument or of the time. Steps cannot pass it if the branch in force has no
+        finite value on the other side (a root, an inverse), or if they are too short
+        to change the position: far from the origin no double may lie between the
+        position and the surface. None if the motion reaches no surface.
         """
-        found = self._time_ahead(arc)
-        if found is None:
-            return Decision(turn=Turn.ARC) if short else None
-        k, time = found
-        if k is None:
-            return Decision(turn=Turn.ARC, ahead=time)
-        return self._reached(arc, k)
-
-    def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Return a pair (k, time): the end of an arc just before a surface is reached.
-
-        k is the index of the surface if the state is on it already, else None. The
-        result is None, instead of a pair, if no surface is near or the approach has
-        been tried too often.
-        """
-        self.approaches += 1
-        if self.approaches > MOST_APPROACHES:
-            return None
-        self.reach = AHEAD if arc.t != self.tried_at else self.reach * BACK
-        self.tried_at = arc.t
         k, ahead = self._next(arc)
-        if not arc.t + ahead < arc.end:
-            return None
-        hit = self._is_on(arc, k) or ahead <= TIME_ROUNDOFF * abs(arc.t)
-        return k if hit else None, float(arc.t + self.reach * ahead)
+        soon = ahead <= TIME_ROUNDOFF * abs(arc.t)
+        if ahead < math.inf and (soon or self._is_on(arc, k)):
+            return self._reached(arc, k)
+        return None
 
     def _stuck(self, arc: Arc) -> Decision | None:
-        """Return the decision where no step can pass a surface that the state is on.
+        """Return the decision where steps make no progress beside a surface.
 
-        Far from the origin no double lies between the position and the surface, and
-        steps too short to change the position make no progress: the surface counts as
-        reached. If the state is on a surface that it does not approach, a Taylor series
-        is replaced by the method `ANY`. None in all other cases.
+        If the state is on a surface that it does not approach, a Taylor series is
+        replaced by the method `ANY`. None in all other cases.
         """
-        k, ahead = self._next(arc)
-        if ahead < math.inf and self._is_on(arc, k):
-            return self._reached(arc, k)
+        reached = self._reached_to_rounding(arc)
+        if reached is not None:
+            return reached
         on = any(self._is_on(arc, k) for k in range(self.modes.count))
         if not on or arc.runner.method.NAME != SERIES:
             return None

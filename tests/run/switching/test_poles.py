@@ -42,3 +42,19 @@ def test_a_force_that_turns_at_a_pole_of_a_reciprocal(method, far, m):
     force = "sign(atan(1/(q - c - 3)))"
     found = speed(force, method, far, m, q=2.0, q_dot=2.0, end=2.0)
     assert found == pytest.approx(sqrt(2.0) + sqrt(2.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "taylor"])
+def test_a_switch_is_reached_past_which_a_force_has_no_value(method):
+    # By energy q_dot^2 = 5 - 4 sqrt(q - 1) up to q = 1, where the force is infinite.
+    text = SCENE.format(
+        force="if(q > 1, -1/sqrt(q - 1), 1)",
+        method=method, step="", far=0.0, m=1.0, q=2, q_dot=-1, end=4,
+    )  # fmt: skip
+    found = run(text)
+    reached = (10 * (sqrt(5) - 1) - 2 * (5 * sqrt(5) - 1) / 3) / 8
+    left = 4 - reached
+    [switch] = [e.time for e in found.trajectory.events]
+    # Steps end within 1e-13 of the switch, where q_dot is off by sqrt(1e-13).
+    assert switch == pytest.approx(reached, abs=1e-6)
+    assert found["q"][-1] == pytest.approx(1 - sqrt(5) * left + left**2 / 2, abs=1e-5)
