@@ -51,6 +51,10 @@ _NO_FUNCTIONS = (
      "an impulse is given by an event: `events: {kick: {at: ..., impulse: {...}}}`"),
     (re.compile(r"(?i)(interp(1d?|2d?|olate)?|lookup|spline|tabulated)"),
      "a curve is given in `tables`, and called by its name"),
+    (re.compile("dot|cross|unit"),
+     "its arguments are vectors, vec(a, b) or vec(a, b, c), and this file has none"),
+    (re.compile("(un)?rotate|omega(_space)?"),
+     "it belongs to a frame, and this file has no `frames`"),
 )  # fmt: skip
 
 # Functions, and their names elsewhere, in small letters.
@@ -218,7 +222,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
     (rf"({NUMBER})\s*(?:±|\+/?-).*", "write {0}"),
     (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
-    (r"∞|\binf\b", "every number is finite"),
+    (r"∞|\.?\b(?i:inf|nan)\b", "every number is finite"),
     (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)(?!\s*/\s*s)",
      f"write {{0}}*pi/180: {RADIANS}"),
     (rf"{_NAME}\s*[°º]", f"write {{0}}*pi/180: {RADIANS}"),

@@ -374,6 +374,9 @@ def _undecorated(name: str, decoration: str, *, called: bool) -> str:
     decoration : the attached text.
     called : whether that text is in parentheses.
     """
+    if ends := re.fullmatch(r"([^:]+):([^:]+)", decoration):
+        first, last = ends[1].strip(), ends[2].strip()
+        return f"write {name}({first}..{last}): a range contains both ends"
     hint = f"write `{name}`"
     if quantities.is_unit(decoration):
         beside = f"{{value: ..., unit: {quantities.unit_spelling(decoration)}}}"
