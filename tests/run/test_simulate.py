@@ -114,7 +114,6 @@ def test_too_many_steps():
     x = f"{found['x'][-1]:.6g}"
     where = f"too many steps (100) at t = {trajectory.end!r} (x = {x}, x_dot = "
     assert trajectory.reason.startswith(where)
-    assert "shorten the duration" in trajectory.reason
     assert found["t"][-1] == trajectory.end < 1000.0
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e-9
 
@@ -161,7 +160,6 @@ def test_values_that_are_not_finite(method):
     found = run(text)
     trajectory = found.trajectory
     assert trajectory.outcome is Outcome.NOT_FINITE
-    assert "not finite" in trajectory.reason
     assert 0.9 < trajectory.end <= 1.0 + 1e-9
     assert np.all(np.isfinite(found.rows))
     assert found["t"][-1] == trajectory.end
