@@ -23,6 +23,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from lagsim.native.link import gradual
+from lagsim.program import system
 from lagsim.run.interrupt import heard
 from tests.choosing import COMMIT, chosen, share, slices, tonight, turn
 from tests.patience import PATIENCE
@@ -32,6 +34,26 @@ settings.register_profile(
     "lagsim", deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("lagsim")
+
+
+# Processor time in quick code, in s, from which on a quick run optimises kernels.
+SHORT = 0.2
+
+
+def pytest_configure(config):
+    """Let a quick run link kernels as quick code, as `lagsim run` does, and for longer.
+
+    Most of its tests take milliseconds, and to optimise a variant of the kernels takes
+    up to a second. Other runs test optimised code.
+    """
+    if config.option.markexpr == QUICK and not EVERY:
+        gradual.SHORT = SHORT
+        system.GradualParts = in_quick_code
+
+
+def in_quick_code(parts, **_):
+    """Return parts of a program that are first linked as quick code."""
+    return gradual.GradualParts(parts, quick=True)
 
 
 @pytest.fixture
