@@ -36,10 +36,6 @@ settings.register_profile(
 settings.load_profile("lagsim")
 
 
-# Processor time in quick code, in s, from which on a quick run optimises kernels.
-SHORT = 0.2
-
-
 def pytest_configure(config):
     """Let a quick run link kernels as quick code, as `lagsim run` does, and for longer.
 
@@ -47,13 +43,17 @@ def pytest_configure(config):
     up to a second. Other runs test optimised code.
     """
     if config.option.markexpr == QUICK and not EVERY:
-        gradual.SHORT = SHORT
-        system.GradualParts = in_quick_code
+        system.GradualParts = QuickParts
 
 
-def in_quick_code(parts, **_):
-    """Return parts of a program that are first linked as quick code."""
-    return gradual.GradualParts(parts, quick=True)
+class QuickParts(gradual.GradualParts):
+    """Parts that are linked as quick code for ten times as long as by `lagsim run`."""
+
+    def __init__(self, parts, **_):
+        super().__init__(parts, quick=True)
+
+    def used(self, seconds, share):
+        return super().used(seconds / 10.0, share)
 
 
 @pytest.fixture
