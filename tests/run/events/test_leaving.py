@@ -203,3 +203,34 @@ def test_a_place_at_which_friction_stops_is_met_once(rate, v, n, method):
     )  # fmt: skip
     acts = [x.name for x in found.events if x.kind == "event"]
     assert sorted(acts) == ["place"] + ["rate"] * rate
+
+
+# Steps of a body at rest beside a mode, a switch of t, and t itself: each becomes true
+# once, at a time that has nothing to do with the body.
+AT_REST = {
+    "t >= late": 0.33, "sign(x) + on >= 1": 0.33, "x + on >= 1": 0.33,
+    "sign(x) + if(t > 0.5, 1, 0) >= 1": 0.5, "sign(x) + 2*t >= 1": 0.5,
+    "sign(x_dot)*(t - 5) + 2*t >= 1.2": 0.6,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("force", ["0", "max(t - 0.7, 0)^3"])
+def test_steps_of_a_body_at_rest_do_not_hide_times(force, method):
+    events = "\n".join(
+        f'  e{k}: {{at: "{at}", set: {{{"n: n + 1" if k else "on: 1"}}}}}'
+        for k, at in enumerate(AT_REST)
+    )
+    if method in FIXED:
+        method += ", step: 0.1"
+    found = lagsim.simulate(
+        MODEL.replace("on: 0}}", "on: 0, late: 0.33}}").format(
+            far=0.0, m=1.0, laws="", x=0.0, v=0.0, duration=1.0, force=force,
+            method=method, events=events,
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    times = {x.name: x.time for x in found.events if x.kind == "event"}
+    right = {f"e{k}": time for k, time in enumerate(AT_REST.values())}
+    assert times == pytest.approx(right, abs=1e-9)
+    assert found["n"][-1] == len(right) - 1
