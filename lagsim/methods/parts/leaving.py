@@ -258,3 +258,4 @@ def rates_at_ends(s: SearchTable, p: Parameters) -> None:
     derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
     interpolate(s, p, 0.0, s.work)
     derivative(s.step_t, s.work, p, s.spare)
+    s.evaluations += 2.0
