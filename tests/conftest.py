@@ -52,8 +52,8 @@ class QuickParts(gradual.GradualParts):
     def __init__(self, parts, **_):
         super().__init__(parts, quick=True)
 
-    def used(self, seconds, share):
-        return super().used(seconds / 10.0, share)
+    def used(self, seconds):
+        return super().used(seconds / 10.0)
 
 
 @pytest.fixture

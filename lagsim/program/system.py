@@ -7,7 +7,6 @@ memory, so that new values of parameters require no compilation.
 
 from __future__ import annotations
 
-import math
 from copy import copy
 from functools import cached_property
 from time import process_time
@@ -805,26 +804,21 @@ class Runner:
             p.aside[:rows] = self.system.plan.set_aside
         self._prepare(0.0, None, p.address, None)
 
-    def advance(
-        self, state: State, rows: int, budget: int, duration: float = math.inf
-    ) -> int:
+    def advance(self, state: State, rows: int, budget: int) -> int:
         """Run the method for at most `rows` rows and `budget` steps; return a code.
 
         See `driver.advance`.
 
         state : the memory of the method.
-        duration : length of the run.
         """
         rows, quick = min(rows, len(self.block)), bool(self.parts.improvable)
-        begin, t = (process_time(), state.t) if quick else (0.0, 0.0)
+        begin = process_time() if quick else 0.0
         code: int = self._advance(
             state.address, self.system.p.address, self._rows, rows, budget
         )
-        if quick:
-            share = (state.t - t) / duration
-            if self.parts.used(process_time() - begin, share):
-                self._functions.clear()
-                self._link()
+        if quick and self.parts.used(process_time() - begin):
+            self._functions.clear()
+            self._link()
         return code
 
     def update_relations(self, state: State) -> None:

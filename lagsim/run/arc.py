@@ -328,8 +328,7 @@ class Arc(NamedTuple):
         """
         if self.settings.moments and self.state.extras:
             self._list_moments()
-        duration = self.settings.duration
-        return self.runner.advance(self.state, rows, budget, duration)
+        return self.runner.advance(self.state, rows, budget)
 
     def _list_moments(self) -> None:
         """Write the next requested times between rows to the kernel's memory."""

@@ -44,7 +44,6 @@ _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare wr
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
 _digests = keys.Digests()
-_new: set[str] = set()  # the inputs of the quick code that this process has compiled
 
 
 class ProgramPart:
@@ -104,14 +103,8 @@ class ProgramPart:
         return _kept(self._quick_key, self._quickly_compiled)
 
     def _quickly_compiled(self) -> bytes:
-        _new.add(_digest(self.made_from))
         self._written = self._write()
         return engine.compile_object(self._written[0], quick=True)
-
-    @property
-    def is_new(self) -> bool:
-        """Whether this process has compiled `quick_object`, and no earlier one."""
-        return _digest(self.made_from) in _new
 
     @property
     def _quick_key(self) -> list[object]:
