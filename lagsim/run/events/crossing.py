@@ -632,19 +632,22 @@ class Crossing:
         whole = modes.whole[self.open]
         lengths = np.max(np.abs(modes.rows().J[self.open]), axis=1, initial=0.0)
 
-        def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
-            J, b, a, others = terms(corner, y)
+        def rates_of(J: Floats, b: Floats, a: Floats, others: Floats) -> Floats:
             # An undefined rate counts as 0.
             found = np.append(J @ a - b, others)
             return np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0)
 
+        def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
+            return rates_of(*terms(corner, y))
+
         scale, least = np.zeros((2, len(self.open)))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
         for corner in self._corners():
-            J, b, a, _ = terms(corner, arc.y)
+            J, b, a, others = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
+            here = rates_of(J, b, a, others)
             for aside in modes.nearby_states(reach):
-                change = np.abs(rates(corner, aside) - rates(corner))[: len(scale)]
+                change = np.abs(rates(corner, aside) - here)[: len(scale)]
                 least = np.fmax(least, change)
         self.roundoff[self.open] = least
         cone = FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
