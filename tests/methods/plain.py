@@ -18,6 +18,7 @@ class Plain:
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
         none |= {"LOCALIZED": False, "ADAPTIVE": method.ADAPTIVE}
         none |= {"PAIR": getattr(method, "PAIR", None)}
+        none |= {"RATED": "balance" not in method.NEEDS}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
         own |= {"interpolate_rates"} if method.ADAPTIVE else {"make"}

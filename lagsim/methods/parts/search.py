@@ -38,11 +38,13 @@ from lagsim.methods.parts.search_table import (
     FALLING,
     FARTHER,
     KNOWN,
+    MANY,
     MOST_POINTS,
     NEXT,
     POINTS,
     RANK,
     SIGNAL,
+    STAYS,
     SearchTable,
     distance_from_activity,
     end_of,
@@ -85,8 +87,6 @@ MOST_SIGNALS = 400
 PART = 0.25
 # A smallest singular value up to this is 0 within half of the digits.
 LOST = 2.0**-26
-# A change by this many roundings of a condition may be a jump.
-MANY = 64.0
 
 
 # --- the one loop over stretches of a step --------------------------------------------
@@ -315,6 +315,11 @@ def add_margins(s: SearchTable, p: Parameters) -> None:
         for k in range(s.conditions):
             s.own_leeway[k] = s.leeway[k]
             s.armed_at[k] = 0.0
+            if s.passed_at[k] > 1.0 - NEXT and s.step_t > s.arc_start:
+                # It became false at the end of the last step: by rounding it may still
+                # be true at the start of this one.
+                s.armed_at[k] = NEXT
+            s.passed_at[k] = -1.0
             s.leeway[k] += margin(s, s.surfaces + k)
 
 
@@ -375,13 +380,21 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
     """Whether the step continues past a point at which condition k has been located.
 
     It continues where a condition that was true becomes false, and where the function
-    of an equation jumps past 0, which does not count as a zero. The orientation of the
-    condition is then updated, and its leeway is 0.
+    of an equation jumps past 0, which does not count as a zero. A jump to 0 does
+    (`floor(x) = 1`). The orientation of the condition is then updated, and its leeway
+    is 0.
     """
     row, rounding = s.surfaces + k, MANY * float(s.zero[k])
     if follows(s, k):
-        s.orientation[k] = -1.0
+        if s.equation[k] == 0.0:
+            s.orientation[k] = -1.0
+        else:
+            conditions_at(s, p, min(s.cut + NEXT, 1.0))
+            s.orientation[k] = 1.0 if s.values[k] > 0.0 else -1.0
     elif s.equation[k] > 0.0 and jumps(EVENT, s, p, row, s.cut, rounding):
+        conditions_at(s, p, min(s.cut + NEXT, 1.0))
+        if s.values[k] * s.orientation[k] >= -rounding:
+            return False
         s.orientation[k] = -s.orientation[k]
     else:
         return False
@@ -392,10 +405,11 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
 def prepare_true(s: SearchTable, p: Parameters) -> None:
     """Prepare the search for conditions that are true at the start of the last step.
 
-    Inequalities are located when they end. Equations are armed once their roots are
-    left, by the sign of the function: at the start of an arc just after it, since
-    another root may follow soon. If rounding at the start has the opposite sign, the
-    leeway is kept for this step.
+    Inequalities are located when they end, and so are equations whose values stay at 0
+    at first (`floor(x) = 1`). Equations are armed once their roots are left, by the
+    sign of the function: at the start of an arc just after it, since another root may
+    follow soon. If rounding at the start has the opposite sign, the leeway is kept for
+    this step.
     """
     waits = False
     for k in range(s.conditions):
@@ -416,8 +430,8 @@ def prepare_true(s: SearchTable, p: Parameters) -> None:
         armed = equation and s.armed_at[k] > 0.0
         if starts and armed and s.values[k] * s.orientation[k] > 0.0:
             s.leeway[k] = 0.0
-        if not equation and s.orientation[k] == 0.0 and s.leeway[k] < inf:
-            s.orientation[k] = 1.0
+        if s.orientation[k] == 0.0 and s.leeway[k] < inf:
+            s.orientation[k] = STAYS if equation else 1.0
 
 
 def conditions_at(s: SearchTable, p: Parameters, x: float) -> None:

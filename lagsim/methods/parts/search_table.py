@@ -85,6 +85,11 @@ FARTHER = 4.0
 # JUMP of its change within the part AROUND of the step; beside a pole both are equal.
 AROUND = 2.0**-30
 JUMP = 0.25
+# A change by this many roundings of a condition may be a jump.
+MANY = 64.0
+# The orientation, within the search of a step, of an equation whose value is 0 beyond
+# the start of the step.
+STAYS = 2.0
 # Error of the state of a step: in tolerances, and as a part of the range of a
 # component.
 ERRED = 30.0
@@ -180,8 +185,9 @@ class SearchTable(Rank):
     any_stays: float  # 1 if any value stays at 0
     was_clear: Floats = array("conditions")
     former: Floats = array("conditions")
-    # Within a step: the fraction at which the search has continued past a change of the
-    # condition, or -1; its orientation and its leeway before.
+    # Fraction of the step at which the search has continued past a change of the
+    # condition, or -1, up to the start of the next search; its orientation and its
+    # leeway before the change.
     passed_at: Floats = array("conditions")
     passed_side: Floats = array("conditions")
     passed_leeway: Floats = array("conditions")
@@ -236,8 +242,10 @@ def same_time(s: SearchTable, t: float) -> float:
 
 
 def follows(s: SearchTable, k: int) -> bool:
-    """Whether condition k is an inequality that is true, and located when it ends."""
-    return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
+    """Whether condition k is true, and located when it becomes false."""
+    if s.equation[k] > 0.0:
+        return not s.orientation[k] < STAYS
+    return not s.orientation[k] <= 0.0
 
 
 def least_allowed(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
@@ -285,11 +293,15 @@ def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
 
     own : ndarray, shape (C,), the values of the C conditions at the fraction x of the
         last step; on return their rows: the value times `orientation`, plus `leeway`.
+        For an equation that stays at 0 the row is its rounding less its magnitude.
     """
     for k in range(s.conditions):
         if x <= NEXT and own[k] < 0.0:  # within the rounding of the interpolant
             own[k] += s.ahead[k]
-        own[k] = own[k] * s.orientation[k] + s.leeway[k]
+        if s.equation[k] > 0.0 and s.orientation[k] == STAYS:
+            own[k] = max(s.leeway[k], MANY * s.zero[k]) - abs(own[k])
+        else:
+            own[k] = own[k] * s.orientation[k] + s.leeway[k]
         if s.orientation[k] == 0.0:
             own[k] = 1.0
         if x < s.armed_at[k]:  # the motion has not left the last zero yet

@@ -38,3 +38,31 @@ def test_a_condition_without_a_finite_slope_acts(condition, times):
     found = run(MOVING.replace("CONDITION", condition).replace("Q0", "0"))
     events = [e.time for e in found.trajectory.events if e.kind == "event"]
     assert events == pytest.approx(times, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "method", ["auto", "dop853", "dopri5", "radau", "rk4", "gauss4", "kahan-li8"]
+)
+@pytest.mark.parametrize(
+    ("condition", "times"),
+    [
+        ("floor(q) = 3", [2.7]),
+        ("0.1*floor(q) = 0.3", [2.7]),
+        ("heaviside(q - 2) = 1", [1.7]),
+        ("if(q > 2, 3, 0) = 3", [1.7]),
+        ("sign(2 - q) = -1", [1.7]),
+        ("mod(floor(q), 2) = 1", [0.7, 2.7, 4.7, 6.7]),
+        ("floor(q) - 2*floor(q/2) = 0", [1.7, 3.7, 5.7]),
+        ("floor(q)*(floor(q) - 4) = 0", [3.7]),
+        ("max(floor(q), 3) - min(floor(q), 5) = 0", [2.7]),
+        ("floor(q) = 2.5", []),
+        ("sign(q - 2) = 0", []),
+    ],
+)
+def test_an_equation_whose_value_jumps_to_0_acts(condition, times, method):
+    fixed = method in {"rk4", "gauss4", "kahan-li8"}
+    used = f", method: {method}" + (", step: 0.25" if fixed else "")
+    model = MOVING.replace("CONDITION", condition).replace("Q0", "0.3")
+    found = run(model.replace("output_step: 0.5", "output_step: 0.5" + used))
+    events = [e.time for e in found.trajectory.events if e.kind == "event"]
+    assert events == pytest.approx(times, abs=1e-12)
