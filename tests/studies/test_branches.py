@@ -187,7 +187,7 @@ class Soon(Interrupt):
         self.left = left
 
     @property
-    def asked(self):
+    def requested(self):
         self.left -= 1
         return self.left < 0
 
