@@ -283,6 +283,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
     find_leaving(EVENT, s, p)
     add_margins(s, p)
     if UNTIL:
+        turn_between_steps(s, p)
         prepare_true(s, p)
     search(EVENT, s, p, 0.0, 1.0)
     if UNTIL and s.event > 0.0:
@@ -400,6 +401,24 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
         return False
     s.leeway[k] = 0.0
     return True
+
+
+def turn_between_steps(s: SearchTable, p: Parameters) -> None:
+    """Turn the orientation of equations that have jumped past 0 between two steps.
+
+    By rounding, a jump at the end of a step may first show at the start of the next.
+    """
+    armed = False
+    for k in range(s.conditions):
+        armed = armed or (s.equation[k] > 0.0 and abs(s.orientation[k]) == 1.0)
+    if not armed or s.step_t == s.arc_start:
+        return
+    conditions_at(s, p, 0.0)
+    for k in range(s.conditions):
+        if s.equation[k] > 0.0 and abs(s.orientation[k]) == 1.0:
+            least = -s.leeway[k] - MANY * s.zero[k]
+            if s.values[k] * s.orientation[k] < least:
+                s.orientation[k] = -s.orientation[k]
 
 
 def prepare_true(s: SearchTable, p: Parameters) -> None:

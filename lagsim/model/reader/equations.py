@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from lagsim.codes.known import ErrorCode
-    from lagsim.language.graph import Degrees
+    from lagsim.language.graph import Degrees, Graph
     from lagsim.model.reader.expressions import Expressions
 
 SUM_OF_VELOCITIES = "write a sum of velocities with factors that depend on positions"
@@ -265,6 +265,8 @@ def read_relation(
     if parsed.right is not None:
         sides = (gap, x.build(parsed.right))
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
+    if equality:
+        gap = without_jump_at_zero(x.graph, gap)
     moving = {NameKind.COORDINATE, NameKind.STATE, *([NameKind.MODE] if modes else ())}
     if not named(gap, moving, x):
         text = f"{label} depends on no coordinate and no velocity"
@@ -277,6 +279,36 @@ def read_relation(
     text = " ".join(scalar.text.split())
     text += scalar.reading.member() if scalar.reading else ""
     return Relation(gap, equality, text, scalar.place), equality
+
+
+def without_jump_at_zero(g: Graph, node: int) -> int:
+    """Return an expression that passes 0 where `node` is 0 and jumps, else `node`.
+
+    The value of `mod(a, b)`, which is `a - b*floor(a/b)`, jumps from b to 0, so that no
+    sign shows its zeros. `mod(a + b/2, b) - b/2` rises through 0 there, and jumps past
+    0 where a is greater by b/2.
+
+    >>> from lagsim.language.graph import Graph
+    >>> from lagsim.language.evaluate import evaluate
+    >>> g = Graph()
+    >>> value = g.call("mod", g.variable("x"), g.constant(8.0))
+    >>> smooth = without_jump_at_zero(g, value)
+    >>> [evaluate(g, [value, smooth], {"x": x}) for x in (15.75, 16.0, 16.25)]
+    [[7.75, -0.25], [0.0, 0.0], [0.25, 0.25]]
+    """
+    if g.ops[node] != "sub":
+        return node
+    for argument, part in (g.args[node], g.args[node][::-1]):
+        factors = g.args[part] if g.ops[part] == "mul" else (g.constant(1.0), part)
+        for period, whole in (factors, factors[::-1]):
+            if g.ops[whole] != "floor":
+                continue
+            if g.args[whole] == (g.call("div", argument, period),):
+                half = g.call("mul", g.constant(0.5), period)
+                moved = g.call("mod", g.call("add", argument, half), period)
+                sides = (moved, half) if argument == g.args[node][0] else (half, moved)
+                return g.call("sub", *sides)
+    return node
 
 
 _AT_A_TIME = (
