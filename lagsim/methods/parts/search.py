@@ -37,6 +37,7 @@ from lagsim.methods.parts.search_table import (
     EVENT,
     FALLING,
     FARTHER,
+    JUMP,
     KNOWN,
     MANY,
     MOST_POINTS,
@@ -406,7 +407,9 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
 def turn_between_steps(s: SearchTable, p: Parameters) -> None:
     """Turn the orientation of equations that have jumped past 0 between two steps.
 
-    By rounding, a jump at the end of a step may first show at the start of the next.
+    By rounding, a jump at the end of a step may first show at the start of the next. A
+    value that has jumped hardly changes just after it; one that passes 0 there, by the
+    error of the dense output, does.
     """
     armed = False
     for k in range(s.conditions):
@@ -414,11 +417,18 @@ def turn_between_steps(s: SearchTable, p: Parameters) -> None:
     if not armed or s.step_t == s.arc_start:
         return
     conditions_at(s, p, 0.0)
+    armed = False
     for k in range(s.conditions):
-        if s.equation[k] > 0.0 and abs(s.orientation[k]) == 1.0:
-            least = -s.leeway[k] - MANY * s.zero[k]
-            if s.values[k] * s.orientation[k] < least:
-                s.orientation[k] = -s.orientation[k]
+        past = s.values[k] * s.orientation[k] + s.leeway[k] < -MANY * s.zero[k]
+        s.beside[k] = s.values[k] if past and s.equation[k] > 0.0 else 0.0
+        armed = armed or s.beside[k] != 0.0
+    if not armed:
+        return
+    conditions_at(s, p, BESIDE)
+    for k in range(s.conditions):
+        change = abs(s.values[k] - s.beside[k])
+        if change < JUMP * abs(s.beside[k]) and abs(s.orientation[k]) == 1.0:
+            s.orientation[k] = -s.orientation[k]
 
 
 def prepare_true(s: SearchTable, p: Parameters) -> None:
