@@ -265,8 +265,6 @@ def read_relation(
     if parsed.right is not None:
         sides = (gap, x.build(parsed.right))
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
-    if equality:
-        gap = without_jump_at_zero(x.graph, gap)
     moving = {NameKind.COORDINATE, NameKind.STATE, *([NameKind.MODE] if modes else ())}
     if not named(gap, moving, x):
         text = f"{label} depends on no coordinate and no velocity"
@@ -279,6 +277,17 @@ def read_relation(
     text = " ".join(scalar.text.split())
     text += scalar.reading.member() if scalar.reading else ""
     return Relation(gap, equality, text, scalar.place), equality
+
+
+def read_condition(node: Node | None, label: str, x: Expressions) -> Relation | None:
+    """Build the condition of an event, or of the end of a run; None after a fault.
+
+    node, label : the relation in the file, and its name in messages.
+    """
+    relation, equality = read_relation(node, label, x, modes=True)
+    if relation is None or not equality:
+        return relation
+    return relation._replace(node=without_jump_at_zero(x.graph, relation.node))
 
 
 def without_jump_at_zero(g: Graph, node: int) -> int:
@@ -354,7 +363,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     below = fields(node, label, EVENT, x.faults, key.place)
     hint = "`at` is a condition that is located, `every` a period"
     one = below.either("at", "every", hint)
-    at, _ = read_relation(below.value("at"), f"the `at` of {label}", x, modes=True)
+    at = read_condition(below.value("at"), f"the `at` of {label}", x)
     of = f"the period of {label}"
     every = x.number(below.value("every"), of, positive=True)
     once = below.truth("once")
