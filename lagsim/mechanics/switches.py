@@ -263,7 +263,7 @@ class Switches:
 
     @property
     def turns(self) -> frozenset[int]:
-        """The corners at which velocities jump: those of surfaces of positions."""
+        """The corners at surfaces of positions, at which velocities jump."""
         return frozenset(k for k, x in self.corners.items() if not x.moving)
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:

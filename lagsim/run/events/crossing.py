@@ -107,7 +107,7 @@ class Crossing:
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
     beside: LawsAt | None  # the laws at the instant, or None without laws
     shared: tuple[list[int], RowModes, list[int]] | None = None  # see `LawsAt`
-    # numbers of the laws that could act, without the equalities among them
+    # numbers of the laws that could act and are no equalities in force
     laws: list[int] = field(default_factory=list)
     # numbers of the laws that are equalities in force
     held: list[int] = field(default_factory=list)
@@ -171,7 +171,7 @@ class Crossing:
     def _sort_laws(self, beside: LawsAt) -> None:
         """Store the laws that could act in `laws`, and equalities in force in `held`.
 
-        Equalities get modes with which the evaluations of forces include them: they
+        Equalities get modes with which evaluations of forces include their rows: they
         hold on each side of each surface, with the row and the multiplier of this side.
         """
         arc = self.modes.arc
