@@ -49,7 +49,6 @@ def test_a_damped_fast_mode_is_passed_over(text):
     found = run(text)
     [choice] = found.trajectory.choices
     assert choice.choice.startswith("method: radau from t = ")
-    assert "stability bound" in choice.reason
     assert not codes(found)
     explicit = run(text, method="dop853")
     assert codes(explicit) == ["step-at-stability-bound"]
@@ -130,7 +129,6 @@ def test_an_excited_oscillation_is_not_damped_away(beside):
     assert not found.trajectory.choices
     assert codes(found) == ["step-at-stability-bound"]
     [caution] = found.trajectory.warnings
-    assert "this motion has energy" in caution.text
     assert beside != "nothing" or "`u`" in caution.text
 
 

