@@ -8,7 +8,6 @@ import numpy as np
 import orjson
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.run.session import open_case
@@ -23,7 +22,7 @@ from lagsim.studies.motions import (
 )
 from tests.golden.scenes import judged, replaced, scene, stored
 from tests.scenes.contact import scenes
-from tests.support import MODELS
+from tests.support import MODELS, refused
 
 # Bounds from runs whose differences are invented
 
@@ -326,10 +325,9 @@ energy: {{kinetic: x_dot^2/2, potential: 0}}
 initial: {{x: -1, x_dot: 1}}
 simulation: {{duration: 2, output_step: 0.25}}
 """
-    with pytest.raises(InputError) as refused:
+    with refused("not-finite", "`odd`", f"t = {since}") as fault:
         new_golden(open_case(read(text, "m.yaml")))
-    assert [p.text.split()[0] for p in refused.value.problems] == ["`odd`"]
-    assert refused.value.problems[0].text.endswith(f"t = {since}")
+    assert len(fault.value.problems) == 1
 
 
 # Impacts, whose times are results

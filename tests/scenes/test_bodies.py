@@ -195,7 +195,7 @@ def test_drift_leaves_the_constraints_of_the_file():
     assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
     assert np.max(np.abs(r["residual_tip.x"])) > 1e-5
     (held,) = (w.text for w in r.warnings if w.code == "constraint-not-held")
-    assert "formulation drift does not enforce it" in held
+    assert "`tip.z`" in held
 
 
 @pytest.mark.slow
@@ -211,7 +211,7 @@ def test_gimbal_lock_is_named_at_the_start_and_on_the_way():
     assert not lagsim.check(lagsim.load(upright)).warnings
     r = simulate(lagsim.load(upright), duration=0.5)
     (text,) = (w.text for w in r.warnings if w.code == "coordinate-singularity")
-    assert "angles of the frame `euler` are in gimbal lock there" in text
+    assert "`euler`" in text
 
 
 # --- A free body: L and T are constant, and the intermediate axis flips

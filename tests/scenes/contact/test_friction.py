@@ -263,7 +263,7 @@ def test_a_paradox_on_the_way_stops_the_run():
     guide = {"relation": f"th = {STEEP}", "when": "t < 0.1"}
     found = tried(scenes.rod(2.0, STEEP, -3.0, guide=guide))
     assert found.result.outcome == "failed"
-    assert re.search("(?i)painlev", found.result.reason)
+    assert "`tip`" in found.result.reason
     assert found.t[-1] == pytest.approx(0.1, abs=GLOBAL)
     slides = found.t < 0.1
     close(found["x_dot"][slides], -3 + 2 * G * found.t[slides])

@@ -411,22 +411,21 @@ def test_static_limits_below_dynamic_ones_are_refused(limit, code, name):
 
 
 @pytest.mark.parametrize(
-    ("limit", "at", "words"),
+    ("limit", "at", "least"),
     [
-        ({"static": 2, "dynamic": "1 + t"}, 1.0, "falls to 2"),
-        ({"static": "2 - t", "dynamic": "1.5 - t/2"}, 1.0, "falls to 1"),
-        ({"static": "1 + x", "dynamic": "1 + 0.5*t"}, 0.0, "falls to 1"),
+        ({"static": 2, "dynamic": "1 + t"}, 1.0, 2.0),
+        ({"static": "2 - t", "dynamic": "1.5 - t/2"}, 1.0, 1.0),
+        ({"static": "1 + x", "dynamic": "1 + 0.5*t"}, 0.0, 1.0),
     ],
 )
-def test_a_static_limit_that_falls_below_the_dynamic_one_ends_the_run(limit, at, words):
+def test_a_static_limit_that_falls_below_the_dynamic_one_ends_the_run(limit, at, least):
     text = scene(
         "x", "x_dot^2/2", "0", {"rub": {"relation": "x_dot = 0", "limit": limit}},
         {"x": 0}, forces={"x": "0.1"}, duration=2, output_step=0.05,
     )  # fmt: skip
     result = lagsim.simulate(lagsim.load(text), error_bar="never")
     assert result.outcome == "failed"
-    assert words in result.reason
-    assert "`rub`" in result.reason
+    assert all(x in result.reason for x in ("`rub`", f" {least:g},"))
     assert result.t[-1] == pytest.approx(at, abs=0.1)
 
 
@@ -438,9 +437,8 @@ constraints: {slider: {relation: s_dot = 0, limit: {static: 2, dynamic: 1}}}
 initial: {x: 0, s: 0}
 simulation: {duration: 1}
 """
-    with refused("no-inertia", "coordinate s ") as caught:
+    with refused("no-inertia", " s "):
         lagsim.check(lagsim.load(text))
-    assert "one limit" in caught.value.problems[0].hint
 
 
 def least(F, discs, A):

@@ -30,8 +30,8 @@ length, time and mass, at a later start, in another order, and beside a planet, 
 and a comet. `tests/scenes/pairs` has the tests, and the tables from which this page is
 written.
 
-In the tables `+` means tested against the closed form. A number means refused, with the
-message of that number in the list at the end.
+In the tables `+` means tested against the closed form. A number means refused, for the
+reason of that number in the list at the end.
 
 ## Features
 
@@ -85,7 +85,7 @@ def _number(text, notes):
 
 def _pair(first, second, notes):
     pair = next(p for p in ((first, second), (second, first)) if p in PAIRS)
-    return _number(REFUSED.get(pair), notes)
+    return _number(REFUSED[pair].reason if pair in REFUSED else None, notes)
 
 
 def page():
@@ -107,9 +107,7 @@ def page():
         name: [_number(COMMANDS[c].get(name), notes) for c in COMMANDS]
         for name in names
     }
-    plain = [text.replace("\\", "") for text in notes]
-    plain = [text.replace(".*", "...").replace("[12] of [12] ", "") for text in plain]
-    told = [f"{i}. {text}" for i, text in enumerate(plain, 1)]
+    reasons = [f"{i}. {text}" for i, text in enumerate(notes, 1)]
     return (
         HEAD
         + _table([str(k) for k in range(1, len(names) + 1)], pairs)
@@ -120,6 +118,6 @@ def page():
         + COMMANDS_HEAD
         + _table([f"`{c}`" for c in COMMANDS], commands)
         + REFUSALS_HEAD
-        + "\n".join(told)
+        + "\n".join(reasons)
         + "\n"
     )

@@ -8,10 +8,12 @@ from __future__ import annotations
 import itertools
 import re
 import zlib
+from typing import NamedTuple
 
 import pytest
 
 from tests.scenes.pairs.physical import FRAGMENTS
+from tests.support import refused
 
 STEP = 0.05
 HOLDS_AT_TIMES = (
@@ -22,14 +24,32 @@ PAIRS = tuple(
     (a.name, b.name) for a, b in itertools.combinations_with_replacement(FRAGMENTS, 2)
 )
 WAYS = ("beside", "coupled")
-# The words of the refusal, which names both features.
+
+
+class Refusal(NamedTuple):
+    """Code of an error, and the reason that the page states."""
+
+    code: str
+    reason: str
+
+    def expected(self, *names):
+        """Expect the error with these names and the names in its reason."""
+        return refused(self.code, *names, *re.findall("`[^`]+`", self.reason))
+
+
 REFUSED = {
-    ("until", "until"): r"the key `until` is given twice",
-    ("redundant", "elimination"): r"`elimination` cannot be used: constraints are "
-    r"redundant",
+    ("until", "until"): Refusal("duplicate-key", "the key `until` is given twice"),
+    ("redundant", "elimination"): Refusal(
+        "formulation-refused",
+        "`elimination` cannot be used: constraints are redundant",
+    ),
     **dict.fromkeys(
         ((law, "elimination") for law in HOLDS_AT_TIMES),
-        "`elimination` cannot be used: the model has constraints that hold at times",
+        Refusal(
+            "formulation-refused",
+            "`elimination` cannot be used: the model has constraints that hold at "
+            "times",
+        ),
     ),
 }
 
