@@ -123,7 +123,7 @@ class Scene:
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case
         from lagsim.studies.bench import Own, state_sizes
-        from lagsim.studies.trials import Patience
+        from lagsim.studies.trial import Patience
 
         self.case, self.method, self.patience = case, method, Patience(60.0)
         model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)

@@ -43,5 +43,16 @@ def test_a_class_name_has_one_meaning():
     assert {name for name, count in counts.items() if count > 1} == {"Model"}
 
 
+def test_studies_run_sessions_by_one_function():
+    calls = re.compile(r"\.run\(\s*\[")  # `Session.run` with its list of observers
+    found = {
+        str(f.relative_to(HOUSE))
+        for room in ("studies", "api", "cli")
+        for f in (HOUSE / room).rglob("*.py")
+        if calls.search(f.read_text(encoding="utf-8"))
+    }
+    assert found == {"studies/trial.py"}
+
+
 def test_the_glossary_has_rows():
     assert len(WORDS) > 50

@@ -34,10 +34,10 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import StartError, Stopwatch, open_case, settings_of
-from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
+from lagsim.studies.attempts import Attempt, Attempts, ErrorBars, Records
 from lagsim.studies.drawing import other_files
 from lagsim.studies.spectrum import Spectrum, spectrum
-from lagsim.studies.trials import tried
+from lagsim.studies.trial import tried
 from lagsim.tolerances import SAME_INSTANT
 
 if TYPE_CHECKING:
@@ -763,7 +763,8 @@ def simulate(
         more = _appended(read, settings, given_options, None)
     attempts = Attempts(
         keep, Interrupt(), clock, error_bars=bars,
-        replaces=bars is not ErrorBars.NEVER, cornered=True, appended=more,
+        replaces=bars is not ErrorBars.NEVER,
+        records=Records(cornered=True, appended=more),
     )  # fmt: skip
     made = attempts.best(ready)
     again = partial(_appended, read, settings, given_options)

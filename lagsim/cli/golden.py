@@ -61,7 +61,7 @@ from lagsim.studies.golden import (
     store,
     summary,
 )
-from lagsim.studies.trials import Compiled
+from lagsim.studies.trial import Compiled
 from lagsim.studies.workers import cores
 
 if TYPE_CHECKING:

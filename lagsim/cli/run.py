@@ -70,7 +70,7 @@ from lagsim.outputs.table import (
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Session, Stopwatch, open_case, settings_of
-from lagsim.studies.attempts import Attempt, Attempts, ErrorBars
+from lagsim.studies.attempts import Attempt, Attempts, ErrorBars, Records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -380,9 +380,12 @@ class Job:
             found = Attempts(
                 store, interrupt, self.clock, error_bars=request.error_bars,
                 replaces=request.error_bars is not ErrorBars.NEVER,
-                thinned=request.plots is not None, animated=request.animate,
+                records=Records(
+                    thinned=request.plots is not None, animated=request.animate,
+                    appended=more,
+                ),
                 progress=partial(progress_bar, quiet=request.quiet), joined=joined,
-                appended=more, listed=listed,
+                listed=listed,
             ).best(session)  # fmt: skip
             document, full = self._write(found, results, writer)
         self._report(found, document, results.folder)

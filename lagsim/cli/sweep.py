@@ -51,7 +51,7 @@ from lagsim.studies.sweep.sweeping import (
     sampled,
 )
 from lagsim.studies.sweep.sweeping import EXAMPLE as SAMPLED
-from lagsim.studies.trials import INADMISSIBLE
+from lagsim.studies.trial import INADMISSIBLE
 from lagsim.studies.workers import Workers, cores, machines, processes
 
 if TYPE_CHECKING:

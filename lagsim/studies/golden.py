@@ -50,7 +50,7 @@ from lagsim.studies.motions import (
     variants,
 )
 from lagsim.studies.tables import read_table
-from lagsim.studies.trials import Compiled
+from lagsim.studies.trial import Compiled
 from lagsim.tolerances import SAME_ROW, UNIT_ROUNDOFF, VALUE_ROUNDOFF
 from lagsim.version import __version__
 

@@ -21,7 +21,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.monitors import ResidualMonitor, grid_numbers
 from lagsim.studies.comparison import mutually_nearest, nearest_times, paired_times
-from lagsim.studies.trials import NO_ROWS, Compiled, tried
+from lagsim.studies.trial import NO_ROWS, Compiled, tried
 from lagsim.tolerances import SAME_STEP, TIGHTEST_RTOL
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
-    from lagsim.studies.trials import Trial
+    from lagsim.studies.trial import Trial
 
 # Factors of the tolerance of variants, the number of variants with perturbed start and
 # parameters, and the methods of further variants. A run at a larger tolerance is one

@@ -21,7 +21,7 @@ from lagsim.run.session import examined
 from lagsim.studies.comparison import on_grid, scales
 from lagsim.studies.golden import SAFETY, Golden, judge, run
 from lagsim.studies.motions import SEEDS, motion_of, perturbed
-from lagsim.studies.trials import Compiled
+from lagsim.studies.trial import Compiled
 from lagsim.tolerances import TIGHTEST_RTOL, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:

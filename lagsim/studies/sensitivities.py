@@ -42,7 +42,8 @@ from lagsim.language.columns import DEVIATION, SENSITIVITY
 from lagsim.language.names import rate_of
 from lagsim.notes import Caution
 from lagsim.run.observers.appended import Appended
-from lagsim.studies.trials import INADMISSIBLE, UNUSABLE, Trials, Variant
+from lagsim.studies.trial import INADMISSIBLE, UNUSABLE
+from lagsim.studies.trials import Trials, Variant
 from lagsim.tolerances import SAME_INSTANT, SAME_STEP
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Event
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.trials import Trial
+    from lagsim.studies.trial import Trial
 
 # Relative tolerance of the runs.
 RTOL = 1e-13

@@ -58,7 +58,7 @@ def test_past_the_horizon(lagsim, plots):
 
 
 def test_too_long_to_repeat(lagsim, write, monkeypatch):
-    monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e3)
+    monkeypatch.setattr("lagsim.studies.repeats.BUDGET", 1e3)
     called = lagsim("run", write(SWING), "-o", "out", "--no-plots", code=0)
     assert manifest("out")["error"] is None
     assert "a repeat would need about" in called.out
@@ -67,7 +67,7 @@ def test_too_long_to_repeat(lagsim, write, monkeypatch):
 
 def test_a_repeat_that_fails_is_a_warning(lagsim, write, monkeypatch):
     """The warning is in run.json and on the terminal; other reasons are no warning."""
-    monkeypatch.setattr("lagsim.studies.attempts.Allowance.steps", lambda *_: 3)
+    monkeypatch.setattr("lagsim.studies.repeats.Allowance.steps", lambda *_: 3)
     called = lagsim("run", write(SWING), "--no-plots", "-o", "out", code=0)
     assert called.reports("W318")
     assert [w["code"] for w in manifest("out")["warnings"]] == ["error-unknown"]

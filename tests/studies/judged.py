@@ -4,10 +4,11 @@ from lagsim.model.reader import read
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.session import Stopwatch, open_case
-from lagsim.studies.attempts import Allowance, Attempts, ErrorBars
+from lagsim.studies.attempts import Attempts, ErrorBars
 from lagsim.studies.audit.alarms import alarms
 from lagsim.studies.audit.evidence import Evidence
 from lagsim.studies.audit.finding import audit
+from lagsim.studies.repeats import Allowance
 
 
 def evidence(found, bar="not estimated"):

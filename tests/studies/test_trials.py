@@ -10,14 +10,8 @@ import lagsim
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Case
-from lagsim.studies.trials import (
-    INADMISSIBLE,
-    TOO_SLOW,
-    UNUSABLE,
-    Patience,
-    Trials,
-    Variant,
-)
+from lagsim.studies.trial import INADMISSIBLE, TOO_SLOW, UNUSABLE, Patience
+from lagsim.studies.trials import Trials, Variant
 from lagsim.studies.workers import completed_pieces, shared_processes
 from tests.small_scenes import CONTACT, PENDULUM, spring
 

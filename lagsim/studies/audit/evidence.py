@@ -7,14 +7,19 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.run.error import HIGHER, could_push, largest_beside
-from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor
+from lagsim.run.observers.monitors import (
+    Checkpoints,
+    EnergyMonitor,
+    Gaps,
+    ResidualMonitor,
+)
 from lagsim.studies.audit.balances import Balance, energy_error, group_balances
 from lagsim.tolerances import PLACE_BESIDE, SATISFIED, UNIT_ROUNDOFF
 
@@ -41,12 +46,17 @@ ROUNDED = 16.0
 
 
 class Evidence:
-    """Evidence for the audit and the warnings of a run: monitors, result and error bar.
-
-    The monitors are observers of the rows.
+    """Evidence for the audit and the warnings of a run, with its result and error bar.
 
     A repeat is audited too, since a repeat that is not valid is no reason to reject the
     run.
+
+    Parameters
+    ----------
+    session : Session
+        The session of the run.
+    stride : int
+        Output intervals from one checkpoint to the next.
 
     Attributes
     ----------
@@ -56,6 +66,8 @@ class Evidence:
         Constraint residuals with their scales, and the drift of energy - work.
     monitor : EnergyMonitor
         Energies and states of the rows.
+    checkpoints : Checkpoints
+        Rows that are compared with those of a repeat.
     trajectory : Trajectory
         The result of the run; set by `end`.
     bar : ErrorBar or str
@@ -65,21 +77,23 @@ class Evidence:
     trajectory: Trajectory
     bar: ErrorBar | str
 
-    def __init__(self, session: Session) -> None:
-        columns = session.columns
+    def __init__(self, session: Session, stride: int = 1) -> None:
+        columns, settings = session.columns, session.case.settings
         self.session, self.plan = session, session.plan
         self.equations = session.equations
         self.gaps = Gaps(columns.names[: columns.table])
         self.residuals = ResidualMonitor(columns.names)
         self.monitor = EnergyMonitor(columns.names, self.equations)
+        self.checkpoints = Checkpoints(self.equations, settings, stride)
 
     def add(self, rows: Floats) -> None:
-        """Pass rows (k, columns) to the monitors."""
+        """Pass rows (k, columns) to the observers."""
         self.gaps.add(rows)
         self.residuals.add(rows)
         self.monitor.add(rows)
+        self.checkpoints.add(rows)
 
-    def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
+    def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Self:
         """Store the result of the run and its error bar; return this object.
 
         The extremes of the state and the energy between rows, which the run recorded at

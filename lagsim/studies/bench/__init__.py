@@ -25,8 +25,9 @@ from lagsim.errors import InputError
 from lagsim.program.signatures import FUNCTION
 from lagsim.run.trajectory import Statistics
 from lagsim.studies.comparison import on_grid
-from lagsim.studies.trials import (
+from lagsim.studies.trial import (
     NO_ROWS,
+    NOT_BEGUN,
     TOO_SLOW,
     GivenUpError,
     Patience,
@@ -169,8 +170,8 @@ def solved(
         Reason of a failure.
     """
     outcome, rows = ("failed", NO_ROWS) if rows is None else ("done", rows)
-    counts = Statistics(evaluations=evaluations)
-    return Trial(outcome, reason, rows=rows, statistics=counts, seconds=seconds)
+    counts = NOT_BEGUN._replace(statistics=Statistics(evaluations=evaluations))
+    return Trial(outcome, reason, rows=rows, trajectory=counts, seconds=seconds)
 
 
 PREFIX = "scipy:"

@@ -33,13 +33,13 @@ from lagsim.plan.method_choice import method_refusal, structure
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.attempts import evaluation_cost
 from lagsim.studies.bench import with_method
 from lagsim.studies.modes import SmallMotions
 from lagsim.studies.nonlinear import Linearised, not_linear
+from lagsim.studies.repeats import evaluation_cost
 from lagsim.studies.rest import NoRestError
 from lagsim.studies.step_bounds import predicted
-from lagsim.studies.trials import Compiled, Trial, refused_trial, tried
+from lagsim.studies.trial import Compiled, Trial, refused_trial, tried
 from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
 
 if TYPE_CHECKING:

@@ -48,7 +48,7 @@ from lagsim.studies.bench import (
     with_method,
 )
 from lagsim.studies.comparison import IMPACT, paired_times, range_or_size, within
-from lagsim.studies.trials import TOO_SLOW, Patience
+from lagsim.studies.trial import TOO_SLOW, Patience
 from lagsim.tolerances import COMPUTED_ZERO, SAME_STEP
 
 if TYPE_CHECKING:

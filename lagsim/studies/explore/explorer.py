@@ -40,7 +40,8 @@ from lagsim.run.session import StartError
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.explore.dragging import ConstrainedStart
 from lagsim.studies.rest import full_turn_angles
-from lagsim.studies.trials import Forms, tried
+from lagsim.studies.trial import tried
+from lagsim.studies.trials import Forms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -281,7 +282,7 @@ class Explorer:
             table = names[: session.columns.table]
             wanted = tuple(dict.fromkeys((*table, *shown)))
             frames = Frames(names, wanted, MOST_ROWS)
-            ended = session.run([frames], interrupt=interrupt)
+            ended = tried(session, observer=frames, interrupt=interrupt).trajectory
             if interrupt.requested:
                 raise SupersededError
             columns = dict(zip(wanted, frames.table.T, strict=True))

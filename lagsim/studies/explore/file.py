@@ -65,6 +65,7 @@ from lagsim.run.failures import FAILURES
 from lagsim.run.observers.thinning import Frames
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.explore.explorer import MOST_ROWS
+from lagsim.studies.trial import tried
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     DEPENDENT_ROWS,
@@ -133,7 +134,7 @@ def page_in_a_file(explorer: Explorer) -> bytes:
         tuple(dict.fromkeys((*session.columns.of_table, *observed.names))),
         MOST_ROWS,
     )
-    ended = session.run([frames])
+    ended = tried(session, observer=frames).trajectory
     if ended.choices:
         raise _refused(f"another method within the run ({ended.choices[0].choice})")
     run = Run(session.first_arc(), [])

@@ -56,7 +56,8 @@ from lagsim.studies.fit.names import (
 from lagsim.studies.fit.recordings import Recording, Setup, Task, Team
 from lagsim.studies.fit.restarts import BEGUN, COMPARED, parts_of, patterned
 from lagsim.studies.sensitivities import COMMON, RTOL, Sensitivities, difference_scale
-from lagsim.studies.trials import INADMISSIBLE, Trials, Variant
+from lagsim.studies.trial import INADMISSIBLE
+from lagsim.studies.trials import Trials, Variant
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence

@@ -13,7 +13,7 @@ from lagsim.errors import LagsimError
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.fit.names import CLOCK
 from lagsim.studies.sensitivities import Derivative, Sensitivities
-from lagsim.studies.trials import UNUSABLE, Trial, Trials, Variant
+from lagsim.studies.trial import UNUSABLE, Trial
 from lagsim.studies.workers import Died, completed_pieces, cores, shared_processes
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
     from lagsim.studies.fit.names import Varied
+    from lagsim.studies.trials import Trials, Variant
     from lagsim.studies.workers import Workers
 
 # Processor time of a Jacobian, in s, above which further processes are started.

@@ -35,18 +35,18 @@ from lagsim.run.observers import Extremes, Measures, extremes_of
 from lagsim.run.observers.monitors import MOST_ROWS, energy_in_play, energy_parts
 from lagsim.run.session import settings_of
 from lagsim.run.trajectory import Outcome, Trajectory
-from lagsim.studies.attempts import (
-    BUDGET,
+from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.audit.evidence import UNEXPLAINED
+from lagsim.studies.error_bar import RESOLVED_BY
+from lagsim.studies.repeats import (
     LEAST_ROWS,
-    RESOLVED_BY,
     Allowance,
-    ErrorBars,
     by_other_means,
-    own_cost,
+    excess,
     steps_of,
 )
-from lagsim.studies.audit.evidence import UNEXPLAINED
 from lagsim.studies.sweep.grid import NOTHING, SweepInput, SweepRow, value_of
+from lagsim.studies.trial import Compiled
 from lagsim.tolerances import (
     ENERGY_DRIFT,
     NO_MOTION,
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Session
-    from lagsim.studies.attempts import Repeat
+    from lagsim.studies.repeats import Repeat
 
     # Parameters, each (runs,); positions, then velocities (runs, 2 n); swept values
     # (runs, axes).
@@ -587,6 +587,7 @@ class Judge:
         self._valued = [*range(1, 1 + n), *range(1 + 2 * n, len(state))]
         names = *equations.q, *(x.name for x in equations.states)
         self._components = [session.system.state.index(name) for name in names]
+        self._compiled = Compiled()
         self._repeats: Ensemble | None = None
         self._parameters: Mapping[str, Floats] = {}
 
@@ -666,11 +667,10 @@ class Judge:
         session, run = self._ensemble.session, self._ensemble.trajectory
         always = self._bars is ErrorBars.ALWAYS
         rows = sound.columns.shape[1]
-        expected = 2.0 * own_cost(session.system, run)
-        if rows < 2 or (expected > BUDGET and not always):
+        if rows < 2 or (not always and excess(session, run)):
             return None
         finer = -(-LEAST_ROWS // rows)
-        other = next(by_other_means(session, run))
+        other = next(by_other_means(session, run, self._compiled))
         again = self._repeated(other, finer)
         table = again.table(k, start, other.session.longest_step)
         found = self._sound(again, table, self._judged)
@@ -701,7 +701,7 @@ class Judge:
         return self._repeats
 
     def _difference(self, own: Sound, again: Sound, finer: int) -> float | None:
-        """Return the error relative to ranges, as `attempts.compared` computes it.
+        """Return the error relative to ranges, as `error_bar_of` computes it.
 
         None if another scale than the range of a coordinate might be needed.
 

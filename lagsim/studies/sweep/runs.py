@@ -28,11 +28,12 @@ from lagsim.outputs.units import of_table
 from lagsim.program.output_row import Columns
 from lagsim.run.session import StartError, Stopwatch
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.attempts import Attempt, Attempts
+from lagsim.studies.attempts import Attempt, Attempts, Records
 from lagsim.studies.drawing import other_files
 from lagsim.studies.sweep.batches import Batch, form_of, observer_of
 from lagsim.studies.sweep.grid import SweepInput, SweepRow, value_of
-from lagsim.studies.trials import Forms, refused_trial, structural_values
+from lagsim.studies.trial import Compiled, refused_trial
+from lagsim.studies.trials import Forms, structural_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -73,6 +74,7 @@ class Runs:
         self.columns = tuple(dict.fromkeys(name for t in longest for name in t))
         self._forms.known = [first]
         self.batch: Batch | None = None
+        self._compiled = Compiled()
         self._tried, self._done = bool(first.structure), 0
 
     def __reduce__(self) -> tuple[Callable[[SweepInput], Runs], tuple[SweepInput]]:
@@ -133,9 +135,13 @@ class Runs:
             made = self._written(number, session, extremes, interrupt)
         else:
             bars = work.error_bars
-            made = Attempts(extremes, interrupt, Stopwatch(), error_bars=bars).best(
-                session
-            )
+            made = Attempts(
+                extremes,
+                interrupt,
+                Stopwatch(),
+                error_bars=bars,
+                compiled=self._compiled,
+            ).best(session)
         trajectory, bar = made.trajectory, made.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
@@ -181,7 +187,8 @@ class Runs:
             ) as writer:
                 found = Attempts(
                     writer, interrupt, clock, error_bars=work.error_bars,
-                    thinned=work.plots, followers=[extremes],
+                    records=Records(thinned=work.plots), followers=[extremes],
+                    compiled=self._compiled,
                 ).best(session)  # fmt: skip
                 if found.fault is not None:
                     raise found.fault

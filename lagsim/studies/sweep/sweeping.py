@@ -43,7 +43,7 @@ from lagsim.studies.sweep.grid import (
     refuse_many,
 )
 from lagsim.studies.sweep.runs import runs_of
-from lagsim.studies.trials import DIED
+from lagsim.studies.trial import DIED
 from lagsim.studies.workers import Died, Workers, in_batches, processes
 from lagsim.version import __version__
 

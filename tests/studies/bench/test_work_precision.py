@@ -29,7 +29,7 @@ from lagsim.studies.bench.work_precision import (
     pareto,
     unverified,
 )
-from lagsim.studies.trials import Patience
+from lagsim.studies.trial import Patience
 from tests.scenes.contact import scenes
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS

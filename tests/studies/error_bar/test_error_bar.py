@@ -14,13 +14,14 @@ from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.trajectory import Outcome
 from lagsim.studies import attempts
-from lagsim.studies.attempts import (
+from lagsim.studies.repeats import (
     LOOSER,
     Allowance,
     Repeat,
     by_other_means,
     tightened,
 )
+from lagsim.studies.trial import Compiled
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import oscillator, pendulum, scene, swing
 from tests.studies.judged import barred, made, repeated
@@ -117,7 +118,7 @@ def test_what_should_stay_at_rest_has_no_horizon():
 
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
-    monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e4)
+    monkeypatch.setattr("lagsim.studies.repeats.BUDGET", 1e4)
     assert "operations" in barred(model)[1]
     assert isinstance(barred(model, always=True)[1], ErrorBar)
 
@@ -303,7 +304,7 @@ TIGHT = ("1e-13", "2e-14", "1e-14", "5e-15", "2e-15")
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
 def test_tolerances_of_repeats_differ(method, rtol):
     session, trajectory, _ = made(PENDULUM, method=method, rtol=rtol)
-    ways = list(by_other_means(session, trajectory))
+    ways = list(by_other_means(session, trajectory, Compiled()))
     assert len(ways) >= 2
     for way in ways:
         parts = way.session.plan.rtol / float(rtol), float(rtol) / way.session.plan.rtol
@@ -324,7 +325,7 @@ def test_tolerances_of_repeats_differ(method, rtol):
 )
 def test_repeats_are_by_another_method_or_by_other_steps(method, others):
     session, trajectory, _ = made(PENDULUM, method=method, rtol="1e-9")
-    ways = by_other_means(session, trajectory)
+    ways = by_other_means(session, trajectory, Compiled())
     assert [way.session.plan.method for way in ways] == others
     # An absolute tolerance alone becomes tighter by the factor itself.
     plan = replace(session.plan, rtol=0.0, atol=1e-8)
@@ -357,7 +358,7 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
     options = {"method": method, "rtol": "1e-9"}
     session, trajectory, kept = made(PENDULUM, **options)
 
-    def itself(session, _trajectory):
+    def itself(session, _trajectory, _compiled):
         yield Repeat(session)
 
     monkeypatch.setattr(attempts, "by_other_means", itself)
@@ -370,9 +371,17 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
 def test_fixed_steps_are_repeated_by_others(method):
     options = {"method": method, "step": "0.05"}
     session, trajectory, _ = made(PENDULUM, **options)
-    for way in by_other_means(session, trajectory):
+    for way in by_other_means(session, trajectory, Compiled()):
         assert way.session.plan.method != method
         assert way.session.plan.rtol
+
+
+def test_functions_of_repeats_of_fixed_steps_are_compiled_once():
+    session, trajectory, _ = made(PENDULUM, method="rk4", step="0.05")
+    compiled = Compiled()
+    for _ in range(2):
+        assert next(by_other_means(session, trajectory, compiled))
+    assert len(compiled.known) == 1
 
 
 # Costs, and rounded times
