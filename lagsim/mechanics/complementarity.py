@@ -138,8 +138,8 @@ class ComplementarityProblem:
     @cached_property
     def discs(self) -> list[list[int]]:
         """Pairs of indices of the rows that share a disc, in ascending order."""
-        some = [[j, k] for k, j in enumerate(self.pairs.tolist()) if 0 <= j < k]
-        return [rows for rows in some if not self.fixed[rows[1]]]
+        pairs = [[j, k] for k, j in enumerate(self.pairs.tolist()) if 0 <= j < k]
+        return [rows for rows in pairs if not self.fixed[rows[1]]]
 
     def bounds(self, p: Floats) -> tuple[Floats, Floats]:
         """Return the lower and the upper bounds, each (r,), at multipliers p (r,)."""

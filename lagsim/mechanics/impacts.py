@@ -166,12 +166,12 @@ def _impulses(
         else:
             equalities += rows
     while True:
-        some = (
+        struck = (
             replace(closed, table=table.with_equalities(equalities))
             if equalities
             else closed
         )
-        problem = some.problem(c, sizes, directions, given=goes_on)
+        problem = struck.problem(c, sizes, directions, given=goes_on)
         if given is not None:
             known = np.where(problem.normals >= 0, given[problem.normals], 0.0)
             for bound in (problem.low, problem.high):

@@ -93,10 +93,10 @@ def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
 
     basis : indices of basic variables; index n + i is that of z_i.
     """
-    z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
-    B = M[np.ix_(some, some)]
+    z, basic = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
+    B = M[np.ix_(basic, basic)]
     for _ in range(2):
-        z[some] -= least_squares(B, (M @ z + q)[some], DEPENDENT_SQUARE)
+        z[basic] -= least_squares(B, (M @ z + q)[basic], DEPENDENT_SQUARE)
     return np.maximum(z, 0.0)
 
 

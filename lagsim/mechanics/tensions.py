@@ -324,19 +324,19 @@ def square_groups(
     weights : mass u -> w_u; all nodes.
     """
     groups: dict[tuple[int, ...], Vector] = {}
-    for u, members in _holders(pulls).items():
-        groups.setdefault(tuple(members), {})[u] = weights[u]
+    for u, tensions in _holders(pulls).items():
+        groups.setdefault(tuple(tensions), {})[u] = weights[u]
     found = []
-    for those, w in groups.items():
-        p = {t: {u: pulls[t][u] for u in w} for t in those}
-        pairs = combinations_with_replacement(those, 2)
+    for members, w in groups.items():
+        p = {t: {u: pulls[t][u] for u in w} for t in members}
+        pairs = combinations_with_replacement(members, 2)
         dots = {(i, j): weighted(g, p[i], p[j], w) for i, j in pairs}
         areas: dict[Pair, list[Pair]] = {}
-        for (i, j), (u, v) in product(combinations(those, 2), combinations(w, 2)):
+        for (i, j), (u, v) in product(combinations(members, 2), combinations(w, 2)):
             terms = g.call("mul", p[i][u], p[j][v]), g.call("mul", p[i][v], p[j][u])
             area = g.call("mul", w[u], w[v]), g.call("sub", *terms)
             areas.setdefault((i, j), []).append(area)
-        found.append(Group(those, dots, areas))
+        found.append(Group(members, dots, areas))
     return found
 
 
@@ -373,10 +373,10 @@ class Squares(Factorisation):
     def __init__(
         self, g: Graph, found: Sequence[Group], new: Mapping[int, int]
     ) -> None:
-        some = {i for group in found for i in group.members}
-        rows = [Vector() for _ in range(1 + max(some, default=-1))]
+        unknowns = {i for group in found for i in group.members}
+        rows = [Vector() for _ in range(1 + max(unknowns, default=-1))]
         self.groups, self.new = dict[int, Group](), new
-        self.those = [set[int]() for _ in rows]  # the groups of each unknown
+        self.groups_of = [set[int]() for _ in rows]
         for k, group in enumerate(found):
             if len(group.members) == 1:
                 [((i, _), norm)] = group.dots.items()
@@ -384,23 +384,23 @@ class Squares(Factorisation):
                 continue
             self.groups[k] = group
             for i in group.members:
-                self.those[i].add(k)
+                self.groups_of[i].add(k)
         self.after = [0] * len(rows)
-        super().__init__(g, rows, Budget(), unknowns=some)
+        super().__init__(g, rows, Budget(), unknowns=unknowns)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Return the sort key of unknown k: first by neighbours, then by depth."""
         neighbours = {k, *self.rows[k]}.union(
-            *(self.groups[x].members for x in self.those[k])
+            *(self.groups[x].members for x in self.groups_of[k])
         )
         return 0, len(neighbours), self.after[k], k
 
     def _eliminate(self, k: int) -> Iterable[int]:
         g, left = self.g, self._alone(k)
-        for group in sorted(self.those[k]):
+        for group in sorted(self.groups_of[k]):
             found = self.groups.pop(group)
             for i in found.members:
-                self.those[i].discard(group)
+                self.groups_of[i].discard(group)
             for (i, j), dot in found.dots.items():
                 if i != j or i not in left:
                     self._add(i, j, self.new[dot])
@@ -422,9 +422,9 @@ class Squares(Factorisation):
         As i -> node, without cancellation. {} if k is in several groups.
         """
         g, own = self.g, self.rows[k].get(k, self.g.zero)
-        if len(self.those[k]) != 1 or self.rows[k].keys() - {k}:
+        if len(self.groups_of[k]) != 1 or self.rows[k].keys() - {k}:
             return {}
-        [group] = (self.groups[x] for x in self.those[k])
+        [group] = (self.groups[x] for x in self.groups_of[k])
         left: Vector = {}
         for i in group.members:
             if i != k:

@@ -129,10 +129,10 @@ def make_dense(s: Composition, p: Parameters) -> None:
         store_residuals(s, p)
         for i in range(n):
             for m in unrolled(4):
-                some = total(
+                coefficient = total(
                     BEND[m][j] * s.residuals[j * size + i] for j in unrolled(4)
                 )
-                s.r[m * size + i] = some
+                s.r[m * size + i] = coefficient
         correct(s, s.velocities.start, s.velocities.stop)
         if size > s.quadratures.start:
             store_rate_residuals(s, p)
@@ -198,8 +198,10 @@ def correct(s: Composition, first: int, end: int) -> None:
     """
     for i in range(first, end):
         for m in unrolled(4):
-            some = total(RISE[m][j] * s.residuals[j * s.size + i] for j in unrolled(4))
-            s.r[m * s.size + i] = some
+            coefficient = total(
+                RISE[m][j] * s.residuals[j * s.size + i] for j in unrolled(4)
+            )
+            s.r[m * s.size + i] = coefficient
 
 
 def steepness(s: Composition, i: int, x: float) -> float:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # and of its largest value, counts as constant there.
 FIXED, ROUNDED = 1e-6, 2.0**-40
 # Number of rows from which on a straight line through them is no accident.
-SOME = 4
+STRAIGHT_ROWS = 4
 
 
 class RecordedSections(NamedTuple):
@@ -148,7 +148,9 @@ def section_columns(names: Sequence[str], rows: Floats, ranges: Floats) -> list[
         x, *columns = (rows[:, names.index(n)] for n in found)
         bends = dict(zip(others, (_bent(x, y) for y in columns), strict=True))
         free = [
-            n for n in others if len(rows) < SOME or bends[n] > least[names.index(n)]
+            n
+            for n in others
+            if len(rows) < STRAIGHT_ROWS or bends[n] > least[names.index(n)]
         ]
         return [first, (free or others)[0]]
     return ["t", *found, *(n for n in motion if differs[n]), *motion][:2]

@@ -5,7 +5,7 @@ all samples is missed: an exponential and functions derived from it, a large pow
 inverse of a function that nearly vanishes. Whether such a term is active is shown by
 its argument, which varies as slowly as the motion: `exp` is active where its argument
 is largest, `tanh` where its argument passes zero, a quotient where its denominator is
-smallest. Steps are searched for these points, see `methods.parts.missed`.
+smallest. Steps are result for these points, see `methods.parts.missed`.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Indicator(NamedTuple):
 def indicators(
     equations: Equations, nodes: Sequence[int], ends: Sequence[int]
 ) -> list[Indicator]:
-    """Return the indicators for which steps are searched.
+    """Return the indicators for which steps are result.
 
     Parameters
     ----------
@@ -100,10 +100,10 @@ def indicators(
     def found() -> list[Indicator]:
         moves = (*_moves(equations), "t")
         values = {p.name: p.value for p in equations.model.parameters}
-        some = _IndicatorSearch(g, nodes, moves, values).among(names)
-        some += _IndicatorSearch(g, ends, moves, values).among(names)
-        some += _steps(g, ends, frozenset(equations.state))
-        return list(dict.fromkeys(some))
+        result = _IndicatorSearch(g, nodes, moves, values).among(names)
+        result += _IndicatorSearch(g, ends, moves, values).among(names)
+        result += _steps(g, ends, frozenset(equations.state))
+        return list(dict.fromkeys(result))
 
     return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
 
@@ -232,14 +232,14 @@ class _IndicatorSearch:
         return found + [Indicator(args[0], kind) for kind in ACTS_WHERE.get(op, ())]
 
     def _members(self, n: int, varying: set[int]) -> list[Indicator]:
-        """Return the indicators of the terms of elements, each for all members.
+        """Return the indicators of localized terms in elements, each for all members.
 
         n : the node of the elements.
         varying : see `_of`.
         """
         g, of, args = self.g, payload(self.g, n), self.g.args[n][1:]
-        some = [k for k, a in enumerate(args) if a in varying]
-        own = [x for x in of.slots if of.reads(x, frozenset(some))]
+        changing = frozenset(k for k, a in enumerate(args) if a in varying)
+        own = [x for x in of.slots if of.reads(x, changing)]
         names = [str(of.graph.payload(x.node)) for x in own]
         found = _IndicatorSearch(
             of.graph, [o.node for o in of.outputs], names, {}

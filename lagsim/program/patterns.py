@@ -153,9 +153,9 @@ def _overlapping(reach: list[list[int]], n: int) -> list[list[int]]:
         for j in own:
             holders[j].append(k)
     near: list[set[int]] = [set() for _ in reach]
-    for some in holders:
-        for k in some:
-            near[k].update(some)
+    for sharing in holders:
+        for k in sharing:
+            near[k].update(sharing)
     return [sorted(x) for x in near]
 
 

@@ -217,11 +217,11 @@ def could_push(
     sizes = zip(pushes(e), (bounds.get(f, g.zero) for f in e.f), strict=False)
     nodes = [*(g.call("add", *pair) for pair in sizes), *e.inertias]
     most = max(1, min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes)))))
-    some = rows[:: -(-len(rows) // most)]
+    sampled = rows[:: -(-len(rows) // most)]
     names = ("t", *e.state)
     values: dict[str, float | Floats] = {p.name: p.value for p in e.model.parameters}
-    values |= dict(zip(names, some.T, strict=True))
-    sized = np.abs(evaluate_rows(g, nodes, values, len(some)))
+    values |= dict(zip(names, sampled.T, strict=True))
+    sized = np.abs(evaluate_rows(g, nodes, values, len(sampled)))
     forces, inertias = sized[:n], sized[n:]
     if reactions is not None:
         forces = np.fmax(forces, reactions[:, None])
@@ -235,7 +235,7 @@ def could_push(
         chosen = chosen[ranges[chosen] <= HIGHER * SUM_ROUNDOFF * farthest]
     # A coordinate held by a force of this slope moves no farther than in the time 1/w.
     slopes = [gradient(g, e.f[i], [g.variable(e.q[i])])[0] for i in chosen]
-    stiffness = np.abs(evaluate_rows(g, slopes, values, len(some)))
+    stiffness = np.abs(evaluate_rows(g, slopes, values, len(sampled)))
     own, linked = np.zeros(n), np.zeros(n)
     stiff = time * time * _most(stiffness, inertias[chosen])
     own[chosen] = pulled[chosen] * time * time / np.fmax(stiff, 1.0)
@@ -261,10 +261,10 @@ def could_follow(equations: Equations, rows: Floats, reach: Floats) -> Floats:
     e, g, n = equations, equations.graph, len(equations.q)
     variables = [g.variable(name) for name in e.state]
     nodes = [slope for x in e.states for slope in gradient(g, x.rate, variables)]
-    some = rows[:: -(-len(rows) // MOST_ROWS)]
+    sampled = rows[:: -(-len(rows) // MOST_ROWS)]
     values: dict[str, float | Floats] = {p.name: p.value for p in e.model.parameters}
-    values |= dict(zip(("t", *e.state), some.T, strict=True))
-    found = np.abs(evaluate_rows(g, nodes, values, len(some)))
+    values |= dict(zip(("t", *e.state), sampled.T, strict=True))
+    found = np.abs(evaluate_rows(g, nodes, values, len(sampled)))
     slopes = np.max(found, axis=1).reshape(len(e.states), len(variables))
     time = float(np.ptp(rows[:, 0]))
     own = slopes[:, 2 * n :].diagonal().copy()

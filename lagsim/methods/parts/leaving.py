@@ -111,10 +111,10 @@ def store_distances(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     Such a surface is in conditions and output only, and has no event function.
     """
-    some = False
+    endless = False
     for k in range(p.surfaces):
-        some = some or has_no_end(p, k)
-    if not some:
+        endless = endless or has_no_end(p, k)
+    if not endless:
         return
     surfaces(t, y, p, p.rows)
     for k in range(p.surfaces):

@@ -41,8 +41,8 @@ define internal void @sums(ptr %a, ptr %b, i64 %count, ptr %first, ptr %last, pt
                            ptr %ahead) {{
 entry:
 %begin = load {vector}, ptr %first, align {align}
-%some = icmp sgt i64 %count, 0
-br i1 %some, label %each, label %done
+%any = icmp sgt i64 %count, 0
+br i1 %any, label %each, label %done
 each:
 %j = phi i64 [0, %entry], [%next, %each]
 %sum = phi {vector} [zeroinitializer, %entry], [%more, %each]

@@ -423,10 +423,10 @@ def _thinned(events: Sequence[Event]) -> list[Event]:
     for k, e in enumerate(events):
         own.setdefault((e.kind, e.constraint, e.switch, e.name), []).append(k)
     kept, left = list[int](), MOST_EVENTS
-    for i, some in enumerate(sorted(own.values(), key=len)):
-        most = min(len(some), left // (len(own) - i))
-        at = np.linspace(0, len(some) - 1, most).round().astype(int)
-        kept += [some[k] for k in at.tolist()]
+    for i, places in enumerate(sorted(own.values(), key=len)):
+        most = min(len(places), left // (len(own) - i))
+        at = np.linspace(0, len(places) - 1, most).round().astype(int)
+        kept += [places[k] for k in at.tolist()]
         left -= most
     return [events[k] for k in sorted(kept)]
 

@@ -160,8 +160,8 @@ class Accumulation:
 
     def recent_rows(self, least: int = 1) -> list[int]:
         """Return rows, sorted, with at least `least` events in the last two windows."""
-        some = [k for _, k in list(self.recent)[-2 * self.window :]]
-        return sorted(k for k in set(some) if some.count(k) >= least)
+        recent = [k for _, k in list(self.recent)[-2 * self.window :]]
+        return sorted(k for k in set(recent) if recent.count(k) >= least)
 
     def ratio(self) -> float:
         """Return the ratio of the lengths of the last two windows, later over earlier.

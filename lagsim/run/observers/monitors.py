@@ -154,12 +154,12 @@ def gained(balance: Floats) -> float:
     early = np.max(change[: (len(change) + 1) // 2])
     if early < ABRUPT * np.max(change) < change[-1]:
         return float(balance[-1] - balance[0])
-    some = max(1, int(TENTH * len(balance)))
+    tenth = max(1, int(TENTH * len(balance)))
     # The quartiles (numpy's own function would load its masked arrays).
-    ends = np.sort([balance[:some], balance[-some:]], axis=1)
-    low, middle, high = (ends[:, (some - 1) * k // 4] for k in (1, 2, 3))
+    ends = np.sort([balance[:tenth], balance[-tenth:]], axis=1)
+    low, middle, high = (ends[:, (tenth - 1) * k // 4] for k in (1, 2, 3))
     at_once = float(middle[1] - balance[0])
-    if np.min(change[some:], initial=np.inf) > NO_WAY_BACK * abs(at_once):
+    if np.min(change[tenth:], initial=np.inf) > NO_WAY_BACK * abs(at_once):
         return at_once
     grown = float(middle[1] - middle[0])
     return grown if abs(grown) > np.min(high - low) else 0.0
