@@ -117,9 +117,13 @@ def _text_of(path):
 
 
 def _pictures(module, folder, drawn, anew):
-    """Yield pictures, of the texts by name, that do not contain the texts' digest.
+    """Yield the pictures that are out of date: the path, and a function that draws it.
+
+    A picture contains the digest of the texts that it depends on.
 
     module : the module of `benchmarks` whose function `drawn` returns a picture
+    drawn : the texts that a picture depends on, by the name of the picture
+    anew : whether all pictures are drawn
     """
     for name, texts in drawn.items():
         path = folder / f"{name}.png"

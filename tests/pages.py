@@ -22,7 +22,7 @@ class Block(NamedTuple):
 
     @property
     def name(self):
-        """Its first line, for the names of tests."""
+        """The page and the first line of the block, which name its test."""
         return f"{self.page}: {self.text.partition(chr(10))[0]}"
 
 

@@ -152,7 +152,7 @@ def power(simulation):
 
 
 def orbit(simulation):
-    """Kepler's problem in polar coordinates."""
+    """Return the model text of Kepler's problem in polar coordinates."""
     return _ORBIT.format(simulation=line(simulation))
 
 

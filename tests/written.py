@@ -1,7 +1,8 @@
-"""A model file written out as one of numbers alone, by lagsim's own expansion.
+"""Model file without families and vectors, from lagsim's expansion of another file.
 
-Names with dots get underscores (`q_dot.3.x` is `q_3_x_dot`), start values are those of
-the first row, tables their points.
+Each member of a family has a scalar name: dots become underscores (`q_dot.3.x` is
+`q_3_x_dot`). Start values are the values of the first row, and tables are written out
+as lists of their points.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ SWITCHING = ("cbrt", *(op for op, x in OPERATIONS.items() if x.switch or x.condi
 
 
 class Roots(NamedTuple):
-    """Roots and powers whose argument has a floor.
+    """Roots and powers whose argument has a floor: the least value that it may have.
 
     Attributes
     ----------
@@ -154,9 +154,10 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Return the floor of root or power n: the name of its variable, and a factor.
+        """Return the floor of the argument of root or power n; None if it has none.
 
-        None if n has no floor.
+        The result is the name of the variable that has the floor, and the factor by
+        which it is multiplied.
         """
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):

@@ -50,7 +50,7 @@ def stiffness(k, a, b, low=0.5, high=8):
 
 
 def spring(k, a, b):
-    """Add a spring between two points: linear, of a length, or Duffing's."""
+    """Add a spring between two points: linear, with a rest length, or cubic."""
     n = Numbers(k)
     K = n("K", stiffness(k, a, b))
     text, d = distance(a, b)

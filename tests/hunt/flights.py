@@ -386,10 +386,11 @@ class Flights:
         return list(np.array(a) + (A / self.m.masses).T @ p), p
 
     def solved(self, t, y, modes, cells, law_modes, choose, script, slide=None):
-        """Return the arc of given cells and modes; missing ones are chosen.
+        """Solve for the arc after (t, y) in given cells and modes.
 
-        cells : of each reading.
-        slide : a switch that two readings differ in
+        cells : numbers of the cells of discrete functions, for each reading.
+        law_modes : modes of the laws; None to choose them by accelerations.
+        slide : the switch in which two readings differ, along which the motion slides.
         """
         s, share = self.begin(t, y, modes), None
         for _ in range(ORDER + 3):

@@ -247,10 +247,13 @@ class Equations:
 
 @dataclass
 class Discrete:
-    """The sides, pieces and modes that are fixed within an arc.
+    """Discrete state of the referee, constant within an arc.
 
-    held : whether each row has a multiplier of its own.
-    signs : of sliding laws, or 0
+    modes : values of the modes of the file
+    sides : of each switch
+    pieces, ends : coefficients and ends of the present piece of each table
+    held : whether each row has a multiplier of its own
+    signs : of the slip of each law; 0 where it does not slide
     """
 
     modes: Any

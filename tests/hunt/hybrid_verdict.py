@@ -1,4 +1,7 @@
-"""A run of lagsim against the hybrid referee's, of a scene that is written twice."""
+"""Comparison of a run of lagsim with the run of the hybrid referee.
+
+Both read the scene in a form of their own.
+"""
 
 from __future__ import annotations
 

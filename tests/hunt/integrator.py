@@ -128,7 +128,11 @@ class Extrapolation:
 
 
 def _extrapolated(value, before, n):
-    """Return the row of the tableau that a result by n substeps begins."""
+    """Return a row of the extrapolation tableau: a result and its extrapolations.
+
+    value : the result of a step by n substeps
+    before : the row of n - 2 substeps
+    """
     row = [value]
     for k in range(1, len(before) + 1):
         ratio = Long(n) / (n - 2 * k)

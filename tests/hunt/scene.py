@@ -10,10 +10,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Law:
-    """A constraint that holds at times, or that may give way.
+    """Contact, freewheel, limited equality, or equality that ends at a time.
 
-    kind : "contact" and "wheel" keep `gap` from below 0, "limit" and "equality" at 0
-        until : the time up to which it is in force
+    kind : "contact" and "wheel" mean gap >= 0, "limit" and "equality" gap = 0
+    e : restitution
+    mu, static : coefficients of friction while sliding and at rest
+    until : the time up to which the constraint is in force
     """
 
     kind: str

@@ -207,7 +207,10 @@ def flights(scene):
 
 
 def acted(scene, now, what, armed):
-    """Return the state after an instant."""
+    """Return the state after an event.
+
+    what : "tick", "floor", "wall", or "place", which sets the mode if `armed`
+    """
     if what == "tick":
         return now._replace(mode=1.0 - min(now.mode, 1.0))
     if what == "floor":

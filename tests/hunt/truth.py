@@ -312,7 +312,13 @@ class Referee(Run):
         return watched
 
     def _first_event(self, t, y, dy, h, found):
-        """Return the first event within a step: the time until it, and its index."""
+        """Return the time from t to the first event within a step, and its index.
+
+        None if there is no event.
+
+        y, dy : state and its rate at t
+        found : the state after the step h
+        """
         if not self.u and not self.m.scene.until:
             return None
         before, rates = self._watched(t, y), self._rates(t, y)

@@ -27,7 +27,7 @@ LAWS = ("restitution", "friction", "slip", "when", "limit")
 class Document:
     """A model's texts, its start as numbers, and its times.
 
-    laws : the entries of constraints besides their relations: texts, or numbers' texts
+    laws : the entries of each constraint besides its relation, as in the file
     states : the rate of each first-order state
     events, sections : entries of the file, in times of the first model
     scale : factor from columns of t to the times of the first model

@@ -163,9 +163,9 @@ def record_measured(s: Control, p: Parameters) -> None:
 
 
 def record_extents(s: Control) -> None:
-    """Update sizes and ranges of the components by the state reached.
+    """Update the largest sizes and the ranges of all components by the state reached.
 
-    A method with a fixed step needs no more.
+    With a fixed step no other record of a step is needed.
     """
     for i in range(s.size):
         now = s.y[i]

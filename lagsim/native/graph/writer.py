@@ -134,8 +134,8 @@ class FunctionWriter(Lines):
         cleared : int
             This many numbers of `out` are set to 0 before any value is stored.
         longest : int
-            A function of more pieces, unless it is one, is compiled without
-            optimisation.
+            Number of pieces (of PIECE nodes) from which on a function is compiled
+            without optimisation; up to WHOLE nodes it is always optimised.
         first : sequence of str
             Functions that are called first.
         vectors : sequence of (nodes, place)

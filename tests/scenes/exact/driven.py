@@ -46,7 +46,7 @@ def struck(t):
 
 
 def at_once(t):
-    """As written x rests at the start, and moves at w just after: two rows."""
+    """Return x_dot in all rows: 0 at the start, as stated, then 2 pi cos(2 pi t)."""
     rates = 2.0 * np.pi * np.cos(2.0 * np.pi * t)
     rates[0] = 0.0
     return {"x_dot": rates}

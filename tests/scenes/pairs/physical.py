@@ -93,7 +93,7 @@ def _steps(t, x, v, force):
 
 
 def _two_switches(x, v):
-    """Return the force of `two switches` beside (x, v): the side it moves to."""
+    """Return the force of `two switches` at x; at a level, on the side of v."""
     x += 1e-6 * np.sign(v)
     return -np.sign(x) - 0.5 * np.sign(x - 0.4)
 
@@ -102,7 +102,7 @@ _two_switches.levels = (0.0, 0.4)
 
 
 def _nested(x, v):
-    """Return the force of `switch within a switch`: the side it moves to."""
+    """Return the force of `switch within a switch` at x; at a level, by v."""
     x += 1e-6 * np.sign(v)
     wide = 0.25 if x >= 0.6 else 0.15
     return 2.0 if x - 0.4 * np.floor(x / 0.4) < wide else -1.0

@@ -1,4 +1,4 @@
-"""The page of features in pairs is listed."""
+"""The page on pairs of features is in the navigation of the site."""
 
 from tests.support import ROOT
 

@@ -1,4 +1,4 @@
-"""Reading tables: to the bit, and the first cell that is no number is named."""
+"""Tables are read exactly; a message names the first cell that is not a number."""
 
 import subprocess
 import sys
