@@ -67,6 +67,15 @@ initial: {{y: {y}, y_dot: {v}}}
 simulation: {{duration: {duration}, output_step: 0.1, until: "{until}"{more}}}
 """
 
+_BALL = """
+parameters: {{e: {e}, g: {g}, h: {h}}}
+coordinates: {{y: {{}}}}
+energy: {{kinetic: y_dot^2/2, potential: g*y}}
+constraints: {{floor: {{relation: y >= 0, restitution: e}}}}
+initial: {{y: h}}
+{simulation}
+"""
+
 # Named scenes of commands.
 PENDULUM = """\
 parameters: {l: 1, g: 9.8}
@@ -215,6 +224,11 @@ def quarter(amplitude):
 
 def fall(until, *, y="h", v=0, duration=5, more=""):
     return _FALL.format(until=until, y=y, v=v, duration=duration, more=more)
+
+
+def ball(simulation, *, e=0.8, g=9.81, h=1):
+    """Ball that falls onto a floor; `bounced` has its height."""
+    return _BALL.format(simulation=line(simulation), e=e, g=g, h=h)
 
 
 def bounced(t, e, height=1.0, g=9.81):

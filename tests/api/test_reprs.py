@@ -9,6 +9,7 @@ import lagsim
 from lagsim.outputs.figure import PlottedColumn, map_figure
 from lagsim.outputs.notebook import short_list
 from tests.api.test_notebooks import SWING, Texts
+from tests.small_scenes import ball
 
 # A chain with many names, each long.
 COUNT = 12
@@ -106,14 +107,7 @@ def test_faults_are_a_line():
 
 
 def test_an_event_shows_what_is_known_of_it():
-    ball = """
-coordinates: {y: {}}
-energy: {kinetic: y_dot^2/2, potential: 10*y}
-constraints: {floor: {relation: y >= 0, restitution: 0.5}}
-initial: {y: 0.45}
-simulation: {duration: 1}
-"""
-    (event, *_) = lagsim.simulate(lagsim.load(ball), error_bar="never").events
+    (event, *_) = lagsim.simulate(ball("duration: 1"), error_bar="never").events
     assert "constraint='floor'" in repr(event)
     assert "None" not in repr(event)
 

@@ -5,14 +5,10 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import manifest
+from tests.small_scenes import pendulum
 from tests.support import MODELS
 
-SWING = """
-coordinates: {a: {unit: rad}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: 1}
-simulation: {duration: 5}
-"""
+SWING = pendulum(simulation="duration: 5")
 
 
 def test_every_run_tells_its_error(lagsim, write):

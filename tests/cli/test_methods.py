@@ -6,6 +6,7 @@ import pytest
 
 from lagsim.methods import names
 from lagsim.model.model import RETIRED_FORMULATIONS
+from tests.small_scenes import oscillator
 
 KEYS = {"name", "order", "adaptive", "handles"}
 
@@ -41,12 +42,8 @@ def test_the_page_on_one_names_its_source(lagsim, name):
     assert [m["name"] for m in lagsim("methods", name, "--json").json] == [name]
 
 
-def test_a_run_by_a_retired_method_takes_another_one(lagsim):
-    Path("model.yaml").write_text(
-        "coordinates: {x: {}}\n"
-        "energy: {kinetic: x_dot^2/2, potential: x^2/2}\n"
-        "initial: {x: 1}\nsimulation: {duration: 1}\n"
-    )
+def test_a_run_by_a_retired_method_takes_another_one(lagsim, write):
+    write(oscillator("duration: 1"))
     options = ("--method", "exponential", "--no-plots", "--json")
     record = lagsim("run", "model.yaml", *options, code=0).json
     assert [x["code"] for x in record["warnings"]] == ["retired"]
@@ -69,12 +66,8 @@ def test_a_run_in_a_retired_formulation_takes_another_one(lagsim, name):
 
 
 @pytest.mark.slow
-def test_commands_on_several_methods_leave_a_retired_one_out(lagsim):
-    Path("model.yaml").write_text(
-        "coordinates: {x: {}}\n"
-        "energy: {kinetic: x_dot^2/2, potential: x^2/2}\n"
-        "initial: {x: 1}\nsimulation: {duration: 1}\n"
-    )
+def test_commands_on_several_methods_leave_a_retired_one_out(lagsim, write):
+    write(oscillator("duration: 1"))
     options = ("--methods", "exponential,rk4", "--steps", "0.01:0.02", "--json")
     found = lagsim("stability", "model.yaml", *options, code=0)
     assert found.reports("W207", "`exponential`")

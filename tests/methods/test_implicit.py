@@ -8,7 +8,7 @@ import pytest
 from lagsim.methods import generalized_alpha, method
 from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
-from tests.small_scenes import elastic_pendulum
+from tests.small_scenes import elastic_pendulum, oscillator
 from tests.support import run
 
 ELASTIC = elastic_pendulum(
@@ -182,12 +182,7 @@ def test_radau_shortens_the_step_instead():
 
 
 def test_radau_counts_its_factorisations():
-    linear = """
-    coordinates: {x: {}}
-    energy: {kinetic: x_dot^2/2, potential: x^2/2}
-    initial: {x: 1}
-    simulation: {duration: 10, method: radau, rtol: 1e-6}
-    """
+    linear = oscillator("duration: 10, method: radau, rtol: 1e-6")
     statistics = run(linear).trajectory.statistics
     # Three evaluations for each iteration and one at the end of each step, and three
     # at the start; J is constant and kept, so factorisations go with changes of h.

@@ -11,6 +11,7 @@ import lagsim
 from lagsim.model.reader import read
 from lagsim.studies.sensitivities import Sensitivities
 from lagsim.studies.trials import Trials
+from tests.small_scenes import ball
 from tests.support import MODELS, refused
 
 OSCILLATOR = """
@@ -20,14 +21,7 @@ energy: {kinetic: x_dot^2/2, potential: k*x^2/2 + z*x}
 initial: {x: 1}
 simulation: {duration: 10}
 """
-BALL = """
-parameters: {e: 0.8, g: 9.81, h: 1}
-coordinates: {y: {}}
-energy: {kinetic: y_dot^2/2, potential: g*y}
-constraints: {floor: {relation: y >= 0, restitution: e}}
-initial: {y: h}
-simulation: {duration: 3}
-"""
+BALL = ball("duration: 3")
 ELASTIC = """
 parameters: {m: 1, l: 1, K: 40, g: 9.81}
 coordinates: {r: {}, theta: {}}
@@ -313,16 +307,11 @@ forces: {x: cos(w*t)}
 initial: {x: 1}
 simulation: {duration: 5, output_step: 0.5}
 """
-UNCERTAIN_BALL = """
-parameters:
-  e: {value: 0.8, uncertainty: 0.002}
-  h: {value: 1, uncertainty: 0.003}
-coordinates: {y: {}}
-energy: {kinetic: y_dot^2/2, potential: 9.81*y}
-constraints: {floor: {relation: y >= 0, restitution: e}}
-initial: {y: h}
-simulation: {duration: 2, output_step: 0.5}
-"""
+UNCERTAIN_BALL = ball(
+    "duration: 2, output_step: 0.5",
+    e="{value: 0.8, uncertainty: 0.002}",
+    h="{value: 1, uncertainty: 0.003}",
+)
 SLIDER = """
 parameters:
   mu: {value: 0.2, uncertainty: 0.002}

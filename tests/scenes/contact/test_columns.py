@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.scenes.contact.motions import GLOBAL, G, contact, play, scene
+from tests.small_scenes import bounced
 
 # When the last ball rests: by another integrator, with another search and another law
 # of accumulation, which agree at three tolerances to the digits given. It dates that
@@ -101,18 +102,6 @@ def test_where_it_rests_does_not_depend_on_the_tolerance():
 # --- What an impact reaches: nothing of other bodies, and all through a shared one
 
 
-def bounced(height, e, t):
-    """Return the height of a ball at times t, dropped at `height` above its floor."""
-    y = np.empty_like(t)
-    start, speed = -np.sqrt(2 * height / G), np.sqrt(2 * G * height)
-    for k, time in enumerate(t):
-        begin, leaves = start, speed
-        while time > begin + 2 * leaves / G:
-            begin, leaves = begin + 2 * leaves / G, e * leaves
-        y[k] = leaves * (time - begin) - G / 2 * (time - begin) ** 2
-    return y
-
-
 @pytest.mark.slow
 def test_balls_on_floors_of_their_own_bounce_as_if_alone():
     names = [f"q{k}" for k in range(12)]
@@ -131,7 +120,7 @@ def test_balls_on_floors_of_their_own_bounce_as_if_alone():
         )
     )
     for q in names:
-        expected = bounced(heights[q], e[q], found.t)
+        expected = bounced(found.t, e[q], heights[q])
         assert found[q] == pytest.approx(expected, abs=GLOBAL)
 
 

@@ -18,7 +18,16 @@ from lagsim.studies.sweep.grid import SweepRows, grid_of, parse_axes
 from lagsim.studies.sweep.runs import Runs
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
-from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM, orbit, power
+from tests.small_scenes import (
+    CONTACT,
+    FALL,
+    ON_THE_CURVE,
+    PENDULUM,
+    ball,
+    bounced,
+    orbit,
+    power,
+)
 from tests.support import MODELS
 
 GRID = """\
@@ -372,17 +381,8 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
 
 
 def test_a_swept_restitution_counts():
-    """The ball falls from 1 m; between bounces y = e v d - g d^2/2, v = sqrt(2 g)."""
-    text = """
-    parameters: {e: 0.5}
-    coordinates: {y: {}}
-    energy: {kinetic: y_dot^2/2, potential: 9.81*y}
-    constraints: {floor: {relation: y >= 0, restitution: e}}
-    initial: {y: 1}
-    simulation: {duration: 0.8, output_step: 0.8}
-    """
     values = [0.5, 0.65, 0.8]
+    text = ball("duration: 0.8, output_step: 0.8")
     found = lagsim.sweep(text, {"e": values}, jobs=1, error_bar="never")
-    v, d = np.sqrt(2 * 9.81), 0.8 - np.sqrt(2 / 9.81)
-    heights = np.array(values) * v * d - 9.81 * d**2 / 2
+    heights = [float(bounced(0.8, e)) for e in values]
     assert found["y.end"] == pytest.approx(heights, abs=1e-11)
