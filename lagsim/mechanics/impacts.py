@@ -57,8 +57,29 @@ class Impact:
     energy: float
     found: bool = True
 
+    def part(self, part: float, rates: Floats) -> Impact:
+        """Return the first part of the impact, in which all impulses grow together.
 
-def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
+        part : its impulses, in those of the impact.
+        rates : ndarray, shape (r,), the rates before the impact.
+        """
+        if part == 1.0:
+            return self
+        p, after = part * self.impulses, rates + part * (self.after - rates)
+        energy = float(p @ (rates + after)) / 2.0
+        return Impact(p, after, self.open, energy, self.found)
+
+    def followed_by(self, rest: Impact) -> Impact:
+        """Return the impact of which this is the first part, and `rest` the other."""
+        return Impact(
+            self.impulses + rest.impulses, rest.after, self.open or rest.open,
+            self.energy + rest.energy, self.found and rest.found,
+        )  # fmt: skip
+
+
+def impact(
+    closed: Closed, rates: Floats, roundoff: Floats, first: Floats | None = None
+) -> Impact:
     """Compute the simultaneous impact of all rows.
 
     Where the rates after the impact by Newton's law contradict each other, the impact
@@ -72,14 +93,18 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
         The rates of the rows before the impact.
     roundoff : ndarray, shape (r,)
         Rates up to this size count as 0.
+    first : ndarray, shape (r,), optional
+        The rates before an earlier part of the impact, from which contacts rebound.
     """
-    if len(rates) == 1 and closed.table.one_sided[0]:
-        return _of_one(closed, float(rates[0]), float(roundoff[0]))
-    before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
+    if first is None:
+        first = rates
+        if len(rates) == 1 and closed.table.one_sided[0]:
+            return _of_one(closed, float(rates[0]), float(roundoff[0]))
+    before, first = (np.where(np.abs(x) <= roundoff, 0.0, x) for x in (rates, first))
     bounces = closed.table.gapped
     of_impulses = bounces & closed.table.poisson
-    newton = bounces & ~of_impulses & (before < 0.0)
-    target = np.where(newton, -closed.restitutions * before, 0.0)
+    newton = bounces & ~of_impulses & (first < 0.0)
+    target = np.where(newton, -closed.restitutions * first, 0.0)
     rests = _at_rest(closed, before)
     solution = _impulses(closed, before - target, rests)
     locked = not solution.found and bool(target.any())

@@ -67,10 +67,9 @@ if TYPE_CHECKING:
     from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.impacts import Impact
-    from lagsim.mechanics.rows import Closed
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
-    from lagsim.run.events.corner_sides import CornerSides
+    from lagsim.run.events.corner_sides import CornerSides, JumpPiece
     from lagsim.run.trajectory import JumpImpulses
 
 # A contact with more impacts than this comes to rest by a series, not by one impact.
@@ -474,7 +473,7 @@ class Contacts(Source):
         corners : CornerSides or None
             The corners that the state may be on.
         """
-        arc, before = here.arc, found.y
+        arc, before, arrived = here.arc, found.y, here
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
         struck = [k for k in active if here.strikes(k)]
@@ -486,9 +485,9 @@ class Contacts(Source):
         # the impulses that remain in its series.
         equalities = [i for i, k in enumerate(active) if k in ends] if stopped else []
         solution = _solve_impact(here, active, e, equalities)
-        if corners is not None and corners.corners:
+        if corners is not None and corners.may_bend:
             solution = _solve_impact_beside(corners, here, active, e, equalities)
-        here, problem, rates, result, y = solution
+        here, _, result, y = solution
         # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
         deep = [k for k in active if k in self.contacts and here.gaps[k] < 0.0]
@@ -497,10 +496,8 @@ class Contacts(Source):
         found.y = y
         there = here.at(y)
         if deep:
-            left = rates + problem.D @ result.impulses
-            there = kept_at_rest(
-                there, np.array(active)[np.abs(left) <= here.still[active]]
-            )
+            rest = np.abs(result.after) <= here.still[active]
+            there = kept_at_rest(there, np.array(active)[rest])
         changes = arc.add_work(y, arc.energies(before, found.rows[0]))
         energy = float(changes.sum())
         given = np.zeros(len(self.laws))
@@ -515,19 +512,17 @@ class Contacts(Source):
         allow_closed(arc, y, closed)
         if bent:
             assert corners is not None
-            found.events += corner_events(arc, corners.corners, energy, bent)
-        sizes = np.abs(result.impulses)
-        listed = (sizes > SOLUTION_ROUNDOFF * sizes.max()).tolist()
-        for i, k in enumerate(active):
-            if here.table.slips[k] or not listed[i]:
-                continue
-            name = self.laws[k].name
-            event = Event(
-                arc.t, "impact", name, rate_before=float(rates[i]),
-                rate_after=float(result.after[i]), energy=energy,
-            )  # fmt: skip
-            found.events.append(event)
-            self._count_impact(found, k, ends)
+            on = arc.system.switches.turns.intersection(corners.corners)
+            found.events += corner_events(arc, sorted(on), energy, bent)
+        self._list_impacts(solution, active, found, energy, ends)
+        named = {event.constraint for event in found.events}
+        found.events += [  # struck in the projection
+            Event(
+                arc.t, "impact", name, rate_before=float(arrived.rates[k]),
+                rate_after=0.0, energy=energy,
+            )
+            for name, k in bent.items() if name not in named
+        ]  # fmt: skip
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(active))
         elif not result.impulses.any() and not bent:
@@ -535,6 +530,31 @@ class Contacts(Source):
             found.rows = None
         self._warn(here, active, result, found, ending=bool(stopped))
         return there
+
+    def _list_impacts(
+        self, solution: ImpactSolution, active: list[int], found: StateAfter,
+        energy: float, ends: dict[int, float],
+    ) -> None:  # fmt: skip
+        """Add the events of the laws that have impulses in an impact to `found`.
+
+        solution : the impulses.
+        active : indices of the laws struck.
+        energy : the change of the energy.
+        ends : end times of the series that end with this impact, by law.
+        """
+        here, rates, result = solution.here, solution.rates, solution.result
+        sizes = np.abs(result.impulses)
+        listed = (sizes > SOLUTION_ROUNDOFF * sizes.max()).tolist()
+        for i, k in enumerate(active):
+            if here.table.slips[k] or not listed[i]:
+                continue
+            name = self.laws[k].name
+            event = Event(
+                here.arc.t, "impact", name, rate_before=float(rates[i]),
+                rate_after=float(result.after[i]), energy=energy,
+            )  # fmt: skip
+            found.events.append(event)
+            self._count_impact(found, k, ends)
 
     def _count_impact(self, found: StateAfter, k: int, ends: dict[int, float]) -> None:
         """Add an impact to the series of a law; list the rest at the end of a series.
@@ -556,18 +576,23 @@ class Contacts(Source):
     def _at_corners(
         self, here: Kinematics, struck: list[int], corners: CornerSides | None
     ) -> dict[str, int]:
-        """Return the equalities with `when` that are struck at a corner, by name.
+        """Return the equalities with `when` and kinks that are struck, by name.
 
         They are projected onto the sides onto which the motion leads, as equalities
-        without `when` are.
+        without `when` are. Kinks of positions count if the state is at their corner.
 
         here : all laws after the projection.
         struck : the laws that were struck before it.
         """
-        if corners is None or not corners.corners:
+        if corners is None or not corners.may_bend:
             return {}
         known = here.arc.system.switches.corners
-        names = {name for k in corners.corners for name in known[k].rows}
+        names = {
+            name
+            for k, corner in known.items()
+            if corner.moving or k in corners.corners
+            for name in corner.rows
+        }
         own = {self.laws[k].name: k for k in struck if here.table.equal[k]}
         return {name: k for name, k in own.items() if name in names}
 
@@ -601,8 +626,6 @@ class ImpactSolution(NamedTuple):
     ----------
     here : Kinematics
         The laws just before the impulses.
-    problem : Closed
-        The r laws as rows of a contact problem.
     rates : ndarray, shape (r,)
         The rates of the laws just before.
     result : Impact
@@ -612,7 +635,6 @@ class ImpactSolution(NamedTuple):
     """
 
     here: Kinematics
-    problem: Closed
     rates: Floats
     result: Impact
     y: Floats
@@ -620,7 +642,7 @@ class ImpactSolution(NamedTuple):
 
 def _solve_impact(
     here: Kinematics, active: list[int], e: Floats, equalities: list[int],
-    stopped: Collection[int] = (),
+    stopped: Collection[int] = (), first: Floats | None = None,
 ) -> ImpactSolution:  # fmt: skip
     """Compute the impulses of r laws at a state, and the state after.
 
@@ -637,15 +659,17 @@ def _solve_impact(
     stopped : collection of int
         The corners of equalities at which the velocity across the surface is stopped,
         too.
+    first : ndarray, shape (r,), or None
+        The rates before an earlier part of the impact, by which contacts rebound.
     """
     matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
     problem, response = here.problem(active, e, matrix)
     if equalities:
         problem = replace(problem, table=problem.table.with_equalities(equalities))
     rates, y = here.rates[active], here.y.copy()
-    result = impact(problem, rates, here.still[active])
+    result = impact(problem, rates, here.still[active], first)
     y[here.arc.velocities] += response @ result.impulses
-    return ImpactSolution(here, problem, rates, result, y)
+    return ImpactSolution(here, rates, result, y)
 
 
 def _solve_impact_beside(
@@ -659,16 +683,29 @@ def _solve_impact_beside(
 
     The sides remain in the memory of the arc. Arguments: see `_solve_impact`.
     """
-    found: list[ImpactSolution] = []
+    first: Floats | None = None
+    last: tuple[JumpPiece, ImpactSolution] | None = None
+    result: Impact | None = None
 
-    def jump(stopped: frozenset[int]) -> Floats:
-        y = here.y.copy()
-        corners.project(y, stopped)
-        found.append(_solve_impact(here.at(y), active, e, equalities, stopped))
-        return found[-1].y
+    def jump(piece: JumpPiece) -> Floats:
+        nonlocal last
+        y = piece.y.copy()
+        corners.project(y, piece.stopped)
+        found = _solve_impact(here.at(y), active, e, equalities, piece.stopped, first)
+        last = piece, found
+        return piece.y + piece.part * (found.y - piece.y)
 
-    corners.after(jump)
-    return found[-1]
+    y = here.y
+    for state in corners.pieces(jump):
+        assert last is not None
+        y = state
+        piece, found = last
+        first = found.rates if first is None else first
+        own = found.result.part(piece.part, found.rates)
+        result = own if result is None else result.followed_by(own)
+    assert first is not None
+    assert result is not None
+    return ImpactSolution(found.here, first, result, y)
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:

@@ -6,13 +6,18 @@ velocities is computed on each side of the corners that the state is on. It is a
 solution if the velocities after it lead onto these sides. A corner that a jump leaves
 on neither side stops the motion: both rows hold. Several corners are decided together,
 since equalities and contacts transmit the impulses.
+
+A relation of velocities, y' = k*abs(x'), has its corner at a value of velocities, which
+a jump may pass. The jump is then the limit of a large force in a short time: it is
+followed up to the corner, and its rest is computed from there, on the side onto which
+it leads, or along the corner if it leads onto neither.
 """
 
 from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,16 +28,16 @@ from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import SurfacesAt
-    from lagsim.run.events.surface_modes import SurfaceModes
+    from lagsim.run.events.surface_modes import Rows, SurfaceModes
 
-    # A function of the corners at which velocities stop, which computes the state
-    # (size,) after a jump on the sides in the memory of the arc.
-    Jump = Callable[[frozenset[int]], Floats]
+    # A function that computes the state (size,) after a piece of a jump, on the sides
+    # in the memory of the arc.
+    Jump = Callable[["JumpPiece"], Floats]
     # ABOVE, BELOW or SLIDING (stopped) for each corner.
     Sides = tuple[int, ...]
 
@@ -41,6 +46,29 @@ AT_LEVEL = (kept.FOLLOWED, kept.REDUNDANT_SIDE, kept.LEVEL)
 # Largest number of corners all of whose sides are combined, and of sweeps over corners
 # one by one.
 MOST = 6
+# Largest numbers of pieces of a jump, and of trials that locate the end of a piece.
+MOST_PIECES, MOST_TRIALS = 10_000, 60
+
+
+class JumpPiece(NamedTuple):
+    """A piece of a jump of velocities, on one side of each corner.
+
+    Attributes
+    ----------
+    y : ndarray, shape (size,)
+        The state before the piece.
+    left : float
+        The part of the whole jump that remains at this state.
+    part : float
+        The part of this rest that the piece is.
+    stopped : frozenset of int
+        The corners at whose surfaces the velocities are stopped.
+    """
+
+    y: Floats
+    left: float
+    part: float
+    stopped: frozenset[int]
 
 
 class CornerSides:
@@ -75,35 +103,54 @@ class CornerSides:
     is_decided = False
 
     def __init__(self, arc: Arc, modes: SurfaceModes, surfaces: SurfacesAt) -> None:
-        self.arc, self.modes = arc, modes
+        self.arc, self.modes, self._y, self._left = arc, modes, arc.y, 1.0
         modes.begin(arc, surfaces.selected)
-        on = arc.system.switches.turns
-        levels = dict(surfaces.levels)
-        rows, values = modes.rows(), modes.values(arc.t, arc.y)
+        corners = arc.system.switches.corners
+        self._moving = np.zeros(modes.count, dtype=bool)
+        self._moving[[k for k, corner in corners.items() if corner.moving]] = True
+        self._begun = modes.value.copy(), modes.kind.copy()
+        self._find(surfaces.levels)
+        is_carried = (modes.kind == kept.CARRIED).tolist()
+        self._carried = {k: each for k, each in modes.carried.items() if is_carried[k]}
+
+    def _find(self, levels: Mapping[int, float]) -> None:
+        """Find the corners that the present state is on, with the present sides.
+
+        levels : the levels of surfaces that are known to be at these levels.
+        """
+        arc, modes, on = self.arc, self.modes, self.arc.system.switches.corners
+        levels = {k: x for k, x in levels.items() if k in on}
+        rows, values = modes.rows(self._y), modes.values(arc.t, self._y)
         near = RESIDUAL_ROUNDOFF * modes.sizes(rows)
         for k in on:
             level = modes.level(k, float(values[k]))
             is_at = abs(values[k] - level) <= near[k] or modes.kind[k] in AT_LEVEL
             if k not in levels and is_at:
                 levels[k] = level
-        self.corners = {k: levels[k] for k in modes.order if k in on and k in levels}
+        self.corners = {k: levels[k] for k in modes.order if k in levels}
         lengths = np.linalg.norm(rows.J, axis=1)
         off = [
-            abs(values[k] - x) / (lengths[k] or 1.0) for k, x in self.corners.items()
+            abs(values[k] - x) / (lengths[k] or 1.0)
+            for k, x in self.corners.items()
+            if not self._moving[k]
         ]
         # The corners meet at one place, up to the distance of the state from each.
-        self._near = near + 2.0 * max(off, default=0.0) * lengths
+        reach = np.where(self._moving, 0.0, 2.0 * max(off, default=0.0) * lengths)
+        self._near = near + reach
         self._speeds: dict[Sides, Floats] = {}
         self._former = modes.value.copy(), modes.kind.copy()
-        is_carried = (modes.kind == kept.CARRIED).tolist()
-        self._carried = {k: each for k, each in modes.carried.items() if is_carried[k]}
+
+    @property
+    def may_bend(self) -> bool:
+        """Whether a jump may depend on the side of a corner."""
+        return bool(self.corners or self._moving.any())
 
     def restore(self) -> None:
         """Restore the modes that the surfaces had before the trial.
 
         The phase `sides` then decides their sides by the velocities after the jump.
         """
-        self.modes.restore(*self._former)
+        self.modes.restore(*self._begun)
         self.modes.carried = self._carried
         self.modes.write()
 
@@ -123,29 +170,73 @@ class CornerSides:
             if stopped:
                 arc.runner.project_sliding(arc.t, y)
 
-    def after(self, jump: Jump, *, selected: bool = False) -> Floats:
-        """Return the state (size,) after a jump, on the sides onto which it leads.
+    def pieces(self, jump: Jump, *, selected: bool = False) -> Iterator[Floats]:
+        """Yield the state (size,) after each piece of a jump; the last is the result.
 
-        These sides are left in the memory of the arc, until `restore`. A corner may
-        have any of its sides onto which the velocities after the jump lead; it is
-        stopped if neither does. Of several solutions one with the fewest stopped
-        corners is returned, and of these the one with the highest speed away from the
-        corners, relative to the rounding of the speed.
+        Each piece is on the sides onto which it leads. These sides are left in the
+        memory of the arc, those of the last piece until `restore`; `jump` is called for
+        this piece last. A corner may have any of its sides onto which the velocities
+        after the rest of the jump lead; it is stopped if neither does. Of several
+        solutions one with the fewest stopped corners is selected, and of these the one
+        with the highest speed away from the corners, relative to the rounding of the
+        speed.
 
         jump : the function that computes the jump.
-        selected : whether the sides before the trial are returned if they are a
-            solution.
+        selected : whether the sides before the trial are kept if they are a solution.
         """
-        self._speeds = {}
-        every = list(range(len(self.corners)))
-        found = self._selected()
-        if not (selected and self._is_solution(jump, found, every)):
-            found = self._found(jump, every)
-        self._write_sides(found)
-        stops = zip(self.corners, found, strict=True)
-        stopped = {k for k, side in stops if side == SLIDING}
-        self.stopped, self.is_decided = frozenset(stopped.difference(self.off)), True
-        return jump(self.stopped)
+        for _ in range(MOST_PIECES):
+            found, every = self._selected(), list(range(len(self.corners)))
+            if not (selected and self._is_solution(jump, found, every)):
+                found = self._found(jump, every)
+            selected = False
+            self._write_sides(found)
+            stops = zip(self.corners, found, strict=True)
+            stopped = {k for k, side in stops if side == SLIDING}
+            self.stopped, self.is_decided = (
+                frozenset(stopped.difference(self.off)),
+                True,
+            )
+            part, met = self._met(jump)
+            yield self._after(jump, part)
+            if not met:
+                return
+            self._y, self._left = self._after(jump, part), (1.0 - part) * self._left
+            self._find(met)
+        raise OverflowError("velocities pass corners without end")
+
+    def _after(self, jump: Jump, part: float = 1.0) -> Floats:
+        """Return the state (size,) after a part of the rest of a jump."""
+        return jump(JumpPiece(self._y, self._left, part, self.stopped))
+
+    def _met(self, jump: Jump) -> tuple[float, dict[int, float]]:
+        """Return the part of the rest of a jump up to the next corner of velocities.
+
+        It is returned with the corner and its level; 1 and {} if the jump meets none.
+        """
+        if not self._moving.any():
+            return 1.0, {}
+        arc, modes = self.arc, self.modes
+        end = self._after(jump)
+        here, there = (modes.values(arc.t, y) for y in (self._y, end))
+        least = np.maximum(self._rounding(modes.rows(end), end), self._near)
+        first, met, edge = 1.0, -1, 0.0
+        lowest, highest = modes.ends(modes.value)
+        for k in np.flatnonzero(self._moving & ~modes.slides).tolist():
+            low, high = float(lowest[k]), float(highest[k])
+            if low - least[k] <= there[k] <= high + least[k]:
+                continue
+            level = low if there[k] < low else high
+            far = there[k] - here[k]
+            part = min(max((level - here[k]) / far, 0.0), 1.0) if far else 0.0
+            if met < 0 or part < first:
+                first, met, edge = part, k, level
+        if met < 0:
+            return 1.0, {}
+
+        def off(part: float) -> float:
+            return float(modes.values(arc.t, self._after(jump, part))[met] - edge)
+
+        return _zero(off, first, float(least[met])), {met: edge}
 
     def _selected(self) -> Sides:
         """Return the sides of all corners before the trial."""
@@ -290,7 +381,7 @@ class CornerSides:
             side = own.get(k)
             if not modes.depends[k].isdisjoint(changed):
                 modes.write()
-                value = float(modes.values(arc.t, arc.y)[k])
+                value = float(modes.values(arc.t, self._y)[k])
                 if not self._is_at(k, value):
                     modes.set_by_value(k, value)
                     changed.add(k)
@@ -329,17 +420,47 @@ class CornerSides:
         self._write_sides(sides)
         off = self.off
         stops = [k for k, side in zip(surfaces, sides, strict=True) if side == SLIDING]
-        y = jump(frozenset(stops).difference(off))
-        rows, magnitudes = modes.rows(y), np.abs(y[arc.velocities])
-        magnitudes = np.maximum(magnitudes, arc.magnitudes[arc.velocities])
-        least = np.abs(rows.J[surfaces, : arc.system.n]) @ magnitudes
-        least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
+        y = jump(JumpPiece(self._y, self._left, 1.0, frozenset(stops).difference(off)))
+        rows = modes.rows(y)
+        least = self._rounding(rows, y)[surfaces]
         ways = np.array([modes.way(k, self.corners[k]) for k in surfaces])
-        found = ways * rows.rates[surfaces] / np.maximum(least, TINY)
+        speeds = rows.rates[surfaces]
+        if self._moving.any():
+            levels = np.array([*self.corners.values()])
+            own = modes.values(arc.t, y)[surfaces] - levels
+            speeds = np.where(self._moving[surfaces], own, speeds)
+        found = ways * speeds / np.maximum(least, TINY)
         found[[i for i, k in enumerate(surfaces) if k in stops]] = 0.0
         found[[i for i, k in enumerate(surfaces) if k in off]] = math.inf
         self._speeds[sides] = found
         return np.asarray(found)
+
+    def _rounding(self, rows: Rows, y: Floats) -> Floats:
+        """Return bounds (K,) of the rounding of velocities across the surfaces.
+
+        rows : the rows of the surfaces at the state y (size,).
+        """
+        arc = self.arc
+        magnitudes = np.maximum(np.abs(y), arc.magnitudes)[arc.velocities]
+        terms = np.abs(rows.J[:, : arc.system.n]) @ magnitudes
+        return np.asarray(CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * terms)
+
+
+def _zero(value: Callable[[float], float], near: float, least: float) -> float:
+    """Return the argument in [0, 1] at which a function is 0, to its rounding `least`.
+
+    The function has the sign of its value at 1 above its zero. The first trial is
+    `near`, the zero of a linear function.
+    """
+    ends, x = [0.0, 1.0], near
+    up = value(1.0) > 0.0
+    for _ in range(MOST_TRIALS):
+        off = value(x)
+        if abs(off) <= least:
+            break
+        ends[int((off > 0.0) == up)] = x
+        x = (ends[0] + ends[1]) / 2.0
+    return x
 
 
 def corner_events(

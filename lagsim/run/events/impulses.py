@@ -179,7 +179,8 @@ def _extrapolated(
             row.append(row[j] + (row[j] - table[j]) / (ratio - 1.0))
         if table:
             error = np.max(np.abs(row[-1] - row[-2])[:n], initial=0.0)
-            scale = np.max(np.abs(row[-1])[:n], initial=0.0)
+            sizes = np.maximum(np.abs(row[-1]), np.abs(x))  # of velocities that stop
+            scale = np.max(sizes[:n], initial=0.0)
             if error <= ERROR * scale:
                 return row[-1], True
         table = row

@@ -281,14 +281,14 @@ class SurfaceModes:
         bent = self.is_corner & (self.kind == kept.REDUNDANT_SIDE)
         p.high[bent] = value[bent]
         p.leader[:] = p.ends_above = 0.0
-        least, most = self._ends(value)
+        least, most = self.ends(value)
         for k, carried in self.carried.items():
             p.leader[k] = carried.leader + 1
             p.high[k] = carried.high
             free[k] = not carried.ends_below
             p.ends_above += carried.ends_above
         if p.ends_above:
-            p.least_above[:], p.most_above[:] = self._ends(p.high)
+            p.least_above[:], p.most_above[:] = self.ends(p.high)
             fixed = [k for k, x in self.carried.items() if not x.ends_above]
             p.least_above[fixed], p.most_above[fixed] = -math.inf, math.inf
         least[free], most[free] = -math.inf, math.inf
@@ -300,7 +300,7 @@ class SurfaceModes:
         p.least[:] = least
         p.most[:] = most
 
-    def _ends(self, sides: Floats) -> tuple[Floats, Floats]:
+    def ends(self, sides: Floats) -> tuple[Floats, Floats]:
         """Return the least and the largest value (K,) of each expression on its side.
 
         sides : ndarray, shape (K,), as in `value`.

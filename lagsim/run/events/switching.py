@@ -21,7 +21,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.accumulation import REGULAR, Accumulation
-from lagsim.run.events.corner_sides import CornerSides
+from lagsim.run.events.corner_sides import CornerSides, JumpPiece
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.curve_ends import REACH, come_to_rest
 from lagsim.run.events.root_floors import set_floors
@@ -309,15 +309,16 @@ class Switching(Source):
         """
         modes, found = self.modes, list[Event]()
         sides = CornerSides(arc, modes, surfaces)
-        before = y.copy()
 
-        def jump(stopped: frozenset[int]) -> Floats:
-            after = before.copy()
-            sides.project(after, stopped)
-            after[arc.velocities] -= off
-            return after
+        def jump(piece: JumpPiece) -> Floats:
+            after = piece.y.copy()
+            sides.project(after, piece.stopped)
+            if piece.left == 1.0:
+                after[arc.velocities] -= off
+            return piece.y + piece.part * (after - piece.y)
 
-        y[:] = sides.after(jump, selected=True)
+        for after in sides.pieces(jump, selected=True):
+            y[:] = after
         stopped = {*sides.stopped}
         sizes, magnitudes = modes.sizes(modes.rows(y)), arc.magnitudes[arc.velocities]
         while True:
@@ -327,7 +328,8 @@ class Switching(Source):
             least = np.abs(rows.J[:, : arc.system.n]) @ magnitudes
             least *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
             short = speeds**2 <= SHORT * RESIDUAL_ROUNDOFF * sizes * back
-            left = [k for k in sides.corners if k not in {*stopped, *sides.off}]
+            turns = arc.system.switches.turns.intersection(sides.corners)
+            left = [k for k in turns if k not in {*stopped, *sides.off}]
             wrong = [k for k in left if short[k]]
             if not wrong:
                 break

@@ -25,7 +25,14 @@ from lagsim.run.events.impulses import data_at, kick
 from lagsim.run.events.records import NOTHING, ActsAt, Due
 from lagsim.run.events.rounds import MOST_ACTS, act_in_rounds, names_of
 from lagsim.run.instants import width
-from lagsim.run.trajectory import Decision, Ending, Outcome, Source, quoted
+from lagsim.run.trajectory import (
+    Decision,
+    Ending,
+    JumpImpulses,
+    Outcome,
+    Source,
+    quoted,
+)
 from lagsim.tolerances import SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -34,8 +41,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
-    from lagsim.run.events.corner_sides import CornerSides
-    from lagsim.run.trajectory import JumpImpulses
+    from lagsim.run.events.corner_sides import CornerSides, JumpPiece
 
 
 class Transitions(Source):
@@ -233,16 +239,23 @@ class Transitions(Source):
         before : ndarray, shape (size,)
             The state before.
         """
-        after, given = kick(arc, before, impulse)
-        if corners is not None and corners.corners:
+        if corners is None or not corners.may_bend:
+            after, given = kick(arc, before, impulse)
+        else:
+            after = before
+            last, several = JumpImpulses(np.zeros(0), np.zeros(0)), []
 
-            def jump(stopped: frozenset[int]) -> Floats:
-                nonlocal given
-                y, given = kick(arc, before, impulse)
-                corners.project(y, stopped)
+            def jump(piece: JumpPiece) -> Floats:
+                nonlocal last
+                y, last = kick(arc, piece.y, piece.left * piece.part * impulse)
+                corners.project(y, piece.stopped)
                 return y
 
-            after = corners.after(jump)
+            for state in corners.pieces(jump):
+                after = state
+                several.append(last)
+            sums = (sum(x.laws for x in several), sum(x.rows for x in several))
+            given = JumpImpulses(*map(np.asarray, sums))
         energy = float(arc.add_work(after, arc.energies(before)).sum())
         return after, given, energy
 
