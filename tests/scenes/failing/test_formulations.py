@@ -42,6 +42,24 @@ def test_a_penalty_bounds_the_drift_and_never_removes_it():
     assert 1e-9 < long < 1e-2 * worst_residual("drift", 80)
 
 
+def test_a_penalty_holds_a_constant_drift_at_its_balance():
+    """Euler's method leaves -h^2 of t^2 a step, which both terms of the gain return.
+
+    In steps of h the residual g and its rate w obey w' = w - h (2 a w + a^2 g) and
+    g' = g + h w - h^2: at rest w = h, g = -2 h/a. Of a rate alone, -h/a is left.
+    """
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
+constraints: {place: x = t^2, speed: y_dot = t^2}
+initial: {x: 0, y: 0}
+simulation: {duration: 10, output_step: 10, method: euler}
+"""
+    found = run(text, step=STEP, formulation="baumgarte", gain=5)
+    left = found["x"][-1] - 100.0, found["y_dot"][-1] - 100.0
+    assert left == pytest.approx((-2.0 * STEP / 5.0, -STEP / 5.0), rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_tuned_gain_beats_drift_and_a_large_one_does_not():
     """Andrews' mechanism at equal evaluations; projection is best of all."""
