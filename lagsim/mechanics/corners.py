@@ -15,7 +15,8 @@ corner. Where the applied force jumps at the surface too, by d du/dq, the push i
 p = w (C lambda + d).
 
 A relation of velocities, y' = k*abs(x'), has its corner at a surface u(q', q, t) = 0,
-and du/dq' takes the place of du/dq.
+and du/dq' takes the place of du/dq. So has a limited relation of velocities, whose
+multiplier lambda is at its bound while it slides.
 
 Source: P. Lotstedt, Mechanical systems of rigid bodies subject to unilateral
 constraints, SIAM J. Appl. Math. 42, 1982, section 2, on corners as intersections.
@@ -27,6 +28,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient
+from lagsim.mechanics.constraints import LIMITED
 from lagsim.mechanics.surfaces import Corner
 
 if TYPE_CHECKING:
@@ -53,22 +55,25 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         Index of the side -> its corner. Surfaces at which no row of an equality jumps
         have none.
     """
-    equalities = [(r, x.row) for r, x in enumerate(e.relations) if x.equal]
-    if not equalities or not switches.sides:
+    limited = [x.role is LIMITED for x in e.relations]
+    some = [(r, x.row) for r, x in enumerate(e.relations) if x.equal or limited[r]]
+    if not some or not switches.sides:
         return {}
     g, fast = e.graph, frozenset(e.velocities)
-    slopes = {r: switches.freeze(list(row.A)) for r, row in equalities}
+    slopes = {r: switches.freeze(list(row.A)) for r, row in some}
     followers = _followers(g, switches)
     found = {}
     for k, side in enumerate(switches.sides):
         own = {g.variable(x) for x in followers[k]}
-        bent = [
-            (r, row) for r, row in equalities if not own.isdisjoint(g.cone(slopes[r]))
-        ]
         (u,) = switches.freeze([side.node])
+        moving = bool(fast & g.depends([u]))
+        bent = [
+            (r, row)
+            for r, row in some
+            if (moving or not limited[r]) and not own.isdisjoint(g.cone(slopes[r]))
+        ]
         if not bent:
             continue
-        moving = bool(fast & g.depends([u]))
         J = gradient(g, u, _variables(e, moving=moving))
         square = g.product_sum((x, x) for x in J)
         if square == g.zero:
@@ -78,7 +83,8 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         for r, _ in bent:
             levers[1 + r] = _along(g, slopes[r], J, square)
         names = tuple(row.name for _, row in bent)
-        found[k] = Corner(f"push.{k}", tuple(levers), names, moving)
+        equal = not all(limited[r] for r, _ in bent)
+        found[k] = Corner(f"push.{k}", tuple(levers), names, moving, equal)
     return found
 
 

@@ -114,7 +114,7 @@ class Side(NamedTuple):
 
 
 class Corner(NamedTuple):
-    """Surface at which the residuals of equality rows have a kink.
+    """Surface at which the residuals of equality or limited rows have a kink.
 
     Attributes
     ----------
@@ -127,12 +127,15 @@ class Corner(NamedTuple):
         The names of the rows with a kink.
     moving : bool
         Whether the surface depends on velocities.
+    equal : bool
+        Whether one of the rows is an equality, so that velocities may jump.
     """
 
     push: str
     levers: tuple[int, ...]
     rows: tuple[str, ...]
     moving: bool
+    equal: bool = True
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

@@ -267,6 +267,11 @@ class Switches:
         """The corners at surfaces of positions, at which velocities jump."""
         return frozenset(k for k, x in self.corners.items() if not x.moving)
 
+    @property
+    def bends(self) -> frozenset[int]:
+        """The corners of equalities, on whose sides jumps of velocities depend."""
+        return frozenset(k for k, x in self.corners.items() if x.equal)
+
     def freeze(self, nodes: Iterable[int]) -> list[int]:
         """Return `nodes` with each switch decided by its mode variable.
 

@@ -387,7 +387,7 @@ def equalities_struck(
 
 def corners_at(now: InstantRecord, by: Deciders) -> CornerSides | None:
     """Return the corners of equalities at the instant; None in models without any."""
-    if by.switching is None or not now.arc.system.switches.corners:
+    if by.switching is None or not now.arc.system.switches.bends:
         return None
     return CornerSides(now.arc, by.switching.modes, now.surfaces)
 

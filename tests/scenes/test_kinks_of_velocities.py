@@ -31,6 +31,9 @@ SPELLINGS = (
 )  # fmt: skip
 WHEN = {"when": "{{relation: '{}', when: t < 100}}", "always": "'{}'"}
 
+# A limit that the forces do not reach holds like an equality.
+WAYS = WHEN | {"limited": "{{relation: '{}', limit: 5*g}}"}
+
 
 def times(mass, bound):
     """Return the times at which the motion stops, and at which it slides again."""
@@ -64,7 +67,7 @@ def run(relation, when, **changes):
     own |= {"c": own["c"] * length / time, "v": own["v"] * length / time}
     own["end"] *= time
     text = relation.replace("u", "(x_dot - U)" if own["U"] else "x_dot")
-    own["rows"] = own["rows"].replace("ROW", WHEN[when].format(text))
+    own["rows"] = own["rows"].replace("ROW", WAYS[when].format(text))
     model = MODEL.format(
         r=R * length / time**3, g=G * length / time**2, step=STEP * time, **own,
     )  # fmt: skip
@@ -95,13 +98,13 @@ def check(found, mass=1 + K * K, bound=BOUND, U=0.0, x=0.0, length=1.0, time=1.0
     assert [at for _, at in events] == pytest.approx([stop, slip], abs=1e-6)
 
 
-@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("when", WAYS)
 @pytest.mark.parametrize("relation", SPELLINGS)
 def test_the_motion_rests_at_a_kink_like_dry_friction(relation, when):
     check(run(relation, when))
 
 
-@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("when", WAYS)
 @pytest.mark.parametrize(
     "changes",
     [{"U": 3.0}, {"x": 1e3}, {"length": 1e3}, {"time": 1e-3}],
@@ -113,6 +116,7 @@ def test_elsewhere(when, changes):
 
 METHODS = {
     "when": ["dopri5", pytest.param("rk4, step: 0.002", marks=SLOW)],
+    "limited": ["dopri5", pytest.param("rk4, step: 0.002", marks=SLOW)],
     "always": [
         "dopri5", *(pytest.param(x, marks=SLOW) for x in ("taylor", "radau")),
     ],
@@ -145,7 +149,7 @@ def test_beside_other_rows(when, order):
     assert found["x"] == pytest.approx(x, abs=1e-9)
 
 
-@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("when", WAYS)
 def test_beside_a_heavy_body_and_coupled_masses(when):
     heavy = "(x_dot^2 + y_dot^2)/2 + 5e5*z_dot^2"
     names = "x: {}, y: {}, z: {}"
@@ -158,6 +162,62 @@ def test_beside_a_heavy_body_and_coupled_masses(when):
     assert found["y_dot"][rest] == pytest.approx(C, abs=1e-12)
     assert np.abs(found["lambda_h"][rest]) == pytest.approx(G, rel=1e-12)
     assert [e.time for e in found.events] == pytest.approx([stop, slip], abs=1e-6)
+
+
+LIMITED = """
+parameters: {{g: 9.81, k: {k}}}
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: g*(y + z)}}
+forces: {{x: {force}}}
+constraints: {{{rows}}}
+initial: {{x: 0, x_dot: {v}, y: 0, y_dot: {w}, z: 0, z_dot: {{guess: 0}}}}
+simulation: {{duration: 3, output_step: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("also", ["k*abs(x_dot), limit: 30", "k*abs(x_dot)", ""])
+def test_a_limit_with_a_kink_rests_slides_and_rests_beside_others(also, order):
+    # A limit of 5 < g slides: its force on x is dry friction of the bound 5 k; a second
+    # relation that holds adds k g.
+    rows = ["h: {relation: 'y_dot = k*abs(x_dot)', limit: 5}"]
+    if also:
+        rows.append(f"s: {{relation: z_dot = {also}}}")
+    rows = ", ".join(rows[::order])
+    text = LIMITED.format(k=K, force="r*t".replace("r", str(R)), rows=rows, v=0, w=0)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    bound, mass = K * (5 + G * bool(also)), 1 + K * K * bool(also)
+    t, slip = found.t, bound / R
+    later = np.maximum(t - slip, 0.0)
+    assert found["x_dot"] == pytest.approx(R * later**2 / 2 / mass, abs=1e-9)
+    assert found["x"] == pytest.approx(R * later**3 / 6 / mass, abs=1e-9)
+    assert found["y_dot"] == pytest.approx((5 - G) * t, abs=1e-9)
+    assert found["lambda_h"] == pytest.approx(5, rel=1e-12)
+
+
+@pytest.mark.parametrize("v", [1.0, -1.0])
+def test_a_limit_with_a_kink_stops_a_motion(v):
+    # Holding: g k along x, mass 1 + k^2, up to the rest at 0.
+    rows = "h: {relation: y_dot = k*abs(x_dot), limit: 20}"
+    text = LIMITED.format(k=K, force=0, rows=rows, v=v, w=K)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    speed = np.maximum(1 - K * G * found.t / (1 + K * K), 0.0)
+    assert found["x_dot"] == pytest.approx(v * speed, abs=1e-9)
+    assert found["y_dot"] == pytest.approx(K * speed, abs=1e-9)
+
+
+def test_both_sides_of_a_ridge_lead_away_from_it():
+    # k < 0: the weight pushes away from the kink on both sides, which is reported.
+    rows = "h: {relation: y_dot = k*abs(x_dot), limit: 20}"
+    text = LIMITED.format(k=-K, force="0.1*t", rows=rows, v=0, w=0)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    assert "unresolved-switch" in {x.code for x in found.warnings}
+    way = np.sign(found["x_dot"][-1])
+    moved = (way * K * G * found.t + 0.05 * found.t**2) / (1 + K * K)
+    assert found["x_dot"] == pytest.approx(moved, abs=1e-9)
 
 
 @pytest.mark.parametrize("force", ["1.2", "r*t"])

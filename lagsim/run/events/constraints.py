@@ -150,7 +150,7 @@ def inelastic_impact(
             return GO_ON, surfaces
         before.row[0, 0] = arc.t
         y = arc.y.copy()
-        if switching is not None and arc.system.switches.corners:
+        if switching is not None and arc.system.switches.bends:
             rests, stopped = switching.stop(arc, y, surfaces, before.off)
             surfaces = surfaces._replace(stopped=stopped)
         else:

@@ -105,9 +105,9 @@ class CornerSides:
     def __init__(self, arc: Arc, modes: SurfaceModes, surfaces: SurfacesAt) -> None:
         self.arc, self.modes, self._y, self._left = arc, modes, arc.y, 1.0
         modes.begin(arc, surfaces.selected)
-        corners = arc.system.switches.corners
+        switches = arc.system.switches
         self._moving = np.zeros(modes.count, dtype=bool)
-        self._moving[[k for k, corner in corners.items() if corner.moving]] = True
+        self._moving[[*(switches.bends - switches.turns)]] = True
         self._begun = modes.value.copy(), modes.kind.copy()
         self._find(surfaces.levels)
         is_carried = (modes.kind == kept.CARRIED).tolist()
@@ -118,7 +118,7 @@ class CornerSides:
 
         levels : the levels of surfaces that are known to be at these levels.
         """
-        arc, modes, on = self.arc, self.modes, self.arc.system.switches.corners
+        arc, modes, on = self.arc, self.modes, self.arc.system.switches.bends
         levels = {k: x for k, x in levels.items() if k in on}
         rows, values = modes.rows(self._y), modes.values(arc.t, self._y)
         near = RESIDUAL_ROUNDOFF * modes.sizes(rows)

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
+from lagsim.methods.parts.parameters import HELD
+from lagsim.methods.parts.parameters import SLIDING as SLIDES
 from lagsim.run.events.curve_ends import REACH
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.law_modes import (
@@ -109,8 +111,10 @@ class Crossing:
     shared: tuple[list[int], RowModes, list[int]] | None = None  # see `LawsAt`
     # numbers of the laws that could act and are no equalities in force
     laws: list[int] = field(default_factory=list)
-    # numbers of the laws that are equalities in force
+    # numbers of the laws that are equalities in force, or whose modes are on trial
     held: list[int] = field(default_factory=list)
+    # limited laws beside which no modes were found
+    unsolved: list[int] = field(default_factory=list)
     # surfaces whose side the forces decide
     open: list[int] = field(default_factory=list)
     # surfaces whose side open surfaces decide
@@ -164,7 +168,12 @@ class Crossing:
         if self.open:
             edges = [self.levels[k] if whole[k] else 0.5 for k in self.open]
             pairs = zip(self.open, edges, strict=True)
-            self._by_forces([ABOVE if value[k] >= x else BELOW for k, x in pairs])
+            now = [ABOVE if value[k] >= x else BELOW for k, x in pairs]
+            bent = self._bent()
+            if bent:
+                self._beside_bent(bent, now)
+            else:
+                self._by_forces(now)
         if modes.nested:
             self._evaluate()
 
@@ -183,6 +192,77 @@ class Crossing:
             found, p = chosen_modes(here, self.held, {}), arc.system.p
             p.law_mode[self.held] = found.mode[self.held]
             p.law_direction[self.held] = found.direction[self.held]
+
+    def _bent(self) -> list[int]:
+        """Return the limited laws that have a kink at an open surface."""
+        arc = self.modes.arc
+        known, laws = arc.system.switches.corners, arc.system.laws
+        names = {name for k in self.open if k in known for name in known[k].rows}
+        bent = {k for k in self.laws if laws[k].row.name in names}
+        return sorted(bent | {laws[k].pair for k in bent if laws[k].pair >= 0})
+
+    def _beside_bent(self, bent: list[int], now: list[int]) -> None:
+        """Select the modes of the open surfaces, beside limited laws with kinks there.
+
+        The effect of the multiplier of such a law depends on the shares of the open
+        surfaces. Therefore its mode is tried: it holds, as an equality does, or slides
+        with its multiplier at its bound. A trial is the solution if the multiplier is
+        within its bounds, or the slip has the direction of the trial.
+
+        bent : the laws.
+        now : the present side of each open surface.
+        """
+        modes, arc, p = self.modes, self.modes.arc, self.modes.p
+        assert self.beside is not None
+        here, left = Kinematics(arc, arc.y), self.beside.left
+        self.laws = [k for k in self.laws if k not in bent]
+        self.held += bent
+        slow = np.maximum(here.still, 2.0 * p.law_still)
+        pairs, ways = here.table.pairs, []
+        for k in bent:
+            own = [k, pairs[k]] if pairs[k] >= 0 else [k]
+            rests, slides = [(HELD, 0.0)], [(SLIDES, 1.0), (SLIDES, -1.0)]
+            if (np.abs(here.rates[own]) > slow[own]).any():
+                ways.append([(SLIDES, float(-np.sign(here.rates[k])))])
+            elif len(own) == 2:  # no direction of a slip that begins is known
+                ways.append(rests)
+            else:
+                ways.append(slides + rests if k in left else rests + slides)
+        begun = modes.value.copy(), modes.kind.copy()
+        for chosen in product(*ways):
+            p.law_mode[bent] = [mode for mode, _ in chosen]
+            p.law_direction[bent] = [way for _, way in chosen]
+            is_found = self._by_forces(now)
+            modes.write()
+            if is_found and self._agree(bent, slow):
+                return
+            self.undecided, self.rests, self.shared = [], [], None
+            modes.carried, modes.watched = {}, []
+            modes.restore(*begun)
+        self.unsolved = bent
+
+    def _agree(self, bent: list[int], slow: Floats) -> bool:
+        """Whether the accelerations agree with the modes on trial of limited laws.
+
+        bent : the laws.
+        slow : the largest slips (L,) that count as 0.
+        """
+        arc, p, m = self.modes.arc, self.modes.p, self.modes.arc.system.m
+        here = self._here()
+        a, least = here.present, np.maximum(here.roundoff, 0.0)
+        arc.rates(arc.t, arc.y)
+        first = arc.system.size + m - here.count
+        multipliers = p.side_fields[first : first + here.count]
+        own, pairs = here.shape.delassus.D.diagonal(), here.table.pairs
+        for k in bent:
+            if p.law_mode[k] == HELD:
+                most = here.statics[k] + (least[k] / own[k] if own[k] > 0.0 else 0.0)
+                other = multipliers[pairs[k]] if pairs[k] >= 0 else 0.0
+                if not np.hypot(multipliers[k], other) <= most:
+                    return False
+            elif abs(here.rates[k]) <= slow[k] and p.law_direction[k] * a[k] > least[k]:
+                return False
+        return True
 
     def _here(self, y: Floats | None = None) -> Kinematics:
         """Return the laws at y (size,), with the equalities in force held.
@@ -437,8 +517,10 @@ class Crossing:
         modes.write()
         return free
 
-    def _by_forces(self, now: list[int]) -> None:
+    def _by_forces(self, now: list[int]) -> bool:
         """Select the modes of the open surfaces by the forces on each side.
+
+        Return whether modes satisfy the conditions.
 
         now : the present side of each open surface, kept where no solution is found.
         """
@@ -460,6 +542,7 @@ class Crossing:
         self._store_modes(found or now, cone.shares)
         if found is not None and cone.resting is not None:
             self._select_rest(cone.resting, *before)
+        return found is not None
 
     def _select_rest(self, rest: SideSolution, value: Floats, kind: Floats) -> None:
         """Select rest at levels in place of the modes found, if output columns change.

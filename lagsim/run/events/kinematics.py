@@ -480,7 +480,9 @@ class Kinematics:
         """
         shape, (_, J) = self.shape, self.arc.surface_rows(self.t, self.y)
         surfaces = J[sorted(along), : self.arc.system.n]
-        equalities = [shape.equalities, shape.rows[[*self.held]], surfaces]
+        slides = self.arc.system.p.law_mode == kept.SLIDING
+        held = [k for k in self.held if not slides[k]]
+        equalities = [shape.equalities, shape.rows[held], surfaces]
         return delassus(shape.M, np.vstack(equalities), shape.rows)
 
     def _closed(self) -> list[bool]:
