@@ -37,7 +37,7 @@ class Blank:
 
 @pytest.fixture(autouse=True)
 def blank_pictures(request, monkeypatch):
-    """Build figures, and write blank files, but in tests that are marked `drawn`."""
+    """Write blank files in place of pictures, except in tests marked `drawn`."""
     if request.node.get_closest_marker("drawn") is None:
         from lagsim.outputs import figure
 

@@ -63,7 +63,7 @@ def ended(*words, **around):
 
 
 def waited(happened, seconds=60.0):
-    """Wait until something has happened; return whether it has."""
+    """Wait until `happened()` is true, at most `seconds`; return its value."""
     end = time.monotonic() + seconds * PATIENCE
     while not (found := happened()) and time.monotonic() < end:
         time.sleep(0.01)

@@ -82,7 +82,7 @@ def line(r, k):
 
 
 def disc(r, k):
-    """Spinning balls over a floor that may move, beside a wall, and each other."""
+    """Spinning balls that touch a floor, which may move, a wall, and one another."""
     count = r.choice([1, 1, 2])
     q, T, V, laws, start, speeds = [], [], [], [], [], []
     table = r.choice(["0", "0", f"{some(r, 0.01, 0.1)}*sin({some(r, 3, 20)}*t)",
@@ -143,7 +143,7 @@ def pendulum(r, k):
 
 
 def string(r, k):
-    """A bob on a slack string, or in a bowl, in two or three dimensions."""
+    """Bob on a slack string, or in a bowl, in two or three dimensions."""
     q = [f"x{k}", f"y{k}"] + ([f"z{k}"] if r.random() < 0.4 else [])
     size, m, up = some(r, 0.4, 1), some(r, 0.3, 2), r.choice([1, 1, -1])
     square = " + ".join(f"{x}^2" for x in q)
@@ -208,7 +208,7 @@ def wheels(r, k):
 
 
 def latch(r, k):
-    """A mass that is held at its place until it is let go, over a floor."""
+    """Mass over a floor, held at its place until a latch releases it."""
     y, m, e = f"y{k}", some(r, 0.3, 2), restitution(r)
     laws = [
         Law("equality", f"{y} - 0.4", until=some(r, 0.1, 0.8)),
@@ -227,7 +227,7 @@ UNITS = ("metres", "megametres", "microseconds", "years", "grams", "tonnes")
 
 @dataclass(frozen=True)
 class ContactScene:
-    """A scene as the referee has it, and the form in which lagsim gets it."""
+    """Scene in the form of the referee, and its other form for lagsim."""
 
     scene: Scene
     words: tuple[str, ...] = ()

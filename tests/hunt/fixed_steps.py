@@ -40,7 +40,7 @@ UNSETTLED, MAGNIFIED = 1e-2, 30.0
 
 
 def tried(seed, lagsim, *options):
-    """Run a scene of a seed by a method; return its file and the verdict."""
+    """Run the scene of a seed by methods with fixed steps; return file and verdict."""
     r = random.Random(zlib.crc32(f"fixed steps {seed}".encode()))
     kind, methods = r.choice(SCENES), r.sample(METHODS, len(METHODS))
     runs = Runs(lagsim, methods, options)
@@ -97,7 +97,7 @@ def by_hybrid(told, truth, runs):
 
 
 def away(times, instants):
-    """Return marks of rows that both runs have on one side of each instant.
+    """Return a mask of the rows that lie on one side of each instant in both runs.
 
     The last row may be the located end.
     """
@@ -109,7 +109,7 @@ def away(times, instants):
 
 
 class Runs(NamedTuple):
-    """Runs by the first of some methods that handles a scene."""
+    """Runs of a scene by the first method of a list that can integrate it."""
 
     lagsim: Any
     methods: list[str]

@@ -241,11 +241,11 @@ class Tie:
 
 
 class HeldError(UndecidedError):
-    """A motion rests on a jump, and its value there may be any between both sides."""
+    """The motion rests at a jump, where any value between both sides is possible."""
 
 
 class NoSlideError(Exception):
-    """The two sides of a switch do not push differently."""
+    """Both sides of a switch have equal forces, so that no slide is determined."""
 
 
 class Flights:
@@ -285,7 +285,7 @@ class Flights:
         return self._forked[key]
 
     def _rounded(self, reading, tree, point, low, high):
-        """Return the cell of modes that are at a point but for rounding."""
+        """Return the cell of an argument at a point between cells, to rounding."""
         x = float(reading.arguments[tree][0])
         near = high if x > point else low
         cells = [near, 0] if tree.kind in HALVES else [low, high]
@@ -293,7 +293,7 @@ class Flights:
         return cells[self.fork(key, 2, f"a value at a point of {tree.kind}")]
 
     def either(self, t):
-        """Return a choice of cells at an instant t where either side may be meant."""
+        """Return a function that chooses cells where both sides are possible at t."""
 
         def choose(reading, tree, point, low, high):
             cells = [0, high, low] if tree.kind in HALVES else [high, low]
@@ -425,7 +425,7 @@ class Flights:
         return new | {z: integral(s[z], x) for z, x in motion[2].items()}
 
     def _mixed(self, slide, readings, parts):
-        """Return the share of the side above in a slide, and the motion it gives."""
+        """Return the weight of the upper side in a slide, and its motion."""
         pairs = list(zip(readings, parts, strict=True))
         below, above = (self._drift(slide, r, p) for r, p in pairs)
         gap = below - above
@@ -510,7 +510,7 @@ class Flights:
         return _holding(found)
 
     def _candidates(self, t, y, modes, slide, *, loose=False):
-        """Return all arcs that are consistent.
+        """Return all arcs whose motions stay in the cells and modes chosen for them.
 
         loose : whether a switch whose argument rests at a point may be in any cell
         """
@@ -590,7 +590,7 @@ class Flights:
         return np.array([self._slope(tree, reading, name)[0] for name in names])
 
     def _rests(self, arc, ties):
-        """Return the switches of places whose arguments rest at a point."""
+        """Return the switches of positions whose arguments are constant, at a point."""
         known = arc.readings[0].arguments
         return [
             tie.tree
@@ -613,7 +613,7 @@ class Flights:
         return tree.kind not in CONTINUOUS or tree in self.kinks
 
     def _is_placed(self, tree):
-        """Whether the slope of an argument is known before the motion is."""
+        """Whether an argument depends on positions, t and modes alone."""
         if tree not in self.placed:
             names = {x.data[0] for x in tree.nodes() if x.kind == "var"}
             self.placed[tree] = not names & set("vz")
@@ -698,13 +698,13 @@ class Flights:
 
 
 def _holding(found):
-    """Return the arcs that hold most: laws hold rather than slide, if possible."""
+    """Return the arcs in which most laws hold and do not slide."""
     most = max((a.law_modes.count("stick") for a in found), default=0)
     return [a for a in found if a.law_modes.count("stick") == most]
 
 
 def _different(found):
-    """Return one arc of each motion."""
+    """Return the arcs with different motions."""
     own: list[Arc] = []
     for a in found:
         if not any(_same(a, b) for b in own):
@@ -713,7 +713,7 @@ def _different(found):
 
 
 def _same(a, b):
-    """Return whether two arcs have one motion, in equal or in different cells."""
+    """Return whether two arcs have equal motions, in equal or in different cells."""
     if a.law_modes != b.law_modes:
         return False
     both = [
@@ -728,7 +728,7 @@ def _upper(_reading, _tree, _point, _low, high):
 
 
 def _later(reading, tree, point, low, high):
-    """Return the cell that an argument, which is known as a series, goes to."""
+    """Return the cell that an argument, a series in time, enters after the instant."""
     sign = first_sign(reading.arguments[tree] - constant(point))
     if sign == 0:
         return 0 if tree.kind in HALVES else high

@@ -1,4 +1,4 @@
-"""A referee of scenes with modes, events, tables, states and contacts, by DOP853.
+"""Referee of scenes with modes, events, tables, states and contacts, by DOP853.
 
 It reads a written-out model (numbers alone) by sympy. Within an arc everything is
 smooth: each kink has a side u = -1 or 1, each table one polynomial, each law a mode. An
@@ -122,7 +122,7 @@ class Pieces:
 
 
 class Reading(Sided):
-    """A reading in which tables have pieces, too, as symbols."""
+    """Reader of expressions, with a symbol for the present piece of each table."""
 
     def __init__(self, scene):
         self.pieces: list[Any] = []
@@ -212,7 +212,7 @@ class Equations:
         return y, np.array([float(document["modes"][x]) for x in self.modes])
 
     def look(self, t, y, modes):
-        """Set all sides and pieces by the position of the state."""
+        """Return the sides, pieces and ends of pieces at a state."""
         o = self.o
         sides, ends = np.zeros(len(o.sides)), np.zeros((len(o.pieces), 2))
         pieces = np.zeros((len(o.pieces), 5))
@@ -227,7 +227,7 @@ class Equations:
         return sides, pieces, ends
 
     def watched(self, t, y, d):
-        """Return functions that are positive while sides and pieces are right."""
+        """Return functions that are positive while the sides and pieces are valid."""
         given = (t, *y, *d.modes, *d.sides, *d.pieces.flat)
         x = np.array([f(*given)[0] for f in self._argument])
         s = np.array([f(*given)[0] for f in self._surface])
@@ -446,7 +446,7 @@ class Hybrid:
         return self.e.at(t, y, d, np.zeros(self.e.m))
 
     def _next(self, t):
-        """Return the next time known in advance: of a period, or of a condition."""
+        """Return the next time known in advance, of a period or a condition of t."""
         events = self.e.scene.events
         clock = [self.start + k * events[name]["every"]
                  for name, k in self.periodic.items()]  # fmt: skip
@@ -640,7 +640,7 @@ class Hybrid:
         return self._phase(s, v, held, closed, targets, None)[0]
 
     def _phase(self, s, v, held, closed, targets, given):
-        """Return velocities and normal impulses of a phase, by trial of all kinds.
+        """Return velocities and normal impulses of a phase of an impact.
 
         targets : rates of gaps that contacts with an impulse have afterwards, or None
         given : the normal impulses themselves, or None

@@ -79,7 +79,7 @@ def _beside(path, near=BESIDE):
 
 
 def tried(told, lagsim, *options):
-    """Run a scene on both sides, lagsim with options, and judge."""
+    """Run a scene by the referee and by lagsim; return file and verdict."""
     try:
         exact = truth(told)
     except (NoTruthError, np.linalg.LinAlgError) as fault:
@@ -188,7 +188,7 @@ def _others(told, lagsim, answer, path, beside, at, known, error):
 
 
 def _alike(some, others, near):
-    """Return whether the times of as many pairs agree."""
+    """Return whether two lists have equal lengths and their times agree."""
     return len(some) == len(others) and all(
         abs(a[0] - b[0]) <= near for a, b in zip(some, others, strict=True)
     )

@@ -118,7 +118,7 @@ class Maker:
         return self.tree("compare", left, right, data=r.choice(["<", "<=", ">", ">="]))
 
     def relation(self, depth, only=None):
-        """Return a condition as `at` and `until` take it: one relation, not strict."""
+        """Return a condition for `at` or `until`: a single relation, <= or >=."""
         while True:
             made = self.condition(depth, only)
             names = {x.data[0] for x in made.nodes() if x.kind == "var"}
@@ -406,7 +406,7 @@ def _groove(k, found):
 
 
 def _ridge(k, found):
-    """Add a ground that is the least of lines of x, or a wire with corners."""
+    """Add a ground y >= min of lines of x, or a wire with corners."""
     r, model = k.r, found.model
     i, j = r.sample(range(k.n), 2)
     x, low = var(f"q{i + 1}"), number(k.some(-0.5, 0.5))
@@ -522,7 +522,7 @@ def _sections(k, model):
 
 
 def written(made):
-    """Return the model file of a model in its words."""
+    """Return the model file of a model."""
     m, w = made.model, made.words
     names, document = _names(made)
     defined: dict[str, str] = {}

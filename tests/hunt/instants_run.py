@@ -101,7 +101,7 @@ class Run:
         return found if self.m.until is None else found | {"until": self.m.until}
 
     def _notice_falsehood(self, arc):
-        """Decide the conditions that acts at the start make false there alone."""
+        """Decide conditions that events at the start make false at the start only."""
         r = self.flights.reading(arc.series, {}, _at_point)
         for name, at in self._conditions().items():
             if self._was[name] and arc.truths[name] and not r.value(at):
@@ -118,7 +118,7 @@ class Run:
         return min(times, default=math.inf)
 
     def _onwards(self, arc):
-        """Return the arc after a step of another: to its end, or as far as is exact."""
+        """Return the arc that continues another one after its longest exact step."""
         clock = min(self._clock(), self.m.duration)
         h = min(clock - arc.t, LONGEST_STEP, radius(arc.series))
         if h <= 0.0:
@@ -315,7 +315,7 @@ class Run:
         return modes
 
     def _stopped(self, now, y, modes):
-        """Return the state with rates of slips that have come to 0 at 0."""
+        """Return the state in which the slips that have stopped have the rate 0."""
         m, n = self.m, self.m.n
         for _, j in [key for key in now.keys if key[0] == "stops"]:
             law = m.laws[j]
@@ -461,12 +461,12 @@ class Instant:
 
 
 def _at_point(_reading, tree, _point, _low, high):
-    """Return the cell of an argument that is at the point itself."""
+    """Return the cell that contains the point at which an argument is."""
     return 0 if tree.kind in HALVES else high
 
 
 def _ahead(reading, tree, _point, low, high):
-    """Return the cell that an argument of places, of t and of modes goes to."""
+    """Return the cell that an argument of positions, t and modes enters next."""
     slope = reading.arguments[tree][1]
     if abs(slope) < LITTLE and slope != 0.0:
         raise UndecidedError("it hardly leaves a corner")

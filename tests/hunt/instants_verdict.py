@@ -125,13 +125,13 @@ def truths(model):
 
 
 def _beside(times, instants, near=BESIDE):
-    """Return marks of the rows beside an instant that not only clocks made."""
+    """Return a mask of the rows near instants that have causes other than clocks."""
     turns = np.array([t for t, clocked in instants if not clocked] + [math.inf])
     return np.min(np.abs(times[:, None] - turns), axis=1) < near
 
 
 def tried(seed, lagsim, *options):
-    """Run a model of a seed on both sides; return its file and a verdict."""
+    """Run the model of a seed by the referee and by lagsim; return file and verdict."""
     model = made(seed)
     file = written(model)
     try:
@@ -200,7 +200,7 @@ def _times(truth, answer):
 
 
 def _grain(truth):
-    """Return the permitted differences (rows, columns), in the model's own units."""
+    """Return permitted differences of states (rows, columns), in model units."""
     w, n = truth.made.words, truth.made.model.n
     grain = GRANTED * truth.size + GAIN * truth.known + truth.error
     if w.far:

@@ -61,7 +61,7 @@ def _coupled(letters, whole, form):
 
 
 def _constraints(letters, count, form, by):
-    """Return constraints that each join a form of `count` coordinates: @ is one."""
+    """Return constraints on `count` names each, which replace @ in `form`."""
     names = [f"q{k}" for k in range(count)]
     whole = by.join(form.replace("@", name) for name in names)
     many = max(2, letters // (len(whole) + 12))
@@ -72,7 +72,7 @@ def _constraints(letters, count, form, by):
 
 
 def _definitions(letters, form, first="x"):
-    """Return definitions, each a form of the one before, whose name replaces @."""
+    """Return definitions; each previous name replaces @ in `form`."""
     many = letters // (2 * len(form) + 8)
     lines = ["definitions:", f"  d0: {first}"]
     lines += [f"  d{k}: '{form.replace('@', f'd{k - 1}')}'" for k in range(1, many)]

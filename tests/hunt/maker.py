@@ -26,7 +26,7 @@ class Point:
 
 @dataclass
 class Maker:
-    """Gathers the items of one scene, of about one length, time and mass."""
+    """Builder of the items of a scene, which have similar lengths, times and masses."""
 
     rng: np.random.Generator
     length: float = 1.0

@@ -115,7 +115,7 @@ class Mechanics(Sided):
         return self._solved(self._drift([t], y, p))[0]
 
     def _solved(self, x):
-        """Solve M a = f + A^T lam, A a = b, of M, A, b and perhaps f in one list."""
+        """Solve M a = f + A^T lam, A a = b; x lists M, A, b and perhaps f."""
         n, m = len(self.q), len(self.constraints)
         A = [x[n * (n + k) : n * (n + k + 1)] for k in range(m)]
         b, f = x[n * (n + m) :][:m], x[n * (n + m) + m :] or [Long(0)] * n

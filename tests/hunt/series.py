@@ -49,7 +49,7 @@ def circle(x):
 
 
 def integral(start, rate):
-    """Return the series that begins as `start` does and has a rate."""
+    """Return the integral of the series `rate`, with the initial value of `start`."""
     x = start.copy()
     x[1:] = rate[:-1] / COUNTED
     return x
@@ -125,7 +125,7 @@ def first_root(x, h, grazes=GRAZES):
 
 
 def _cut(c, part):
-    """Return coefficients without the last ones that are rounding."""
+    """Return the coefficients without trailing ones below rounding."""
     top, size = len(c), np.max(np.abs(c), initial=0.0)
     while top > 1 and abs(c[top - 1]) < part * size:
         top -= 1

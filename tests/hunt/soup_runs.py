@@ -34,7 +34,7 @@ ENOUGH = 3
 
 
 class TooLongError(BaseException):
-    """A case takes longer than anybody waits."""
+    """A case exceeds the limit of time."""
 
 
 def prepared(folder):
@@ -137,7 +137,7 @@ def _tidy():
 
 
 def _sort(why):
-    """Return the common part of failures of one sort: the exception, not the case."""
+    """Return the part of a failure's text that does not depend on the case."""
     return "".join(c for c in why if not c.isdigit())[:160]
 
 

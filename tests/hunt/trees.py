@@ -410,7 +410,7 @@ class Reading:
 
 
 def values(reading, tree):
-    """Return the values of all arguments: each is evaluated, as lagsim may do."""
+    """Return the values of all arguments, evaluated without short circuit."""
     return [reading.value(x) for x in tree.args]
 
 

@@ -1,4 +1,4 @@
-"""The motion of a scene, by the referee: arcs between kinks, each of them smooth."""
+"""Motion of a scene by the referee, in smooth arcs between kinks."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class Run:
             self.u[k] = Long(1) if self.surfaces(t, y)[k] > 0 else Long(-1)
 
     def choose(self, t, y, k, size):
-        """Choose the side of surface k: where it is, or, on it, where it goes to."""
+        """Choose the side of surface k by its value, or, at 0, by its rate."""
         if k in self.stuck:
             self.stuck.remove(k)
         s = self.surfaces(t, y)[k]
@@ -251,7 +251,7 @@ class Referee(Run):
         self.method.step = None
 
     def _wanted(self, times):
-        """Some of many rows: about forty, evenly spaced, with both ends."""
+        """Return about forty of the rows, evenly spaced, with both ends."""
         stride = -(-len(times) // 40)
         return sorted({*times[::stride], times[-1]})
 
@@ -347,7 +347,7 @@ class Referee(Run):
         return first
 
     def _rates(self, t, y):
-        """Return the rates of watched functions; of held ones by a small difference."""
+        """Return the rates of watched functions, of stuck surfaces by differences."""
         slopes = self.slopes(t, y)
         rates = [u * s for u, s in zip(self.u, slopes, strict=False)]
         if self.stuck:

@@ -102,7 +102,7 @@ def broken(answer):
 
 
 def replaced(record):
-    """Return a text if a repeat has replaced the run; the first run must be right."""
+    """Return a text if a second attempt has replaced the run, else an empty text."""
     for choice in record["plan"]:
         if choice["choice"].startswith("repeated"):
             return Verdict("repeated", f"{choice['choice']}: {choice['reason']}")
@@ -202,7 +202,7 @@ def _told(record, scene, exact):
 
 
 def _whole_ratio(off, over, told):
-    """Return the true over the reported error, of the coordinate where it is largest.
+    """Return the largest ratio, over coordinates, of true to reported error.
 
     Possible rounding is subtracted where it makes the reported error too small, and not
     where it makes that too large, since the reported error contains rounding as well.

@@ -29,7 +29,7 @@ ROUNDINGS, STEPS = 100.0, 30.0
 
 @dataclass(frozen=True)
 class Change:
-    """A transformation, and the rounding it brings: of sizes, as parts of ranges."""
+    """Transformation of a model, and the rounding errors that it adds."""
 
     put: Callable[[Document, Sizes], Document]
     rounding: float = 1.0

@@ -124,7 +124,7 @@ class Document:
 
 
 def _in_all(change, text):
-    """Change a text, or each of several: slips on a disc, two coefficients."""
+    """Return a text, or each text of a list or mapping, after a change."""
     if isinstance(text, dict):
         return {name: change(x) for name, x in text.items()}
     return [change(x) for x in text] if isinstance(text, list) else change(text)
@@ -213,7 +213,7 @@ def _needed(definitions, used):
 
 
 def fresh(model, name):
-    """Return a parameter's name that no other change of the model has taken."""
+    """Return a name of a parameter that is not used in the model."""
     count = sum(known.startswith(f"new_{name}") for known in model.parameters)
     return f"new_{name}{count or ''}"
 
@@ -344,7 +344,7 @@ def with_bystander(model, mass, place, speed):
 
 
 def reordered(model):
-    """Name coordinates and constraints the other way round."""
+    """Return the model with its coordinates and constraints in reversed order."""
     return replace(
         model, coordinates=model.coordinates[::-1],
         constraints=dict(reversed(model.constraints.items())),
@@ -352,6 +352,6 @@ def reordered(model):
 
 
 def later(model, by):
-    """Start later, with clocks that are set back in the texts."""
+    """Return the model with a later start, and t - `by` in place of t in all texts."""
     changed = model.everywhere(lambda text: _T.sub(f"(t - {by!r})", text))
     return replace(changed, start=model.start + by, shift=model.shift + by)

@@ -71,7 +71,7 @@ _DURATION = re.compile(r"(?m)^(\d+\.\d+)s (?:setup|call) +(\S.*)$")
 
 
 class Room(NamedTuple):
-    """Where mutants are made, which tests should notice, how many may survive."""
+    """Folder of mutants, its tests, and the number of mutants that may survive."""
 
     files: str
     tests: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""A real browser, without a window, that returns the drawing of a page."""
+"""Headless browser, and the data of a page that is drawn in it."""
 
 import base64
 import fcntl
@@ -119,7 +119,7 @@ class Tab:
         return json.loads(first)
 
     def _note(self, found):
-        """Store the complaints of the page."""
+        """Store the errors and warnings that the page reports."""
         given = found.get("params", {})
         if found.get("method") == "Runtime.exceptionThrown":
             details = given["exceptionDetails"]

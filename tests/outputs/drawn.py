@@ -114,7 +114,7 @@ def below(letters, subscript):
 
 
 def numbers(axis, part):
-    """The numbers of an axis that are seen, with where they stand."""
+    """Return the visible tick labels of an axis as numbers, with their places."""
     ticks = axis.get_major_ticks()[: len(axis.get_majorticklocs())]
     ticks += axis.get_minor_ticks()[: len(axis.get_minorticklocs())]
     low, high = sorted(axis.get_view_interval())
@@ -238,7 +238,7 @@ def plotted(columns, wanted, scene=NOWHERE, **fields):
 
 
 def pixels(picture):
-    """The picture as it is seen: (height, width, 3)."""
+    """Return the pixels of a picture, shape (height, width, 3)."""
     return np.asarray(Image.open(io.BytesIO(encoded_figure(picture))))[:, :, :3].astype(
         int
     )

@@ -77,7 +77,7 @@ class Motion:
         return sorted(set(self.times(kind)))
 
     def shared(self):
-        """Return marks of the rows that have the time of the row before."""
+        """Return a mask of the rows whose time equals that of the row before."""
         return np.concatenate(([False], np.diff(self.t) == 0.0))
 
     def pair(self, name, t):
@@ -102,7 +102,7 @@ def play(text, **options):
 
 
 def tried(text, **options):
-    """Run a scene, wherever it ends."""
+    """Run a scene; the run may end early."""
     model = lagsim.load(text)
     return Motion(lagsim.simulate(model, error_bar="never", **options))
 

@@ -206,7 +206,7 @@ def channel():
 
 
 def slide(vx, vy, mx=1, my=1):
-    """A point on a rough floor, or a runner that weighs more one way."""
+    """Point on a rough floor, with masses mx and my along x and y."""
     law = contact("z >= 0", 0, friction=0.3, slip=["x_dot", "y_dot"])
     return scene(
         "x y z", "(mx*x_dot^2 + my*y_dot^2 + mx*z_dot^2)/2", "mx*g*z", {"floor": law},

@@ -1,4 +1,4 @@
-"""Contacts that turn at their ground, part, hold and slip as forces begin at zero."""
+"""Contacts that touch, open, hold or slip under forces that begin at zero."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCENES: dict[str, Exact] = {}
 
 
 def stopped(width):
-    """A spring's body, let go at 1 from where it is loose, stopped at -width."""
+    """Body on a spring, released at the stretch 1, that meets a stop at -width."""
     first = math.acos(-width)
 
     def u(t):
@@ -173,9 +173,10 @@ for push, path in ((PUSH, by_turns), ("1.5 + t", lambda t: t**3 / 6)):
 
 
 def turning(first, turn):
-    """Integrate from just after the slip begins, by an independent method.
+    """Integrate a slip by an independent method, from 1e-6 after it begins.
 
-    There the slip has the direction of the force, apart from its turn in that time.
+    Its direction at that time is the direction of the force at the beginning, to first
+    order in the time.
     """
     begins, after = BOUND - first, 1e-6
     way = np.array([math.cos(turn * begins), math.sin(turn * begins)])
@@ -380,7 +381,7 @@ SCENES["pressed, then pulled"] = Exact(
 
 
 def driven_wheel(t):
-    """b goes along with a for half a turn of the force, then on by itself."""
+    """Freewheel: a drives b for half a period of the force, then b turns freely."""
     s = np.minimum(t, HALF)
     b = (s - np.sin(FAST * s) / FAST) / FAST / 2 + np.maximum(t - HALF, 0.0) / FAST
     return {"b": np.where(t < 3 * HALF, b, np.nan)}
@@ -416,7 +417,7 @@ def tilted(power):
 
 
 def corner(power):
-    """The scene with the motion by its forces from then on."""
+    """Return the motion of a box that turns about a corner, then leaves it."""
 
     def motion(t):
         held = tilted(power)
@@ -453,7 +454,7 @@ LEAVING = {
 
 
 def leaving(weight, begins, push, t):
-    """Two on a rising floor; a ball strikes in the first step of their flight."""
+    """Two bodies leave a rising floor; a ball strikes in the first step of flight."""
     y = push.integ(2)(np.maximum(t - begins, 0.0)) + t**3 / 100
     u = np.maximum(weight / 2 * ((begins + 0.0044) ** 2 - t**2), 0.0)
     return {"y": y, "z": y, "u": u}

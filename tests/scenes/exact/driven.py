@@ -14,7 +14,7 @@ SCENES: dict[str, Exact] = {}
 
 
 def on_a_spring(relation, linked, x=0.0, y=0.0, **simulation):
-    """x is moved, and y hangs on it by a spring; a heavy z may be linked to both."""
+    """x is prescribed, a spring joins x and y, and a heavy z may be linked to both."""
     laws, start = {"a": relation}, simulation.get("start", 0.0)
     initial: dict[str, Any] = {"x": {"guess": x}, "x_dot": {"guess": 0}, "y": y}
     if linked:

@@ -177,7 +177,7 @@ PULL, PRESS = 9.81 * math.sin(0.3), 9.81 * math.cos(0.3)
 
 
 def incline(mu, v):
-    """A block on it with friction, thrown up or down."""
+    """Block with friction on an incline, thrown up or down."""
     return scene(
         "x", "x_dot^2/2", f"{PULL!r}*x", {}, {"x": 0, "x_dot": v},
         forces={"x": f"{-mu * PRESS!r}*sign(x_dot)"}, duration=3,
@@ -185,7 +185,7 @@ def incline(mu, v):
 
 
 def stopped(v, a):
-    """Thrown with v it is slowed down by a."""
+    """Motion with initial velocity v and constant deceleration a until it stops."""
 
     def motion(t):
         s = np.minimum(t, abs(v) / a)

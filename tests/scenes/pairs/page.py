@@ -89,7 +89,7 @@ def _pair(first, second, notes):
 
 
 def page():
-    """Return the page: matrices, of the pairs the half below the diagonal."""
+    """Return the text of docs/pairs.md: matrices, with the half below the diagonal."""
     names, notes = list(BY_NAME), []
     pairs = {}
     for k, first in enumerate(names):
