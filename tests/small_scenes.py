@@ -231,6 +231,46 @@ def ball(simulation, *, e=0.8, g=9.81, h=1):
     return _BALL.format(simulation=line(simulation), e=e, g=g, h=h)
 
 
+def ellipse(e, simulation):
+    """Orbit of axis 1 and period 2 pi from its pericentre; see `on_ellipse`."""
+    speed = math.sqrt((1.0 + e) / (1.0 - e))
+    start = f"x: {1.0 - e!r}, y: 0, x_dot: 0, y_dot: {speed!r}"
+    return scene(start, "-1/hypot(x, y)", simulation=simulation)
+
+
+def on_ellipse(t, e):
+    """Return x and y of `ellipse` at times t (k,), by Kepler's equation."""
+    anomaly = np.array(t, dtype=float)
+    for _ in range(60):
+        off = anomaly - e * np.sin(anomaly) - t
+        anomaly -= off / (1.0 - e * np.cos(anomaly))
+    return np.cos(anomaly) - e, math.sqrt(1.0 - e * e) * np.sin(anomaly)
+
+
+def stopped(t, e, w=0.5):
+    """Return x of x'' = -x from rest at 1 with a stop at -w, and its impacts.
+
+    Off the stop with speed v it swings out to hypot(w, v), and is back after
+    2 (pi - acos(w/hypot(w, v))).
+
+    Returns
+    -------
+    x : array (k,)
+        At times t (k,).
+    times : list of float
+        Of impacts until the last of t.
+    """
+    t, begin, v = np.asarray(t), math.acos(-w), math.sqrt(1.0 - w * w)
+    times, x = [], np.cos(t)
+    while begin < t[-1]:
+        times.append(begin)
+        v *= e
+        s = t - begin
+        x = np.where(s > 0.0, v * np.sin(s) - w * np.cos(s), x)
+        begin += 2.0 * (math.pi - math.acos(w / math.hypot(w, v)))
+    return x, times
+
+
 def bounced(t, e, height=1.0, g=9.81):
     """Return the height of a ball released at `height`; 0 once its bounces end."""
     begin, v = math.sqrt(2.0 * height / g), e * math.sqrt(2.0 * height * g)

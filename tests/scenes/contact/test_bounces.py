@@ -10,7 +10,7 @@ from scipy.special import ellipk, ellipkinc
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene
 from tests.scenes.reference import PROBLEMS, model_text, states
-from tests.small_scenes import bounced
+from tests.small_scenes import bounced, quarter, stopped
 
 # Every error of a row is of the size of the tolerance, some hundred times it at most.
 TOLERANCES = {"1e-11": 1e-9, "1e-12": 1e-10}
@@ -117,18 +117,8 @@ def test_without_restitution_it_rests_at_once():
 
 
 def test_an_oscillator_against_a_stop():
-    # Off the stop at x = -w with speed v it swings out to hypot(w, v) and is back
-    # after 2 (pi - acos(w/hypot(w, v))).
-    w, e, end = 0.5, 0.8, 20.0
-    found = play(scenes.oscillator("x >= -0.5", e, duration=end, output_step=0.05))
-    t, v = math.pi - math.acos(0.5), math.sqrt(1 - w * w)
-    times, x = [], np.cos(found.t)
-    while t < end:
-        times.append(t)
-        v *= e
-        bounce = -w * np.cos(found.t - t) + v * np.sin(found.t - t)
-        x = np.where(found.t < t, x, bounce)
-        t += 2 * (math.pi - math.acos(w / math.hypot(w, v)))
+    found = play(scenes.oscillator("x >= -0.5", 0.8, duration=20, output_step=0.05))
+    x, times = stopped(found.t, 0.8)
     assert len(times) >= 4
     assert found.times("impact") == pytest.approx(times, abs=GLOBAL)
     close(found["x"], x)
@@ -139,7 +129,7 @@ def test_a_pendulum_held_by_an_equality_strikes_a_wall():
     found = play(scenes.swing(e))
     w = math.sqrt(g / length)
     k = math.sin(0.5)
-    times = [ellipk(k * k) / w]
+    times = [quarter(1.0) / w]
     while times[-1] < 4:
         k *= e
         times.append(times[-1] + 2 * ellipk(k * k) / w)

@@ -1,7 +1,5 @@
 """Reported errors of runs with impacts, against closed forms."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -10,21 +8,9 @@ from lagsim.cli.run import _error
 from lagsim.run.observers.monitors import grid_numbers
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
-from tests.small_scenes import bounced
+from tests.small_scenes import bounced, stopped
 from tests.studies.error_bar.test_known import column, told_and_true, within
 from tests.studies.judged import barred, made, repeated
-
-
-def strikes(e, t):
-    """Return x of x'' = -x from x = 1, with a stop at x = -1/2, at times (k,)."""
-    found, begun, speed = np.cos(t), math.acos(-0.5), e * math.sin(math.acos(-0.5))
-    while begun < t[-1]:
-        s = t - begun
-        found[s > 0] = (-0.5 * np.cos(s) + speed * np.sin(s))[s > 0]
-        begun += 2 * (math.pi - math.atan2(speed, 0.5))
-        speed *= e
-    return found
-
 
 FEW = [{}, {"rtol": "1e-5"}, {"method": "rk4", "step": "0.05"}]
 MORE = [
@@ -44,7 +30,7 @@ def test_told_within_a_factor_30(e, options):
     # Parabolas have no error but of rounding, where any of two roundings may be worse.
     assert within(told, true) or max(told, true) < 1e-13
     stop = scenes.oscillator("x >= -0.5", e, duration=20, output_step=0.02)
-    bar, told, true = told_and_true(stop, column(lambda t: strikes(e, t)), options)
+    bar, told, true = told_and_true(stop, column(lambda t: stopped(t, e)[0]), options)
     assert within(told, true)
     assert bar.horizon is None
 

@@ -5,37 +5,16 @@ import pytest
 from scipy.special import ellipj
 
 import lagsim
+from tests.small_scenes import ellipse, on_ellipse, oscillator, scene
 
-MODEL = """
-coordinates: {{{coordinates}}}
-energy: {{kinetic: "{kinetic}", potential: "{potential}"}}
-initial: {{{initial}}}
-simulation: {{duration: {T}, output_step: 0.25}}
-"""
-
-
-def kepler(t):
-    """Abscissa of an ellipse of eccentricity 0.5, from the pericentre."""
-    e, E = 0.5, t.copy()
-    for _ in range(40):
-        E -= (E - e * np.sin(E) - t) / (1 - e * np.cos(E))
-    return np.cos(E) - e
-
-
+FEW = "duration: 20, output_step: 0.25"
 SCENES = {
     # x'' = -x^3 from rest at 1 is cn(t, 1/2) (Abramowitz and Stegun, 16.1 and 16.16).
     "quartic": (
-        ("x: {}", "x_dot^2/2", "x^4/4", "x: 1", 20),
-        lambda t: ellipj(t, 0.5)[1],
+        scene("x: 1", "x^4/4", simulation=FEW), lambda t: ellipj(t, 0.5)[1]
     ),
-    "kepler": (
-        (
-            "x: {}, y: {}", "(x_dot^2 + y_dot^2)/2", "-1/hypot(x, y)",
-            "x: 0.5, y: 0, x_dot: 0, y_dot: sqrt(3)", 20,
-        ),
-        kepler,
-    ),
-    "spring": (("x: {}", "x_dot^2/2", "x^2/2", "x: 1", 50), np.cos),
+    "kepler": (ellipse(0.5, FEW), lambda t: on_ellipse(t, 0.5)[0]),
+    "spring": (oscillator("duration: 50, output_step: 0.25"), np.cos),
 }  # fmt: skip
 
 
@@ -47,14 +26,10 @@ SCENES = {
     ["euler", "rk4", "midpoint", "gauss4", "generalized-alpha", "verlet", "rattle",
      "moreau", "kahan-li6", "kahan-li8"],
 )  # fmt: skip
-@pytest.mark.parametrize("scene", SCENES)
-def test_reported_within_thirty_times_the_error(scene, method, step):
+@pytest.mark.parametrize("name", SCENES)
+def test_reported_within_thirty_times_the_error(name, method, step):
     """Compensated methods were more exact than a repeat with error control."""
-    (coordinates, kinetic, potential, initial, T), exact = SCENES[scene]
-    text = MODEL.format(
-        coordinates=coordinates, kinetic=kinetic, potential=potential, initial=initial,
-        T=T,
-    )  # fmt: skip
+    text, exact = SCENES[name]
     found = lagsim.simulate(text, method=method, step=step, error_bar="always")
     x = found["x"]
     # That of the closed form itself: elliptic functions to a few last places.

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from lagsim.errors import LagsimError
-from tests.small_scenes import held_pendulum, oscillator, pendulum, scene, swing
+from tests.small_scenes import (
+    ellipse,
+    held_pendulum,
+    on_ellipse,
+    oscillator,
+    pendulum,
+    scene,
+    swing,
+)
 from tests.studies.judged import barred
 
 
@@ -27,20 +35,9 @@ def one(potential, start, solution, duration, step, force="", kinetic="1"):
 
 
 def orbit(e, duration, step):
-    """Return an ellipse with axis 1 and period 2 pi from its pericentre."""
-
-    def solution(t):
-        anomaly = np.array(t, dtype=float)
-        for _ in range(60):
-            off = anomaly - e * np.sin(anomaly) - t
-            anomaly -= off / (1 - e * np.cos(anomaly))
-        x, y = np.cos(anomaly) - e, math.sqrt(1 - e * e) * np.sin(anomaly)
-        return np.column_stack([x, y])
-
-    near, speed = 1 - e, math.sqrt((1 + e) / (1 - e))
-    start = f"x: {near!r}, y: 0, x_dot: 0, y_dot: {speed!r}"
-    lasts = lasting(duration, step)
-    return scene(start, "-1/sqrt(x^2 + y^2)", simulation=lasts), solution
+    """Return the text of an ellipse, and its coordinates (k, 2)."""
+    text = ellipse(e, lasting(duration, step))
+    return text, lambda t: np.column_stack(on_ellipse(t, e))
 
 
 def relaxed(t, k=1e4, c=2e4):
