@@ -125,8 +125,8 @@ class Attempt(Evidence):
 
     fault: OSError | None = None
 
-    def __init__(self, session: Session, records: Records = PLAIN) -> None:
-        super().__init__(session)
+    def __init__(self, session: Session, records: Records, stride: int = 1) -> None:
+        super().__init__(session, stride)
         self.appended = records.appended
         e, names, count = self.equations, session.columns.names, session.columns.table
         thinned, sections = records.thinned, bool(e.model.output.sections)
@@ -295,7 +295,8 @@ class Attempts:
         bar : ErrorBar or str, optional
             The error bar from an earlier repeat; None to make a repeat.
         """
-        made = Attempt(session, self.records)
+        stride = 0 if self.error_bars is ErrorBars.NEVER else 1
+        made = Attempt(session, self.records, stride)
         self.tried.append(_means(session.plan))
         for store in (self.store, *self.followers) if self.store.rows else ():
             store.begin_anew()

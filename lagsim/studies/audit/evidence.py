@@ -56,7 +56,7 @@ class Evidence:
     session : Session
         The session of the run.
     stride : int
-        Output intervals from one checkpoint to the next.
+        Output intervals from one checkpoint to the next; 0 to store none.
 
     Attributes
     ----------
@@ -91,7 +91,8 @@ class Evidence:
         self.gaps.add(rows)
         self.residuals.add(rows)
         self.monitor.add(rows)
-        self.checkpoints.add(rows)
+        if self.checkpoints.stride:
+            self.checkpoints.add(rows)
 
     def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Self:
         """Store the result of the run and its error bar; return this object.
