@@ -235,7 +235,7 @@ def ellipse(e, simulation):
     """Orbit of axis 1 and period 2 pi from its pericentre; see `on_ellipse`."""
     speed = math.sqrt((1.0 + e) / (1.0 - e))
     start = f"x: {1.0 - e!r}, y: 0, x_dot: 0, y_dot: {speed!r}"
-    return scene(start, "-1/hypot(x, y)", simulation=simulation)
+    return scene(start, "-1/sqrt(x^2 + y^2)", simulation=simulation)
 
 
 def on_ellipse(t, e):

@@ -6,11 +6,11 @@ import pytest
 import lagsim
 from tests.choosing import tonight, turn
 from tests.scenes.contact.motions import play, scene
-from tests.scenes.exact import chains, check, contacts, driven, held, switches
+from tests.scenes.exact import chains, check, contacts, driven, held, plain, switches
 from tests.scenes.exact.switches import two
 
 SCENES = switches.SCENES | driven.SCENES | chains.SCENES | contacts.SCENES
-SCENES |= held.SCENES
+SCENES |= held.SCENES | plain.SCENES
 WORDS = 3
 
 
