@@ -41,13 +41,6 @@ def test_in_many_rows():
     assert evaluate_rows(g, [x, y, c], {"x": xs, "y": 1.0, "c": xs}, 3).shape == (3, 3)
 
 
-def test_several_nodes_in_the_order_asked_for():
-    g = Graph()
-    x = g.variable("x")
-    nodes = [g.call("mul", x, x), x, g.one, g.truth(True), x]
-    assert evaluate(g, nodes, {"x": 3.0}) == [9.0, 3.0, 1.0, True, 3.0]
-
-
 # Texts, inputs with their errors; values and bounds.
 ERRORS = [
     ("x", {"x": (0.3, 0.0)}, 0.3, 0.0), ("-abs(x)", {"x": (0.3, 0.0)}, -0.3, 0.0),

@@ -65,19 +65,6 @@ def test_what_would_be_long_stays():
     assert fewer_terms(g, [node], MOVING) == [node]
 
 
-def test_what_cancels_is_not_computed():
-    g = Graph()
-    x, y, m, gravity = map(g.variable, ("x", "c", "m", "k"))
-    collected = Collected(g, MOVING)
-    over = g.call("div", g.one, m)
-    weight = g.call("mul", m, gravity)
-    difference, opposite = g.call("sub", x, y), g.call("sub", y, x)
-    assert collected.sum([(weight, over)]) == gravity
-    assert collected.sum([(weight, over, x)]) == g.call("mul", gravity, x)
-    both = [(weight, over, difference), (weight, over, opposite)]
-    assert collected.sum(both) == g.zero
-
-
 def test_small_differences_stay_whole():
     g = Graph()
     x, y, z = map(g.variable, "abc")

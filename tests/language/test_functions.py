@@ -282,10 +282,3 @@ def test_a_domain_has_the_points_with_a_value(text, function):
         with np.errstate(all="ignore"):
             expected = not np.isnan(function(x))
         assert evaluate(g, [inside], {"x": x, "y": 2.5}) == [expected], x
-
-
-def test_whole_powers_have_values_everywhere():
-    g = Graph()
-    for text in ("x^3", "x^-2"):
-        node = build(g, text)
-        assert OPERATIONS["pow"].domain(g, g.args[node]) is None

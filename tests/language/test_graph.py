@@ -90,17 +90,6 @@ def test_gathering_factors_neither_overflows_nor_underflows():
     assert evaluate(g, [large], {"x": 1e-300}) == pytest.approx([1e100], rel=1e-15)
 
 
-def test_what_expressions_depend_on():
-    g = Graph()
-    node, other = build(g, "sin(x) + 0*y"), build(g, "z^2 + 1")
-    assert g.depends([node]) == {"x"}
-    assert g.depends([node, other]) == {"x", "z"}
-    assert g.depends([g.one]) == frozenset()
-    assert g.dependent([node, other], {"z"}) == {
-        g.variable("z"), build(g, "z^2"), other,
-    }  # fmt: skip
-
-
 @pytest.mark.slow
 @given(programs(), states)
 @settings(max_examples=300, deadline=None, derandomize=True)

@@ -137,13 +137,6 @@ def test_faults(text, offset, length, message, hint):
     assert hint in found.hint
 
 
-def test_names_are_kept_in_order_with_their_places():
-    names = parse("b + a*sin(b) + größe_2").names
-    assert [(n.text, n.offset) for n in names] == [
-        ("b", 0), ("a", 4), ("b", 10), ("größe_2", 15),
-    ]  # fmt: skip
-
-
 def test_every_function_of_the_table_can_be_called():
     for name, row in FUNCTIONS.items():
         args = ["x"] * row.arity

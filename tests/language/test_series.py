@@ -10,7 +10,7 @@ from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.forms import normal_form
 from lagsim.language.functions import OPERATIONS, PART, SMOOTH
 from lagsim.language.graph import Graph
-from lagsim.language.series import recurrence, taylor_series
+from lagsim.language.series import taylor_series
 from tests.language._cases import CASES, DIGITS
 from tests.language._programs import CONTINUOUS, AsWritten, on_graph, programs, states
 
@@ -127,11 +127,3 @@ def test_a_motion_of_several():
         found = evaluate(g, row, {"x": 1.0, "v": 0.0})
         sign = (-1.0) ** ((k + 1) // 2) / math.factorial(k)
         assert found == pytest.approx([sign * (1 - k % 2), sign * (k % 2)], rel=1e-15)
-
-
-def test_what_is_only_compared_takes_no_sum():
-    g = Graph()
-    x = g.variable("x")
-    test = g.call("lt", g.call("mul", x, g.call("sin", x)), g.one)
-    rate = g.call("if", test, x, g.call("neg", x))
-    assert not recurrence(g, [x], [rate]).sums
