@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import keys, straight_line, tapes, writer
+from lagsim.native.graph import keys, tapes
 from lagsim.native.graph.keys import Layout, Manner
 from lagsim.native.graph.lines import number
 from lagsim.native.graph.straight_line import Code, generate
@@ -208,21 +208,6 @@ def test_pieces_and_tapes_give_the_same_bits(
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("most", [1, 10**9])
-def test_a_long_function_that_is_rare_runs_from_a_tape(
-    most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    g = Graph()
-    functions = long_functions(g)
-    monkeypatch.setattr(straight_line, "LONG_TAPE", most)
-    rare = Compiled(g, functions, partial(generate, manner=Manner(rare=("f",))))
-    assert ("@tape.f" in rare.code.ir) == (most == 1)
-    assert "@tape.h" not in rare.code.ir
-    code = Compiled(g, functions)
-    for name in functions:
-        assert bits(rare.at(VALUES, name)) == bits(code.at(VALUES, name))
-
-
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))
 @settings(max_examples=12, deadline=None, derandomize=True)
 def test_random_expressions(many: Any, some_states: Any) -> None:
@@ -238,29 +223,6 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
                 assert value == expected or abs(value - expected) <= 4 * bound
             else:
                 assert not math.isfinite(value)
-
-
-def test_products_are_contracted_where_asked_for() -> None:
-    g = Graph()
-    nodes = build(g, "x*y + z", "x - y*z")
-    ir = generate(g, {"exact": nodes, "fused": nodes}, LAYOUT, Manner(("fused",))).ir
-    assert [body(ir, name).count("contract") for name in ("exact", "fused")] == [0, 4]
-
-
-def test_stretches_for_the_scheduler_change_no_bits(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    g = Graph()
-    functions, codes = long_functions(g), []
-    for accesses in (1, 10**9):
-        monkeypatch.setattr(writer, "ACCESSES", accesses)
-        write = partial(generate, manner=Manner(contracted=("f",)))
-        codes.append(Compiled(g, functions, write))
-    many, none = (code.code.ir.count(writer.END_OF_STRETCH) for code in codes)
-    assert many > 100
-    assert none == 0
-    for name in functions:
-        assert bits(codes[0].at(VALUES, name)) == bits(codes[1].at(VALUES, name))
 
 
 @pytest.mark.parametrize("many", [3, 2 * keys.PIECE])  # in one piece, and in several
