@@ -37,9 +37,8 @@ if TYPE_CHECKING:
 
 # A coordinate with an error of less than this part of its scale is not at rest.
 RESOLVED_BY = 1e-6
-# Ratio of the range of a motion at rest to the rounding of a sum, at most: rounding
-# keeps the oscillations about a rest at a level that does not grow with the duration.
-# It was 1.5 for a string that hangs, over 30 s as over 300 s.
+# Ratio of the range of a motion at rest to the rounding of a sum, at most. It was 1.5
+# for a string that hangs, with series of order 15, whose steps damp oscillations.
 NOISE = 4.0
 
 
@@ -126,7 +125,10 @@ def error_bar_of(evidence: Evidence, repeat: Evidence) -> ErrorBar:
     # Where a run blows up, its last forces could push a coordinate past all ranges.
     if slow[:n].any() and run.outcome is not Outcome.NOT_FINITE:
         which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
-        by_forces[:n] = could_push(equations, rows, which, step).reach
+        reach = could_push(equations, rows, which, step).reach
+        # Along the constraints a force moves all coordinates that are linked with its
+        # own.
+        by_forces[:n] = np.fmax(reach, in_groups(labels, roots, reach))
         if equations.states:
             by_forces[n:] = could_follow(equations, rows, by_forces[:n])
         scales, still = _scales(sizes, moving, linked, largest, by_forces)

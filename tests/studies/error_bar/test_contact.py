@@ -136,8 +136,8 @@ def test_what_stands_on_legs_stays(corners, height):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("duration", [1, 30])
-def test_a_string_that_hangs_at_rest_does_not_move(duration):
+@pytest.mark.parametrize(("duration", "rtol"), [(1, 1e-11), (30, 1e-11), (30, 1e-9)])
+def test_a_string_that_hangs_at_rest_does_not_move(duration, rtol):
     """Reactions balance the weights but for the rounding of the whole string."""
     text = f"""
 parameters: {{n: 6, g: 9.81, d: 0.8}}
@@ -150,7 +150,7 @@ energy:
   kinetic: sum(i = 1..n, dot(r_dot(i), r_dot(i)))/2
   potential: g*sum(i = 1..n, r(i).y)
 initial: {{"r(i = 1..n)": {{guess: "vec(i*d/(n+1), -0.2)"}}}}
-simulation: {{begin: rest, duration: {duration}, output_step: 0.1}}
+simulation: {{begin: rest, duration: {duration}, output_step: 0.1, rtol: {rtol}}}
 """
     bar = barred(text)[1]
     assert bar.rests
