@@ -153,7 +153,8 @@ def test_rows_beside_events_at_which_nothing_jumps_are_as_others(measured, monke
 
     def with_events(case, stride, compiled):
         base = motion_of(case, stride, compiled)
-        return replace(base, trial=base.trial._replace(events=(event, end)))
+        trajectory = base.trial.trajectory._replace(events=(event, end))
+        return replace(base, trial=base.trial._replace(trajectory=trajectory))
 
     usual, _ = measured()
     monkeypatch.setattr("lagsim.studies.golden.motion_of", with_events)
