@@ -5,7 +5,7 @@ another tolerance or step, by another method. `Variant` describes such a run by 
 differences from the file, `Trials` makes the runs, and `Trial` is the result of one.
 Nothing is read, derived or compiled anew for a variant, as far as possible. An
 inadmissible start, a value out of range and a run that fails are results, too, not
-exceptions. Several processes can share the work.
+exceptions. Trials can be pickled, for other processes.
 
 A trial is one integration without error bar and audit, see `attempts` for these.
 
@@ -13,6 +13,7 @@ Examples
 --------
 The derivative of a motion by a parameter, from two runs:
 
+>>> import numpy as np
 >>> from lagsim.model.reader import read
 >>> model = read('''
 ... parameters: {k: 4}
@@ -39,19 +40,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import LagsimError
 from lagsim.mechanics.reduction import equations_of_motion
-from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import examined, settings_of, suited
-from lagsim.studies.trial import DIED, Compiled, Trial, refused_trial, tried
-from lagsim.studies.workers import Died, cores, in_batches, processes
+from lagsim.studies.trial import Compiled, refused_trial, tried
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
+    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Session
-    from lagsim.studies.trial import Patience
-    from lagsim.studies.workers import Workers
+    from lagsim.studies.trial import Trial
 
     # Values of names as expressions; the pickled model, options and the command.
     Texts = Mapping[str, str]
@@ -88,9 +87,8 @@ class Variant(NamedTuple):
     guesses: Collection[str] = ()
 
 
-# The run of the file, and the result of a run whose process has died.
+# The run of the file.
 STATED = Variant()
-DEAD = Trial(DIED, Died.reason)
 
 
 class Form:
@@ -261,73 +259,17 @@ class Trials:
         return self._forms.session(texts, variant.settings, variant.guesses)
 
     def run(
-        self,
-        variant: Variant = STATED,
-        *,
-        interrupt: Interrupt | None = None,
-        patience: Patience | None = None,
-        progress: Callable[[float], None] | None = None,
+        self, variant: Variant = STATED, *, interrupt: Interrupt | None = None
     ) -> Trial:
         """Return the result of a variant; no LagsimError is raised.
 
-        Parameters
-        ----------
-        interrupt, patience, progress
-            As for `tried`.
+        interrupt : as for `tried`.
         """
         try:
             session = self.session(variant)
         except LagsimError as error:
             return refused_trial(error)
-        return tried(
-            session, variant.times, interrupt=interrupt, patience=patience,
-            progress=progress,
-        )  # fmt: skip
-
-    def runs(
-        self,
-        variants: Sequence[Variant],
-        jobs: int | None = 1,
-        *,
-        interrupt: Interrupt | None = None,
-        progress: Callable[[float], None] | None = None,
-        workers: Workers = processes,
-    ) -> Iterator[tuple[int, Trial]]:
-        """Yield the index and the result of each variant, when it is complete.
-
-        After an interrupt the results computed so far have been yielded.
-
-        Parameters
-        ----------
-        jobs : int or None
-            The number of processes; None for one on each core, where that saves time.
-        progress : callable, optional
-            Called with the part of the variants that is done.
-        workers : callable
-            Function that returns a context manager of a crew of processes, such as
-            `workers.processes`. In repeated calls, the function of
-            `workers.shared_processes` keeps the processes and their compiled functions.
-        """
-        interrupt = interrupt or Interrupt()
-        items, done = [*enumerate(variants)], 0
-        for found in in_batches(
-            self._listed, items, jobs or cores(), interrupt, requested=jobs is not None,
-            workers=workers,
-        ):  # fmt: skip
-            done += len(found)
-            for (number, _), trial in found:
-                yield number, DEAD if isinstance(trial, Died) else trial
-            if progress is not None:
-                progress(done / max(1, len(items)))
-
-    def _listed(
-        self, items: Sequence[tuple[int, Variant]], interrupt: Interrupt
-    ) -> Iterator[Sequence[Trial]]:
-        for _, variant in items:
-            found = self.run(variant, interrupt=interrupt)
-            if interrupt.requested:
-                return
-            yield [found]
+        return tried(session, variant.times, interrupt=interrupt)
 
 
 @functools.lru_cache(maxsize=2)

@@ -10,7 +10,7 @@ import lagsim
 from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Case
-from lagsim.studies.trial import INADMISSIBLE, TOO_SLOW, UNUSABLE, Patience
+from lagsim.studies.trial import INADMISSIBLE, TOO_SLOW, UNUSABLE, Patience, tried
 from lagsim.studies.trials import Trials, Variant
 from lagsim.studies.workers import completed_pieces, shared_processes
 from tests.small_scenes import CONTACT, PENDULUM, spring
@@ -122,9 +122,8 @@ def test_a_failed_run_has_the_rows_before_its_end():
 
 
 def test_a_run_beyond_its_time_is_given_up():
-    patience = Patience(0.0)
-    some = trials(SPRING, method="euler", step=1e-5)
-    found = some.run(patience=patience)
+    session = trials(SPRING, method="euler", step=1e-5).session()
+    found = tried(session, patience=Patience(0.0))
     assert (found.outcome, found.complete) == (TOO_SLOW, False)
     assert len(found.rows) == 0
 
@@ -138,26 +137,6 @@ def test_start_values_follow_as_guesses_do():
     assert some.run(Variant(times=np.zeros(1))).column("y") == [-0.8]
 
 
-VARIANTS = [Variant({"k": k}) for k in (1.0, 4.0, -1e400, 9.0)]
-
-
-def test_results_are_yielded_in_order_with_progress():
-    parts = []
-    found = [*trials(SPRING).runs(VARIANTS, progress=parts.append)]
-    assert [k for k, _ in found] == [0, 1, 2, 3]
-    assert [trial.complete for _, trial in found] == [True, True, False, True]
-    assert parts == [0.25, 0.5, 0.75, 1.0]
-
-
-def test_an_interrupt_keeps_what_is_computed():
-    interrupt, found = Interrupt(), []
-    for k, _ in trials(SPRING).runs(VARIANTS, interrupt=interrupt):
-        found.append(k)
-        if k == 1:
-            interrupt.stop()
-    assert found == [0, 1]
-
-
 def number_of_process(_item, _interrupt):
     """Wait, so that no process has two of two pieces."""
     time.sleep(0.2)
@@ -166,24 +145,28 @@ def number_of_process(_item, _interrupt):
 
 @pytest.mark.slow
 def test_a_standing_crew_is_hired_again():
-    some, variants = trials(CONTACT), [Variant({"y": 1.0 + k / 8}) for k in range(4)]
     with shared_processes(2) as hired:
         first, second = (
             dict(completed_pieces(number_of_process, range(2), 2, Interrupt(), hired))
             for _ in range(2)
         )
-        found = dict(some.runs(variants, 2, workers=hired))
     assert {*first.values()} == {*second.values()}
     assert os.getpid() not in first.values()
-    alone = dict(some.runs(variants))
-    assert all(np.array_equal(found[k].rows, x.rows) for k, x in alone.items())
+
+
+def trial_of(piece, interrupt):
+    """Return the result of a variant, of a pair of trials and variant."""
+    some, variant = piece
+    return some.run(variant, interrupt=interrupt)
 
 
 @pytest.mark.slow
 def test_two_processes_have_the_bits_of_one():
     some = trials(CONTACT, rtol=1e-9)
-    variants = [Variant({"y": 1.0 + k / 8}) for k in range(9)]
-    one, two = (dict(some.runs(variants, jobs=jobs)) for jobs in (1, 2))
+    pieces = [(some, Variant({"y": 1.0 + k / 8})) for k in range(9)]
+    one, two = (
+        dict(completed_pieces(trial_of, pieces, most, Interrupt())) for most in (1, 2)
+    )
     assert one.keys() == two.keys() == {*range(9)}
     for k, trial in one.items():
         assert np.array_equal(trial.rows, two[k].rows, equal_nan=True)
