@@ -121,7 +121,6 @@ def to_sympy(
     nodes: Iterable[int],
     *,
     known: dict[int, Any] | None = None,
-    twins: Mapping[str, Callable[..., Any]] = TWINS,
 ) -> list[Any]:
     """Return `nodes` as sympy expressions.
 
@@ -135,8 +134,6 @@ def to_sympy(
     known
         Expressions of some nodes, whose arguments are not visited; expressions of
         further nodes are added.
-    twins
-        The functions of sympy, by the names of operations.
 
     Raises
     ------
@@ -163,7 +160,7 @@ def to_sympy(
             table = _table(called.name, called.orders)
             found[n] = table(*(found[a] for a in called.args))
         else:
-            found[n] = twins[op](*(found[a] for a in g.args[n]))
+            found[n] = TWINS[op](*(found[a] for a in g.args[n]))
     return [found[n] for n in nodes]
 
 

@@ -46,10 +46,9 @@ class Store(Observer, Protocol):
 
 
 class Keep:
-    """Storage in memory of all rows, or of their first `columns` columns."""
+    """Storage in memory of all rows."""
 
-    def __init__(self, columns: int | None = None) -> None:
-        self._columns = columns
+    def __init__(self) -> None:
         self.begin_anew()
 
     def begin_anew(self) -> None:
@@ -61,16 +60,14 @@ class Keep:
     def add(self, rows: Floats) -> None:
         """Store rows (k, columns)."""
         if len(rows):
-            kept = rows[:, : self._columns]
-            self._blocks.append(kept if self._columns is None else kept.copy())
+            self._blocks.append(rows)
             self.rows += len(rows)
             self.last = float(rows[-1, 0])
 
     @property
     def table(self) -> Floats:
         """Stored rows (k, columns)."""
-        nothing = np.empty((0, self._columns or 0))
-        return np.concatenate(self._blocks) if self._blocks else nothing
+        return np.concatenate(self._blocks) if self._blocks else np.empty((0, 0))
 
 
 class Relay:
