@@ -185,6 +185,22 @@ def tried(
         Called with the fraction of the run that is done.
     **records
         Other arguments of `Session.run`: `corners`, `sections`, `listed`, `joined`.
+
+    Examples
+    --------
+    >>> from lagsim.model.reader import read
+    >>> from lagsim.run.session import open_case
+    >>> model = read('''
+    ... coordinates: {x: {}}
+    ... energy: {kinetic: x_dot^2/2, potential: x^2/2}
+    ... initial: {x: 1}
+    ... simulation: {duration: 10}
+    ... ''', "<model>")
+    >>> session = open_case(model).ready()
+    >>> tried(session, np.array([np.pi])).column("x").round(9)
+    array([-1.])
+    >>> tried(session._replace(most_steps=3)).code
+    'too-many-steps'
     """
     names = session.columns.names
     if times is not None and not len(times):
