@@ -98,7 +98,7 @@ class Side(NamedTuple):
         of `node` determines the side.
     shown
         Whether the surface is only in conditions and output: it has no influence on the
-        motion and is not located. It is on its level while laws hold it there.
+        motion and is not located. It is on its level while the motion stays there.
     """
 
     variable: str

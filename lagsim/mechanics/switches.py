@@ -263,6 +263,11 @@ class Switches:
     cuts: frozenset[int] = frozenset()
 
     @property
+    def acting(self) -> int:
+        """The number of sides on which the motion depends: the first of `sides`."""
+        return sum(not side.shown for side in self.sides)
+
+    @property
     def turns(self) -> frozenset[int]:
         """The corners at surfaces of positions, at which velocities jump."""
         return frozenset(k for k, x in self.corners.items() if not x.moving)
@@ -300,6 +305,32 @@ class Switches:
         own = {self.graph.variable(self.sides[k].variable) for k in chosen}
         of = {d: side for d, side in self._sides_of.items() if side[0] in own}
         return replace(self, _modes_of={}, _sides_of=of)
+
+    def held(self) -> dict[int, int]:
+        """Return, for each step (node), the condition that it has its value at a level.
+
+        It has where the motion follows its surface, or rests on it.
+        """
+        g, found = self.graph, {}
+        modes = {g.variable(s.variable): g.variable(s.sliding) for s in self.sides}
+        for n, (variable, _) in self._sides_of.items():
+            mode = modes[variable]
+            on = (
+                g.call("gt", mode, g.constant(1.5)),
+                g.call("lt", mode, g.constant(-0.5)),
+            )
+            found[n] = g.call("or", *on)
+        return found
+
+    def surface_nodes(self) -> list[int]:
+        """Return the expressions of all surfaces, for use in an arc.
+
+        In the expression of a surface on which the motion depends, other switches have
+        the branches of the arc. No arc ends at a surface that is only shown: its
+        expression has other steps as in conditions.
+        """
+        frozen = self.freeze([x.node for x in self.sides if not x.shown])
+        return frozen + self.at_levels([x.node for x in self.sides if x.shown])
 
     def texts(self, nodes: Iterable[int]) -> dict[str, str]:
         """Return the texts of switches at and below `nodes`, by their mode variable.
@@ -586,7 +617,8 @@ def find_switches(
     ignored: frozenset[int] = frozenset(),
     accelerations: Sequence[int] = (),
     rates: Sequence[int] | None = None,
-    shown: Sequence[int] = (),
+    conditions: Sequence[int] = (),
+    output: Sequence[int] = (),
     constrained: Collection[str] = (),
     cuts: frozenset[int] = frozenset(),
 ) -> Switches:
@@ -609,10 +641,10 @@ def find_switches(
         The expressions on which y' depends, except quadratures; and the residuals and
         rates of rows (None if velocities may jump by forces too). Kernels pass levels
         at which no jump occurs, see `_smooth` and `_passed`.
-    shown
-        The expressions of conditions and output. A step function in these expressions
-        has a side, see `Side.shown`, if laws or surfaces may hold all variables of the
-        motion on which it depends.
+    conditions, output
+        The expressions of conditions, and of columns and sections. A step function that
+        these alone contain has a side, see `Side.shown`: in a condition always, in
+        output if laws or surfaces may hold all variables on which it depends.
     constrained
         The names of variables that laws may hold; variables of surfaces are added.
     cuts
@@ -628,9 +660,13 @@ def find_switches(
     state = dict(sorted(finder.state.items()))
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
-    levels = (surface.node for d in watched for surface in surfaces(g, d))
-    constrained = {*constrained} | (g.depends(levels) & {*moving})
-    beside = _held_steps(g, shown, moving, speeds, constrained) if constrained else {}
+    beside = _shown_steps(g, conditions, moving, speeds)
+    if output:
+        levels = (surface.node for d in watched for surface in surfaces(g, d))
+        held = {*constrained} | (g.depends(levels) & {*moving})
+        some = _shown_steps(g, output, held, speeds)
+        others = {*moving} - held
+        beside |= {n: x for n, x in some.items() if others.isdisjoint(g.depends([n]))}
     while True:
         sides, sides_of = _sides(g, {d: state[d] for d in watched}, beside)
         roots = Roots.among(g, dynamics, sides, speeds)
@@ -644,26 +680,16 @@ def find_switches(
         watched, beside = moves, {d: beside[d] for d in own}
 
 
-def _held_steps(
-    g: Graph,
-    shown: Sequence[int],
-    moving: Collection[str],
-    speeds: Collection[str],
-    constrained: Collection[str],
+def _shown_steps(
+    g: Graph, nodes: Sequence[int], moving: Collection[str], speeds: Collection[str]
 ) -> dict[int, str]:
-    """Return step functions in `shown` of which all moving variables are `constrained`.
+    """Return the step functions (nodes) of the state in `nodes`, with their texts.
 
-    While a law or a surface holds the argument of such a function at its level, the
-    function has the value at the level. The result maps discrete functions (nodes) to
-    their texts.
-
-    constrained : the names of all variables that laws or surfaces may hold.
-    shown, moving, speeds : see `find_switches`.
+    moving, speeds : see `find_switches`.
     """
-    finder = _Finder(g, [*shown], constrained, speeds, frozenset())
-    others = {*moving} - {*constrained}
+    finder = _Finder(g, [*nodes], moving, speeds, frozenset())
     steps = sorted(n for n, d in finder.decided.items() if n == d)
-    return {n: finder.state[n] for n in steps if others.isdisjoint(g.depends([n]))}
+    return {n: finder.state[n] for n in steps}
 
 
 def _sides(
@@ -836,8 +862,7 @@ def model_switches(
     cuts : whether to locate the jumps of `atan2` in forces, for fixed steps. A method
         with step control shortens its steps at such a jump instead, and is not stopped
         where y = 0 and x > 0, without a jump.
-    shown : whether steps of conditions and output that may be held at their levels have
-        sides too, see `Side.shown`.
+    shown : whether steps of conditions and output have sides too, see `Side.shown`.
     """
     e = equations
     beside = [row.transport for row in e.every_row]
@@ -852,26 +877,28 @@ def model_switches(
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
-    output = tuple(_conditions_and_output(e.model)) if located and shown else ()
+    conditions = tuple(x.node for x in e.model.located) if located and shown else ()
+    output = tuple(_output(e.model)) if located and shown else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
     constrained = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
     jumping = _cuts(e) if located and cuts else frozenset()
     if not e.model.tables and not e.graph.of(WHOLE):
         return _found(
-            e.graph, *known, sizes, shown=output, constrained=constrained, cuts=jumping
-        )
+            e.graph, *known, sizes, conditions=conditions, output=output,
+            constrained=constrained, cuts=jumping,
+        )  # fmt: skip
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
         rates = of_rows
     accelerations = (*e.of_accelerations, *beside)
     return _found(
-        e.graph, *known, sizes, accelerations, rates, output, constrained, jumping
-    )
+        e.graph, *known, sizes, accelerations, rates, conditions, output, constrained,
+        jumping,
+    )  # fmt: skip
 
 
-def _conditions_and_output(model: Model) -> Iterator[int]:
-    """Yield the nodes of conditions, of definitions that are columns, of sections."""
-    yield from (x.node for x in model.located)
+def _output(model: Model) -> Iterator[int]:
+    """Yield the nodes of definitions that are columns, and of sections."""
     columns = {*model.output.columns}
     yield from (x.node for x in model.definitions if x.name in columns)
     yield from (x.at for x in model.output.sections if x.at is not None)

@@ -462,7 +462,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     choices += found.choices
     equations, switches = _with_switches(equations, settings)
     found = found._replace(reduction=found.reduction._replace(equations=equations))
-    if count := sum(not side.shown for side in switches.sides):
+    if count := switches.acting:
         reason = "forces jump or have a kink there: each is located, and the "
         reason += "integration restarts"
         choices.append(Choice(f"switches: {count} located", reason))
@@ -486,7 +486,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         # The estimate that the run will use: for long chains it is small.
         smallest = singular_value_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
-    switching = bool(switches.sides or equations.laws)
+    switching = bool(switches.acting or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
     if elimination is None:
         refuse(name, method(name).refusal(scene), settings)

@@ -225,12 +225,17 @@ def surface_functions(
     states = [*flow.states]
     positions, driven = [*flow.positions, *states], [*flow.rates, *states]
     still = {x: rate for x, rate in flow.forward.items() if x not in flow.states}
-    nodes = switches.freeze([side.node for side in switches.sides])
+    nodes = switches.surface_nodes()
     moving_sides = on_rates(equations, switches)
     residuals, speeds, b, scales = [], [], [], []
     elements: list[int] = []
     columns: list[int] = []
     starts = [0]
+    # Terms of an eliminated coordinate, as x - 1e5, are none of the sum.
+    shown = [n for n, side in zip(nodes, switches.sides, strict=True) if side.shown]
+    bounds = dict(
+        zip(shown, roundings(g, shown, (*equations.moving, "t")), strict=True)
+    )
     for moving, node in zip(moving_sides, nodes, strict=True):
         variables = driven if moving else positions
         slopes = dict(enumerate(gradient(g, node, variables)))
@@ -239,6 +244,9 @@ def surface_functions(
         speeds.append(speed)
         b.append(g.call("neg", tangent(g, [speed], still)[0]))
         scales.append(scale_of(g, node, variables, slopes))
+        if node in bounds:
+            bound = g.call("mul", g.constant(OF_BOUND), bounds[node])
+            scales[-1] = g.call("max", scales[-1], bound)
         if not moving and not flow.states.keys().isdisjoint(g.cone([speed])):
             slopes = dict(enumerate(gradient(g, speed, driven)))
         there = {j: slope for j, slope in slopes.items() if slope != g.zero}
@@ -269,6 +277,8 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
     return [x for c in found for x in (c.levers if c else none)]
 
 
+# Part of a rounding bound, in units of rounding, that counts as the size of terms.
+OF_BOUND = 0.0625
 # Greatest number of nodes of pivots of M that are compiled: the 845 of a chain of ten
 # links increased the time to compile by a third.
 SHORT_PIVOTS = 300

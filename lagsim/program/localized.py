@@ -66,9 +66,12 @@ class Indicator(NamedTuple):
 
 
 def indicators(
-    equations: Equations, nodes: Sequence[int], ends: Sequence[int]
+    equations: Equations,
+    nodes: Sequence[int],
+    ends: Sequence[int],
+    held: Mapping[int, int] | None = None,
 ) -> list[Indicator]:
-    """Return the indicators for which steps are result.
+    """Return the indicators for which steps are searched.
 
     Parameters
     ----------
@@ -76,6 +79,8 @@ def indicators(
         Expressions on which the motion depends, with the modes of an arc.
     ends : sequence of int
         Expressions that end an arc.
+    held : mapping of int to int
+        The condition (a node) that the motion stays at the level of a step (a node).
 
     Examples
     --------
@@ -95,24 +100,28 @@ def indicators(
     >>> pulse.kind == LARGEST, sorted(equations.graph.depends([pulse.node]))
     (True, ['t'])
     """
-    g, names = equations.graph, (*equations.state, "t")
+    g, names, levels = equations.graph, (*equations.state, "t"), held or {}
 
     def found() -> list[Indicator]:
         moves = (*_moves(equations), "t")
         values = {p.name: p.value for p in equations.model.parameters}
         result = _IndicatorSearch(g, nodes, moves, values).among(names)
         result += _IndicatorSearch(g, ends, moves, values).among(names)
-        result += _steps(g, ends, frozenset(equations.state))
+        result += _steps(g, ends, frozenset(equations.state), levels)
         return list(dict.fromkeys(result))
 
-    return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
+    key = (*_key(equations, tuple(nodes), tuple(ends)), tuple(levels.items()))
+    return memoize(g, (indicators, *key), found)
 
 
-def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indicator]:
+def _steps(
+    g: Graph, nodes: Sequence[int], state: frozenset[str], held: Mapping[int, int]
+) -> list[Indicator]:
     """Return two indicators, for u and -u, of each argument u of a switch in `nodes`.
 
     A switch is a function with a jump or a kink; arguments that do not depend on the
-    variables `state` are left out.
+    variables `state` are left out. An argument that the motion holds at its level, as
+    `held` states, counts as far from it: its sign is rounding.
     """
     found: list[Indicator] = []
     for n in g.cone(nodes):
@@ -128,7 +137,14 @@ def _steps(g: Graph, nodes: Sequence[int], state: frozenset[str]) -> list[Indica
                 continue
             if surface.op in WHOLE:
                 u = g.call("sin", g.call("mul", g.constant(math.pi), u))
-            found += [Indicator(x, FALLING) for x in (u, g.call("neg", u))]
+            both = u, g.call("neg", u)
+            if surface.discrete in held:
+                on = held[surface.discrete]
+                both = (
+                    g.call("if", on, g.one, both[0]),
+                    g.call("if", on, g.one, both[1]),
+                )
+            found += [Indicator(x, FALLING) for x in both]
     return list(dict.fromkeys(found))
 
 

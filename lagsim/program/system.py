@@ -205,6 +205,8 @@ class System:
         self.size = len(self.state)
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
+        # surfaces on whose sides the motion depends, the first of all surfaces
+        self.acting_surfaces = self.switches.acting
         self.watched = self.surfaces + len(self.laws)
         nodes_of = functions(
             equations, plan, self.columns, needs, self.moreau,
@@ -333,7 +335,7 @@ class System:
         ends = switches.freeze([side.node for side in switches.sides])
         ends += [x.node for x in equations.model.located]
         ends += self.columns.sections
-        return indicators(equations, nodes, ends)
+        return indicators(equations, nodes, ends, switches.held())
 
     def fits(self, plan: Plan) -> bool:
         """Whether `plan` needs no compiled functions besides those of this system."""

@@ -241,7 +241,7 @@ class Arc(NamedTuple):
 
         The test is made every NEAR steps, in models with surfaces.
         """
-        return self.system.surfaces > 0 and self.steps % NEAR == 0
+        return self.system.acting_surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
         """Return the range (size,) of each component so far, including state y."""

@@ -650,10 +650,14 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield TimeBreaks(arc)
     if arc.equations.model.events or arc.equations.model.located:
         yield Transitions(arc)
-    if arc.system.surfaces:
+    if arc.system.acting_surfaces:
         from lagsim.run.events.switching import Switching
 
         yield Switching(arc)
+    if arc.system.surfaces > arc.system.acting_surfaces:
+        from lagsim.run.events.shown_sides import ShownSides
+
+        yield ShownSides(arc)
     if arc.system.laws:
         from lagsim.run.events.contacts import Contacts
 
@@ -680,10 +684,15 @@ def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
         return next((x for x in sources if isinstance(x, kind)), None)
 
     switches, switching, contacts = arc.system.switches, None, None
-    if arc.system.surfaces:
+    shown = None
+    if arc.system.acting_surfaces:
         from lagsim.run.events.switching import Switching
 
         switching = own(Switching)
+    if arc.system.surfaces > arc.system.acting_surfaces:
+        from lagsim.run.events.shown_sides import ShownSides
+
+        shown = own(ShownSides)
     if arc.system.laws:
         from lagsim.run.events.contacts import Contacts
 
@@ -694,6 +703,7 @@ def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
         own(Transitions),
         switching,
         contacts,
+        shown,
         equalities_may_jump(arc),
         bool(switches.modes or switches.sides),
     )  # fmt: skip

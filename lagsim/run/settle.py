@@ -7,7 +7,8 @@ returns the next one (`instant.InstantRecord`):
     1 acts        events of the file that are due, in the order of the file
     2 sides       branches of t, then the side of each switching surface
     3 velocities  one problem of impulses: equalities that jump, laws that approach
-    4 modes       the modes of laws, by the accelerations
+    4 modes       the modes of laws, by the accelerations; then the sides of steps that
+                  conditions and output alone contain
     5 ties        within 2 and 4: by the rates of the tied rows, then by a rule
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.events.contacts import Contacts
     from lagsim.run.events.records import Before, SurfacesAt
+    from lagsim.run.events.shown_sides import ShownSides
     from lagsim.run.events.switching import Switching
     from lagsim.run.events.times import KnotTimes, TimeBreaks
     from lagsim.run.events.transitions import Transitions
@@ -80,6 +82,8 @@ class Deciders(NamedTuple):
         The events of the file.
     switching
         The surfaces of switches in the state.
+    shown
+        The sides of steps that occur in conditions and output alone.
     contacts
         The laws: contacts, friction, limits, freewheels, relations with `when`.
     jumping : bool
@@ -93,6 +97,7 @@ class Deciders(NamedTuple):
     transitions: Transitions | None = None
     switching: Switching | None = None
     contacts: Contacts | None = None
+    shown: ShownSides | None = None
     jumping: bool = False
     switches: bool = False
 
@@ -158,7 +163,7 @@ def first_record(arc: Arc, last: InstantRecord, located: Located) -> InstantReco
     located : Located
         The event function that has ended the arc.
     """
-    alone = located.law >= 0 and not (arc.system.surfaces or arc.t >= arc.end)
+    alone = located.law >= 0 and not (arc.system.acting_surfaces or arc.t >= arc.end)
     if last.t != arc.t:
         return new_record(
             arc, located=located, surfaces=with_located_surface(NO_SURFACES, located),
@@ -219,7 +224,7 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
     now = end_of_mode(acts(now, by), by)
     while True:
         now = modes(sides_and_velocities(now, by), by)
-        now = due_after(now, by)
+        now = due_after(shown_sides(now, by), by)
         if not now.due.acts or now.ending is not None:
             return bookkeep(now, by)
         now = acts(now, by)
@@ -335,7 +340,7 @@ def end_of_mode(now: InstantRecord, by: Deciders) -> InstantRecord:
     jumps = by.jumping and now.before is not None and not now.located.begins
     if law < 0 and not (jumps and may_strike(now.arc, by)):
         return now.replaced(located=NOWHERE) if now.located.begins else now
-    decided = not (now.stale or now.arc.system.surfaces)
+    decided = not (now.stale or now.arc.system.acting_surfaces)
     now = now if law < 0 else now.replaced(located=NOWHERE)
     return laws_struck(now, by, law=law, decided=decided)
 
@@ -442,6 +447,22 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     return carried_out(
         now, found.decision(arc), modes=trial.found, laws=found.laws, admissible=None
     )
+
+
+@phase
+def shown_sides(now: InstantRecord, by: Deciders) -> InstantRecord:
+    """Select the sides of steps in conditions and output alone, by the motion found.
+
+    now : the record after all modes of the motion are selected.
+    by : the parts of the run that decide.
+    """
+    if by.shown is None or by.shown.are_away(now.arc):
+        return now
+    with TrialModes(now.arc) as trial:
+        surfaces = by.shown.select(now.arc, now.surfaces)
+    if surfaces is now.surfaces:
+        return now
+    return carried_out(now, GO_ON, modes=trial.found, surfaces=surfaces)
 
 
 @phase
@@ -583,6 +604,8 @@ def started(arc: Arc, by: Deciders) -> InstantRecord:
     with TrialModes(arc) as trial:
         if by.switching is not None:
             by.switching.put_on_levels(arc)
+        if by.shown is not None:
+            by.shown.put_on_levels(arc)
         due = by.transitions.due_at_start(arc)
     truth = trial.before._replace(truth=trial.found.truth)
     now = carried_out(now, GO_ON, modes=truth, due=due, stored_truth=True)

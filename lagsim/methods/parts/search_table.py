@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import Rank, sigma_at
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import LEVEL, Parameters
 from lagsim.methods.parts.state import (
     event_functions,
     interpolate,
@@ -472,6 +472,8 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
         # The values of a law may be rounding, and the slopes with them.
         rounding = p.law_rounding[k - p.surfaces]
         nothing = -least
+    if SWITCHES and kind == EVENT and k < p.surfaces and p.slides[k] == LEVEL:
+        nothing = -least  # at its level to rounding
     if UNTIL and kind == EVENT and k >= s.surfaces:
         # The values of a condition that stays at 0 are rounding, within its leeway.
         rounding = s.leeway[k - s.surfaces]

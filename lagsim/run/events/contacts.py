@@ -728,7 +728,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     """
     system = here.arc.system
     struck = {*here.struck(closed)}
-    if not struck or (system.p.slack[: system.surfaces] > 0.0).any():
+    if not struck or (system.p.slack[: system.acting_surfaces] > 0.0).any():
         return {}
     depths = {k: here.depth(k) for k in struck}
     least = here.largest_rise(min(CLOSING * here.arc.plan.tolerance, SATISFIED))

@@ -60,10 +60,6 @@ if TYPE_CHECKING:
     from lagsim.run.events.surface_modes import Rows, SurfaceModes
 
 
-# First step in parts of the run, ratio of successive steps, largest number of steps.
-FIRST = 2.0**-44
-LONGER = 4.0
-MOST = 22
 # Least rate of a surface, in the largest speeds of its terms so far, at which its time
 # is known well.
 SLOWEST = 2.0**-10
@@ -281,14 +277,15 @@ class Crossing:
         self.sizes = modes.sizes(self.rows)
         self.stale.clear()
         self.levels = self._levels()
-        if 0 < len(self.levels) < modes.count:
+        if 0 < len(self.levels) < len(modes.order):
             self.led = np.fmax(self.led, self._rounding_beside())
             self.levels = self._levels()
 
     def _levels(self) -> dict[int, float]:
         """Return the levels of the surfaces whose `values` equal them to rounding."""
-        found = (self._level(k, x) for k, x in enumerate(self.values.tolist()))
-        return {k: level for k, level in enumerate(found) if level is not None}
+        values = self.values.tolist()
+        found = ((k, self._level(k, values[k])) for k in sorted(self.modes.order))
+        return {k: level for k, level in found if level is not None}
 
     def _level(self, k: int, value: float) -> float | None:
         """Return the level of surface k that `value` equals to rounding, or None."""
@@ -605,38 +602,18 @@ class Crossing:
             modes.write()
         if self.beside is not None:
             self._store_laws(chosen)
-        found = self._short_steps(self.open[i])
+        k = self.open[i]
+        clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
+        if (
+            modes.arc.system.m
+        ):  # rows may hold the motion, to the rounding of their forces
+            clear = max(clear, modes.drifts()[k])
+        way = modes.leads(k, clear)
         if along.any():
             modes.carried, modes.watched = {}, []
             modes.restore(*former)
             modes.write()
-        return found
-
-    def _short_steps(self, k: int) -> int | None:
-        """Integrate short steps away from surface k; return the side that they reach.
-
-        The step grows until the expression of the surface leaves its level by more than
-        rounding. None if it does not.
-        """
-        modes, arc = self.modes, self.modes.arc
-        rates = arc.rates
-        t, y, level = arc.t, arc.y, self.levels[k]
-        clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[k]
-        if arc.system.m:  # rows may hold the motion, to the rounding of their forces
-            clear = max(clear, modes.drifts()[k])
-        step = FIRST * arc.settings.duration
-        for _ in range(MOST):
-            # The classical Runge-Kutta method.
-            a = rates(t, y)
-            b = rates(t + 0.5 * step, y + 0.5 * step * a)
-            c = rates(t + 0.5 * step, y + 0.5 * step * b)
-            d = rates(t + step, y + step * c)
-            after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-            found = modes.values(t + step, after)[k] - level
-            if abs(found) > clear:
-                return ABOVE if found > 0.0 else BELOW
-            step *= LONGER
-        return None
+        return None if way == 0.0 else (ABOVE if way > 0.0 else BELOW)
 
     def _store_modes(self, sides: Sequence[int], shares: Floats) -> None:
         """Store the modes of open surfaces, and of the surfaces carried along.
@@ -668,10 +645,7 @@ class Crossing:
                     carried[k] = Carried(self.open[i], float(modes.value[k]), *ends)
         modes.restore(low, kind)
         for k, each in carried.items():
-            if modes.shown[k] and k in self.levels:  # as written, at its level
-                modes.set_mode(k, self.levels[k], LEVEL)
-            else:
-                modes.carry(k, each)
+            modes.carry(k, each)
         for i in along:
             k = self.open[i]
             modes.set_mode(k, self.levels[k], sides[i], float(shares[i]))

@@ -207,7 +207,7 @@ def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
     before, after : the laws before and after the impacts of this instant.
     """
     system, table = before.arc.system, before.table
-    coupled = system.surfaces or system.sliders or system.has_times
+    coupled = system.acting_surfaces or system.sliders or system.has_times
     if before.count <= FEW or coupled or (table.pairs >= 0).any():
         return None
     same = np.ones(before.count, dtype=bool)

@@ -117,6 +117,8 @@ class SurfacesAt(NamedTuple):
     selected : Selected or None
         The parts of the modes of surfaces that the kernels do not read, by the last
         phase `sides`.
+    shown : frozenset of int
+        The shown surfaces at their levels that have been decided at the instant.
     """
 
     levels: Mapping[int, float] = {}
@@ -124,6 +126,7 @@ class SurfacesAt(NamedTuple):
     off: float = 0.0
     stopped: frozenset[int] = frozenset()
     selected: Selected | None = None
+    shown: frozenset[int] = frozenset()
 
 
 NO_SURFACES = SurfacesAt()

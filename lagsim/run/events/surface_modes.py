@@ -23,6 +23,10 @@ BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # on its level, which is no boundary here: the expression is constant
 REDUNDANT = 4  # on its level because other surfaces are: its share is constant
 KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
+# First step in parts of the run, ratio of successive steps, largest number of steps.
+FIRST = 2.0**-44
+LONGER = 4.0
+MOST = 22
 # Number of directions in which a state is changed to compute the effect of rounding.
 DIRECTIONS = 3
 # Change of a state, relative to its ranges, from which constancy is tested.
@@ -123,7 +127,7 @@ class SurfaceModes:
         self.has_whole = bool(self.whole.any())
         self.is_corner = np.zeros(self.count, dtype=bool)
         self.is_corner[[*system.switches.corners]] = True
-        self.on_rates = on_rates(arc.equations, system.switches)
+        self.on_rates = np.array(on_rates(arc.equations, system.switches), dtype=bool)
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
         depends = arc.equations.graph.depends
@@ -131,8 +135,10 @@ class SurfaceModes:
             {numbers[name] for name in depends([node]) & numbers.keys()}
             for node in nodes
         ]
-        self.order = self._ordered()
-        self.nested = any(self.depends)
+        order = self._ordered()
+        self.order = [k for k in order if not self.shown[k]]
+        self.shown_order = [k for k in order if self.shown[k]]
+        self.nested = any(self.depends[k] for k in self.order)
         self.begin(arc)
 
     def begin(self, arc: Arc, selected: Selected | None = None) -> None:
@@ -224,8 +230,8 @@ class SurfaceModes:
         return (value - low) / size, np.where(mixed, low, value)
 
     def forget(self) -> None:
-        """Set all surfaces to be neither followed, nor carried, nor watched."""
-        self.kind[:] = 0.0
+        """Set acting surfaces to be neither followed, nor carried, nor watched."""
+        self.kind[self.order] = 0.0
         self.carried = {}
         self.watched = []
 
@@ -321,7 +327,7 @@ class SurfaceModes:
 
     def is_constant_around(self, k: int) -> bool:
         """Whether surface k's expression is constant at nearby states and later on."""
-        here, there = self.rows(), self.rows(*self._displaced())
+        here, there = self.rows(), self.rows(*self.displaced())
         if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
                 here.rates[k]
@@ -343,10 +349,10 @@ class SurfaceModes:
         b))/2` is 0 exactly at phi = 0, and 1e-17 beside it; `max(t - 1, 0)^3` is 0
         exactly.
         """
-        values = [self.values(t, y)[k] for y, t in map(self._displaced, PARTS)]
+        values = [self.values(t, y)[k] for y, t in map(self.displaced, PARTS)]
         return float(np.max(np.abs(np.array(values) - self.levels[k])))
 
-    def _displaced(self, part: float = 1.0) -> tuple[Floats, float]:
+    def displaced(self, part: float = 1.0) -> tuple[Floats, float]:
         """Return a nearby state y (size,) and a later time, as a test point.
 
         part : factor of the distance from the present state and time.
@@ -361,6 +367,33 @@ class SurfaceModes:
         shift = parts * np.where(reach > 0.0, reach, 1.0)
         later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
         return arc.y + part * shift, later
+
+    def leads(self, k: int, clear: float) -> float:
+        """Return how far short steps lead away from the level of surface k, or 0.
+
+        The step grows until the expression of the surface differs from its level by
+        more than `clear`; 0 if it does not.
+        """
+        arc, rates, t, y, level = (
+            self.arc,
+            self.arc.rates,
+            self.arc.t,
+            self.arc.y,
+            self.levels[k],
+        )
+        step = FIRST * arc.settings.duration
+        for _ in range(MOST):
+            # The classical Runge-Kutta method.
+            a = rates(t, y)
+            b = rates(t + 0.5 * step, y + 0.5 * step * a)
+            c = rates(t + 0.5 * step, y + 0.5 * step * b)
+            d = rates(t + step, y + step * c)
+            after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            found = float(self.values(t + step, after)[k] - level)
+            if abs(found) > clear:
+                return found
+            step *= LONGER
+        return 0.0
 
     def decisive(self) -> Floats:
         """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
@@ -393,7 +426,7 @@ class SurfaceModes:
         off = np.where(self.on_rates, off, span * np.abs(self.rows().rates) + off)
         most = np.where(self.on_rates, span, span * span)
         most *= self._roundoff_of_rates(arc.y)
-        found = off <= most
+        found = (off <= most) & ~self.shown
         if not found.any():
             return {}
         later = arc.t + ASIDE * span
@@ -456,10 +489,10 @@ class SurfaceModes:
 
         reach : the distance in each component (size,).
         """
-        found = self._changes_by_slopes(self.rows(), reach)
+        found = self.changes_by_slopes(self.rows(), reach)
         return np.fmax(found, self._largest_changes(self.nearby_states(reach)))
 
-    def _changes_by_slopes(self, rows: Rows, reach: Floats) -> Floats:
+    def changes_by_slopes(self, rows: Rows, reach: Floats) -> Floats:
         """Return bounds (K,) of the changes of expressions by their slopes.
 
         rows : the rows of the surfaces.
@@ -553,7 +586,7 @@ class SurfaceModes:
 
         rows : the rows of the surfaces at the state.
         """
-        terms = self._changes_by_slopes(rows, self.arc.magnitudes)
+        terms = self.changes_by_slopes(rows, self.arc.magnitudes)
         moved = self._largest_changes(
             [*self.nearby_states(), *self._nearby_admissible_states()]
         )

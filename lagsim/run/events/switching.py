@@ -173,13 +173,14 @@ class Switching(Source):
         surfaces : those at the instant, with the levels that the state is on.
         """
         modes = self.modes
-        if not np.any(modes.on_rates):
+        rates = modes.on_rates & ~modes.shown
+        if not np.any(rates):
             return False
         modes.begin(arc)
         near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
         if surfaces.located >= 0:
             near[surfaces.located] = max(near[surfaces.located], surfaces.off)
-        return bool(np.any(modes.on_rates & (modes.off_levels() <= near)))
+        return bool(np.any(rates & (modes.off_levels() <= near)))
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision at a located switch, or beside one that no step can pass.
@@ -189,7 +190,7 @@ class Switching(Source):
         self.modes.begin(arc)
         if code == at.SWITCH_FOUND:
             hit = int(arc.state.switched) - 1
-            return self._reached(arc, hit) if hit < self.modes.count else None
+            return self._reached(arc, hit) if hit < arc.system.acting_surfaces else None
         if code in FAILED:
             return self._reached_to_rounding(arc)
         checks = code == at.PAUSED and arc.checks_approach
@@ -256,8 +257,8 @@ class Switching(Source):
         rests = come_to_rest(modes, levels, crossing.sizes, left, laws)
         if not rests:
             crossing.decide()
-            several = [k for k in crossing.undecided if not self.sides[k].shown]
-            roundoff, cautions = crossing.roundoff, self._undecided(several)
+            roundoff = crossing.roundoff
+            cautions = self._undecided(crossing.undecided)
             # A corner that forces hold at its level, and could follow, is a groove.
             ridges = [k for k in corners_met(arc, levels) if k not in crossing.rests]
             ridges = [k for k in ridges if modes.kind[k] == kept.LEVEL]
@@ -442,7 +443,7 @@ class Switching(Source):
         """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc
-        slack = np.zeros(modes.count)
+        slack = np.where(modes.shown, modes.p.slack[: modes.count], 0.0)
         modes.store(slack=slack)
         event_functions = arc.runner.event_functions(arc.t, arc.y)
         for k in modes.carried:
@@ -469,8 +470,6 @@ class Switching(Source):
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         noise = NOISE * arc.state.rtol * np.where(self.on_rates, speeds, step * speeds)
         roundoff = np.maximum(noise, 0.5 * modes.p.floor)
-        shown = [k for k in levels if modes.shown[k]]
-        slack[shown] = np.maximum(slack, roundoff)[shown]
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
@@ -510,7 +509,7 @@ class Switching(Source):
             followed, before the selection.
         """
         holds = self._held()
-        for k in np.flatnonzero((before != holds) & ~self.modes.shown):
+        for k in np.flatnonzero(before != holds):
             kind = "switch"
             if self.on_rates[k] or rests:
                 kind = "stick" if holds[k] else "slip"
@@ -609,7 +608,9 @@ class Switching(Source):
         modes = self.modes
         most = REGULAR * modes.changes(within)
         most += RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
-        near: list[int] = np.flatnonzero(modes.off_levels() <= most).tolist()
+        near: list[int] = np.flatnonzero(
+            (modes.off_levels() <= most) & ~modes.shown
+        ).tolist()
         return near
 
     def _switching_together(
@@ -660,7 +661,7 @@ class Switching(Source):
         reached = self._reached_to_rounding(arc)
         if reached is not None:
             return reached
-        on = any(self._is_on(arc, k) for k in range(self.modes.count))
+        on = any(self._is_on(arc, k) for k in range(arc.system.acting_surfaces))
         if not on or arc.runner.method.NAME != SERIES:
             return None
         return handed_over(arc, BENT, {})._replace(turn=Turn.ARC)

@@ -1,0 +1,294 @@
+"""Sides of steps that only conditions and output contain: their surfaces are *shown*.
+
+The motion does not depend on these sides, and no arc ends where the motion passes such
+a surface. But where the argument of `sign(x_dot)` is 0 its rounding must not decide the
+step. After all modes of the motion are selected, each shown surface at its level
+is therefore given
+
+- its level, where the motion stays on it: constraints, laws or other surfaces hold the
+  argument there, or the motion is at rest. The arc ends where the argument leaves the
+  level by more than rounding;
+- else the side to which the motion leads. Conditions use this side until the argument
+  exceeds the slack of the surface, whatever its sign is meanwhile.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.methods.parts import parameters as kept
+from lagsim.methods.parts import state as at
+from lagsim.run.events.surface_modes import ABOVE, BELOW, LEVEL, SurfaceModes
+from lagsim.run.trajectory import Decision, Source, Turn
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    HALF_OF_DIGITS,
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    VALUE_ROUNDOFF,
+)
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.run.arc import Arc
+    from lagsim.run.events.records import SurfacesAt
+    from lagsim.run.events.surface_modes import Rows
+
+# Newton steps by which displaced states are projected onto the rows in force.
+PROJECTIONS = 3
+# Parts of the displacement from which it is tested whether a surface is held.
+APART = (1.0, 0.61)
+# Scales of the displacement: it may be too large for Newton steps far from the origin.
+SCALES = (1.0, 2.0**-10)
+# Factor of the slack of an argument at its level whose rounding exceeds the slack.
+GROWS = 16.0
+# Error of a nearly constant coordinate, see `switching`.
+NOISE = 1e-4
+# Bounds of rounding by rows, as a part of the largest component.
+BY_ROWS = 1e-9
+
+
+class ShownSides(Source):
+    """The source of the sides of shown surfaces.
+
+    Attributes
+    ----------
+    modes : SurfaceModes
+        The modes of all surfaces in the present arc.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        self.modes = SurfaceModes(arc)
+        # Each shown surface, whether it steps at whole numbers, and a bound of values
+        # that may be rounding, for magnitudes up to `then`.
+        self.far: list[tuple[int, bool, float]] = []
+        self.then = np.zeros(0)
+        self._memory: kept.Parameters | None = None
+        self._modes: tuple[Floats, ...] = ()
+
+    def are_away(self, arc: Arc) -> bool:
+        """Whether all shown surfaces are off their levels, on their present sides.
+
+        Their values are compared with bounds of an earlier instant, far above rounding.
+        """
+        p = arc.system.p
+        if p is not self._memory:
+            self._memory, self._modes = p, (p.slack, p.slides, p.side, p.least)
+            return False
+        if (np.maximum(np.abs(arc.y), arc.sizes) > self.then).any():
+            return False
+        slack, slides, side, least = self._modes
+        values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
+        for k, is_whole, far in self.far:
+            x = float(values[k])
+            if is_whole:
+                below = math.floor(x)
+                off, now = min(x - below, below + 1.0 - x), float(below)
+            else:
+                off, now = abs(x), 1.0 if x > 0.0 else -1.0
+            away = off > far and side[k] == now and least[k] == -math.inf
+            if not away or slack[k] != 0.0 or slides[k] != 0.0:
+                return False
+        return True
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Return the decision to settle where a shown surface has left its level."""
+        if code != at.SWITCH_FOUND:
+            return None
+        hit = int(arc.state.switched) - 1
+        if not arc.system.acting_surfaces <= hit < arc.system.surfaces:
+            return None
+        return Decision(turn=Turn.SETTLE)
+
+    def put_on_levels(self, arc: Arc) -> None:
+        """Put each shown surface that the state is on at its level, to rounding."""
+        modes = self.modes
+        modes.begin(arc)
+        near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
+        for k, value in enumerate(modes.values(arc.t, arc.y).tolist()):
+            if not modes.shown[k]:
+                continue
+            if abs(value - modes.level(k, value)) <= near[k]:
+                modes.set_mode(k, modes.level(k, value), LEVEL)
+            else:
+                modes.set_by_value(k, value)
+        modes.write()
+
+    def select(self, arc: Arc, surfaces: SurfacesAt) -> SurfacesAt:
+        """Select the sides of all shown surfaces; return the surfaces at the instant.
+
+        A surface whose argument has not left the slack of its side keeps this side,
+        unless it has been decided at this instant before.
+
+        surfaces : the surfaces at the instant, with the modes of the motion.
+        """
+        modes = self.modes
+        modes.begin(arc, surfaces.selected)
+        p, shown = modes.p, modes.shown_order
+        slack = p.slack[: modes.count].copy()
+        rows, values = modes.rows(), modes.values(arc.t, arc.y)
+        whole = np.where(modes.whole, np.round(values), 0.0)
+        off = np.abs(values - whole)
+        far = self._may_be_rounding(rows)
+        self.far = [(k, bool(modes.whole[k]), float(far[k])) for k in shown]
+        self.then = 2.0 * arc.magnitudes
+        near = (off <= far) | (off <= slack)
+        least, decided = None, set[int]()
+        before = modes.value.copy(), modes.kind.copy(), slack.copy()
+        for k in shown:
+            free = modes.kind[k] == 0.0
+            if not near[k]:
+                modes.set_by_value(k, values[k])
+                slack[k] = 0.0
+            elif free and off[k] <= slack[k] > 0.0 and k not in surfaces.shown:
+                continue
+            else:
+                if least is None:
+                    least = RESIDUAL_ROUNDOFF * modes.sizes(rows)
+                if free and off[k] > max(least[k], slack[k]):
+                    modes.set_by_value(k, values[k])
+                    slack[k] = 0.0
+                else:
+                    decided.add(k)
+                    modes.set_mode(k, float(whole[k]), LEVEL)
+        if decided:
+            assert least is not None
+            modes.write()
+            self._decide(arc, rows, sorted(decided), values, least, slack)
+        now = modes.value, modes.kind, slack
+        ends_are_known = bool(np.all((p.least < p.most) | (modes.kind != 0.0)))
+        if not decided and ends_are_known and all(map(np.array_equal, before, now)):
+            return surfaces
+        modes.watched = [k for k in modes.watched if not modes.shown[k]]
+        modes.watched += [k for k in shown if modes.kind[k] == kept.LEVEL]
+        modes.write()
+        modes.store(slack=slack)
+        return surfaces._replace(shown=surfaces.shown | decided)
+
+    def _may_be_rounding(self, rows: Rows) -> Floats:
+        """Return bounds (K,) of values that may be rounding, well above it.
+
+        rows : the rows of all surfaces.
+        """
+        modes, arc = self.modes, self.modes.arc
+        terms = modes.changes_by_slopes(rows, arc.magnitudes)
+        found = HALF_OF_DIGITS * np.maximum(rows.scales, terms)
+        if arc.system.m:
+            largest = np.max(arc.magnitudes, initial=0.0)
+            found += BY_ROWS * largest * np.sum(np.abs(rows.J), axis=1)
+        return np.asarray(found)
+
+    def _decide(
+        self, arc: Arc, rows: Rows, on: list[int], values: Floats, least: Floats,
+        slack: Floats,
+    ) -> None:  # fmt: skip
+        """Select the sides of the surfaces `on`, which are at their levels.
+
+        rows : the rows of all surfaces.
+        values : their expressions (K,).
+        least : the rounding of all expressions (K,).
+        slack : the slack of each surface (K,), changed in place.
+        """
+        modes = self.modes
+        rates, weak, by_state = self._forced(arc, rows)
+        keeps = arc.system.m > 0 or arc.system.p.sliding > 0.0
+        clear = np.abs(rates) > weak
+        moved = clear & (by_state > HALF_OF_DIGITS * np.abs(rates))
+        held = np.zeros(modes.count, dtype=bool)
+        if keeps or not moved[on].all():
+            held = self._held(arc, values, least)
+        drifts = modes.drifts() if keeps else np.zeros(modes.count)
+        noise = self._noise(arc, rows)
+        for k in on:
+            off = abs(values[k] - modes.levels[k])
+            way = 0.0
+            if not held[k]:
+                if off > max(least[k], slack[k]):
+                    modes.set_by_value(k, values[k])
+                    slack[k] = 0.0
+                    continue
+                most = max(CLEAR_OF_ROUNDING * least[k], drifts[k])
+                way = rates[k] if clear[k] else modes.leads(k, most)
+            own = max(least[k], math.ulp(0.0), 2.0 * off, noise[k])
+            if off > slack[k] > 0.0:  # the terms that cancel have become larger
+                own = max(own, GROWS * off)
+            if way != 0.0:
+                modes.set_mode(k, modes.levels[k], ABOVE if way > 0.0 else BELOW)
+                slack[k] = own
+            else:
+                slack[k] = max(own + drifts[k], slack[k])
+
+    def _forced(self, arc: Arc, rows: Rows) -> tuple[Floats, Floats, Floats]:
+        """Return the rates (K,) that decide the sides of surfaces, and their rounding.
+
+        They are the rates of the expressions; where these are 0, and for expressions of
+        velocities, their derivatives by the forces. The third result is the part of the
+        motion of the state in each rate, without terms of t.
+
+        rows : the rows of all surfaces.
+        """
+        modes, n, driven = self.modes, arc.system.n, arc.state.driven
+        J, v, a = np.abs(rows.J), arc.y[driven], arc.rates(arc.t, arc.y)[driven]
+        terms = J @ arc.magnitudes[driven] + np.abs(rows.rates - rows.J @ v)
+        slow = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * terms
+        moves = ~modes.on_rates & (np.abs(rows.rates) > slow)
+        forced = np.nan_to_num(rows.J @ a - rows.b)
+        weak = SOLUTION_ROUNDOFF * np.nan_to_num(J @ np.abs(a) + np.abs(rows.b))
+        bounds = np.nan_to_num(
+            np.abs(arc.runner.function("rounding")(arc.t, arc.y)[:n])
+        )
+        weak += CLEAR_OF_ROUNDING * VALUE_ROUNDOFF * (J[:, :n] @ bounds)
+        by_state = np.where(moves, np.abs(rows.J @ v), np.abs(rows.J @ a))
+        return (
+            np.where(moves, rows.rates, forced), np.where(moves, slow, weak), by_state,
+        )  # fmt: skip
+
+    def _held(self, arc: Arc, values: Floats, least: Floats) -> Flags:
+        """Return a mask (K,) of the expressions that constraints keep at their values.
+
+        These, and expressions that are constant, have their values at nearby states,
+        too, that satisfy the rows in force.
+
+        values : the expressions of all surfaces (K,).
+        least : their rounding (K,).
+        """
+        found = np.zeros(self.modes.count, dtype=bool)
+        for scale in SCALES:
+            stays = (self._stays(arc, scale * x, values, least) for x in APART)
+            found |= np.all([*stays], axis=0)
+        return found
+
+    def _stays(self, arc: Arc, part: float, values: Floats, least: Floats) -> Flags:
+        """Return a mask (K,) of the expressions with equal values at a nearby state.
+
+        part : factor of the distance of this state.
+        values, least : see `_held`.
+        """
+        modes = self.modes
+        y, t = modes.displaced(part)
+        if arc.system.m:
+            for _ in range(PROJECTIONS):
+                step = arc.runner.function("position_step")(t, y)
+                y[arc.state.positions] += step[: arc.system.n]
+            step = arc.runner.function("velocity_step")(t, y)
+            y[arc.velocities] += step[: arc.system.n]
+        if arc.system.p.sliding:
+            arc.runner.project_sliding(t, y)
+        rows = modes.rows(y, t)
+        terms = modes.changes_by_slopes(rows, np.abs(y - arc.y))
+        least = np.maximum(least, RESIDUAL_ROUNDOFF * rows.scales)
+        most = np.maximum(HALF_OF_DIGITS * terms, CLEAR_OF_ROUNDING * least)
+        return np.asarray(np.abs(modes.values(t, y) - values) <= most)
+
+    def _noise(self, arc: Arc, rows: Rows) -> Floats:
+        """Return changes (K,) of expressions by errors within the tolerance.
+
+        rows : the rows of all surfaces.
+        """
+        speeds = np.abs(rows.J) @ arc.ranges_to(arc.y)[arc.state.driven]
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        times = np.where(self.modes.on_rates, 1.0, step)
+        return np.asarray(NOISE * arc.state.rtol * times * speeds)

@@ -1,0 +1,96 @@
+"""Steps of arguments that equalities hold at the step, or that leave it slowly."""
+
+import pytest
+
+import lagsim
+
+MODEL = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+forces: {{x: "{fx}", y: "{fy}"}}
+modes: {{n: 0}}
+constraints: {{{rows}}}
+events: {{e: {{at: "{at}", set: {{n: n + 1}}}}}}
+initial: {{{start}}}
+simulation: {{duration: {duration}, output_step: 0.05{method}}}
+"""
+# A relation, an expression that it keeps at 0, and a start.
+LINE = "x - {far} = 0.3*(y - 7)", "10*(x - {far}) - 3*(y - 7)"
+HELD = {
+    "line": (*LINE, "x: {far}, y: 7, x_dot: 0.3, y_dot: 1"),
+    "rates": (LINE[0], "10*x_dot - 3*y_dot", "x: {far}, y: 7, x_dot: 0.3, y_dot: 1"),
+    "circle": ("x^2 + y^2 = 1", "x^2 + y^2 - 1", "x: 1, y: 0, x_dot: 0, y_dot: 0.5"),
+    "distance": (
+        "(x - {far})^2 + (y + 30)^2 = 1", "hypot(x - {far}, y + 30) - 1",
+        "x: 1 + {far}, y: -30, x_dot: 0, y_dot: 0.5",
+    ),
+    "circle's rate": (
+        "x^2 + y^2 = 1", "x*x_dot + y*y_dot", "x: 1, y: 0, x_dot: 0, y_dot: 0.5",
+    ),
+    "prescribed": (
+        "x + y^3 = 0.7*sin(1.3*t)", "3*(x + y^3) - 2.1*sin(1.3*t)",
+        "x: 0, y: 0, x_dot: 0.91, y_dot: 0",
+    ),
+    "of rates": (
+        "x_dot = 0.3*y_dot*(1 + y)", "10*x_dot - 3*y_dot*(1 + y)",
+        "x: 0, y: 0, x_dot: 0.3, y_dot: 1",
+    ),
+}  # fmt: skip
+# Steps at 0: none of these conditions is true at the level, or becomes true.
+STEPS = (
+    "sign({u}) >= 0.5", "sign({u}) <= -0.5", "heaviside({u}) <= 0.5",
+    "if({u} > 0, 1, 0) >= 0.5", "if({u} < 0, 1, 0) + floor({u}) >= 0.5",
+)  # fmt: skip
+
+
+def acts(fx, fy, rows, at, start, *, duration=0.5, method=""):
+    found = lagsim.simulate(
+        MODEL.format(
+            fx=fx, fy=fy, rows=rows, at=at, start=start, duration=duration,
+            method=method and f", method: {method}",
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    return [e.time for e in found.events if e.kind == "event"]
+
+
+@pytest.mark.parametrize("when", ["", ", when: t >= -1"], ids=["always", "when"])
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("held", HELD)
+def test_no_step_of_a_held_expression_acts(held, step, when):
+    relation, u, start = (x.format(far=3) for x in HELD[held])
+    row = f"g: {{relation: {relation}{when}}}"
+    assert acts("-0.3*sin(t)", "cos(t)", row, step.format(u=u), start) == []
+
+
+@pytest.mark.parametrize("method", ["auto", "dopri5", "rk4, step: 0.01"])
+@pytest.mark.parametrize("held", ["line", "distance"])
+def test_no_step_of_a_held_expression_acts_far_from_the_origin(held, method):
+    relation, u, start = (x.format(far=1e5) for x in HELD[held])
+    row, at = f"g: {{relation: {relation}}}", f"sign({u}) >= 0.5"
+    found = acts("-0.3*sin(t)", "cos(t)", row, at, start, method=method)
+    assert found == []
+
+
+@pytest.mark.parametrize("begin", [0.0, 0.7])
+@pytest.mark.parametrize("power", [1, 2, 5])
+@pytest.mark.parametrize(
+    "method", ["taylor", "dopri5", "radau", "rk4, step: 0.01", "verlet, step: 0.01"]
+)
+def test_a_step_acts_where_a_body_leaves_it_as_a_power_of_the_time(
+    method, power, begin
+):
+    force = f"if(t > {begin}, (t - {begin})^{power}, 0)"
+    for at in ("sign(x_dot) >= 0.5", "sign(x - 3) >= 0.5", "if(x > 3, 1, 0) >= 0.5"):
+        start = "x: 3, y: 1, x_dot: 0, y_dot: 0"
+        found = acts(force, "-y", "", at, start, duration=1.0, method=method)
+        assert found == pytest.approx([begin], abs=2e-9), at
+    assert acts(force, "-y", "", "sign(x_dot) <= -0.5", start, method=method) == []
+
+
+def test_a_combination_that_a_constraint_releases_leaves_its_step():
+    # From t = 0.2 on the force 1 moves x alone: 10 x - 3 y grows.
+    row = "g: {relation: x - 3 = 0.3*(y - 7), when: t < 0.2}"
+    at, start = "sign(10*(x - 3) - 3*(y - 7)) >= 0.5", "x: 3, y: 7, x_dot: 0, y_dot: 0"
+    assert acts("1", "0", row, at, start) == pytest.approx([0.2], abs=1e-9)
+    assert acts("-1", "0", row, at, start) == []
