@@ -68,10 +68,6 @@ def test_operations_grow_with_the_chain():
     assert math.log(counts[1] / counts[0]) / math.log(sizes[1] / sizes[0]) < 1.05
 
 
-def test_few_coordinates_have_full_matrices():
-    assert newton_matrix(derive(read(stiff_chain(3), "m.yaml"))) is None
-
-
 CONSTRAINED = """
 coordinates: {x: {}, y: {}, z: {}, w: {}}
 energy:
