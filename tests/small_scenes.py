@@ -231,6 +231,22 @@ def ball(simulation, *, e=0.8, g=9.81, h=1):
     return _BALL.format(simulation=line(simulation), e=e, g=g, h=h)
 
 
+def escape(simulation):
+    """x'' = 2 x^3 from x = x' = 1: x = 1/(1 - t), without end at t = 1."""
+    return scene("x: 1, x_dot: 1", "-x^4/2", simulation=simulation)
+
+
+def stiff(simulation):
+    """Coordinate x, which a spring and a damper hold at sin(y); y goes on slowly."""
+    return scene(
+        "x: sin(1), y: 1",
+        "K*(x - sin(y))^2/2 + y^2/2",
+        parameters="K: 1e8, c: 2e5",
+        forces="x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)",
+        simulation=simulation,
+    )
+
+
 def ellipse(e, simulation):
     """Orbit of axis 1 and period 2 pi from its pericentre; see `on_ellipse`."""
     speed = math.sqrt((1.0 + e) / (1.0 - e))

@@ -13,6 +13,7 @@ import pytest
 
 import lagsim
 from tests.cli.conftest import lagsim as command  # noqa: F401
+from tests.small_scenes import escape
 from tests.support import MODELS, ROOT
 
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -114,14 +115,7 @@ def test_a_duration_is_asked_for():
 
 
 def test_a_run_that_cannot_finish_returns_what_it_has():
-    # x'' = 2 x^3 from x = x' = 1: x = 1/(1 - t), without end at t = 1.
-    model = lagsim.load("""
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: -x^4/2}
-initial: {x: 1, x_dot: 1}
-simulation: {duration: 2, output_step: 0.05}
-""")
-    result = lagsim.simulate(model)
+    result = lagsim.simulate(escape("duration: 2, output_step: 0.05"))
     assert (result.outcome, result.complete) == ("failed", False)
     assert result.reason
     assert result.t[-1] == pytest.approx(1.0, abs=1e-6)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 import lagsim
 from tests.cli.conftest import lagsim as command  # noqa: F401
+from tests.small_scenes import escape
 from tests.support import MODELS, ROOT, simulate
 
 SWING = """
@@ -161,13 +162,7 @@ def test_a_result_in_a_line_and_on_a_page(result, tmp_path):
 
 
 def test_warnings_and_failures_stand_on_the_page():
-    # x = 1/(1 - t): there is no answer past t = 1.
-    failed = lagsim.simulate(lagsim.load("""
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: -x^4/2}
-initial: {x: 1, x_dot: 1}
-simulation: {duration: 2, output_step: 0.05}
-"""))  # fmt: skip
+    failed = lagsim.simulate(escape("duration: 2, output_step: 0.05"))
     page = Texts(failed._repr_html_())
     assert page.texts[2] == "failed"
     assert failed.reason in page.texts

@@ -8,17 +8,10 @@ from the doubles of the models, by textbook equations. A tolerance larger by a f
 import numpy as np
 import pytest
 
+from tests.small_scenes import stiff
 from tests.support import run
 
-# A fast coordinate x, which a spring and a damper hold at sin(y).
-HELD = """
-parameters: {K: 1e8, c: 2e5}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: K*(x - sin(y))^2/2 + y^2/2}
-forces: {x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)}
-initial: {x: sin(1), y: 1}
-simulation: {duration: 1, output_step: 0.05, method: radau}
-"""
+HELD = stiff("duration: 1, output_step: 0.05, method: radau")
 # Beside a slow coordinate x, a fast one z, at the distance s from 0, in other units.
 BESIDE = """
 parameters: {K: 1e8, c: 2e4, s: 0, l: 1, m: 1}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.choosing import tonight, turn
-from tests.small_scenes import elastic_pendulum
+from tests.small_scenes import elastic_pendulum, stiff
 from tests.support import MODELS, SHIPPED, run
 
 VAN_DER_POL = """
@@ -15,14 +15,7 @@ forces: {x: mu*(1 - x^2)*x_dot}
 initial: {x: 2, x_dot: 0}
 simulation: {duration: 2000, output_step: 10, rtol: 1e-7}
 """
-DAMPED = """
-parameters: {K: 1e8, c: 2e5}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: K*(x - sin(y))^2/2 + y^2/2}
-forces: {x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)}
-initial: {x: sin(1), y: 1}
-simulation: {duration: 1, output_step: 0.05, rtol: 1e-7}
-"""
+DAMPED = stiff("duration: 1, output_step: 0.05, rtol: 1e-7")
 SPRING = elastic_pendulum(
     "theta: 1, u: STRETCHED", "duration: 3, output_step: 0.05, rtol: TOLERANCE", K=1e8
 )
@@ -259,7 +252,7 @@ def test_a_series_gives_way_where_fast_motion_is_damped():
 def test_a_trial_of_another_method_leaves_the_cells_of_tables():
     # The trial integrates past points of the table, whose cells the kernel passes.
     points = ", ".join(f"[{k}/100, {k % 2}]" for k in range(101))
-    text = f"tables: {{push: {{points: [{points}]}}}}{DAMPED}"
+    text = f"tables: {{push: {{points: [{points}]}}}}\n{DAMPED}"
     for section, added in (
         ("coordinates: {", "w: {}, "), ("kinetic: (", "w_dot^2 + "),
         ("forces: {", "w: push(t), "), ("initial: {", "w: 0, "),

@@ -8,6 +8,7 @@ import pytest
 from lagsim.errors import LagsimError
 from tests.small_scenes import (
     ellipse,
+    escape,
     held_pendulum,
     on_ellipse,
     oscillator,
@@ -76,9 +77,7 @@ KNOWN = {
     "eccentric orbit": orbit(0.9, 20, 0.05),
     "orbit in few rows": orbit(0.5, 40, 13),
     "escape": one("-x^2/2", "x: 1, x_dot: 1", np.exp, 10, 0.5),
-    "quartic escape": one(
-        "-x^4/2", "x: 1, x_dot: 1", lambda t: 1.0 / (1.0 - t), 0.9, 0.05
-    ),
+    "quartic escape": (escape(lasting(0.9, 0.05)), column(lambda t: 1.0 / (1.0 - t))),
     "forced oscillator": one(
         "x^2/2", "x: 0", lambda t: (2 * np.sin(t) - np.sin(2 * t)) / 3, 40, 0.2,
         "sin(2*t)",
