@@ -31,7 +31,7 @@ def wall(k):
 
 
 def hill(k):
-    """A hill or well of Gauss, or a ramp of tanh, narrow against the scene."""
+    """Potential: a Gaussian hill or well, or a ramp of tanh, narrow in the scene."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
     w = n("w", k.decades(-2.5, -0.5, k.length))
@@ -111,7 +111,7 @@ def air(k):
 
 
 def friction(k):
-    """Dry friction on a slider, on the ground or on a belt; Stribeck's maybe."""
+    """Dry friction of a slider on the ground or a belt, perhaps after Stribeck."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
     F = n("F", k.between(0.05, 0.8, mass * k.gravity))
@@ -211,7 +211,7 @@ def dead_zone(k):
 
 
 def relay(k):
-    """A control that switches: on the place, or on a line that is slid along."""
+    """Control force that switches at a position, or at a line of the phase plane."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
     F = n("F", k.between(0.1, 1.5, mass * k.gravity))
@@ -236,7 +236,7 @@ def bent_spring(k):
 
 
 def magnetic(k):
-    """A field across the plane, as a potential with velocities."""
+    """Magnetic field normal to the plane, as a potential that depends on velocities."""
     flat = [p for p in k.points if len(p.at) == 2]
     if not flat:
         return
