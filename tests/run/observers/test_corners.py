@@ -92,9 +92,14 @@ def test_the_first_and_the_last_of_one_time_are_kept_and_not_too_many():
 def test_rows_at_events_do_not_count_nor_move_others():
     thin = Thinning(("t", "x"))
     thin.add(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]))
-    thin.meet(np.array([[[0.5, 7.0], [0.5, 0.4]], [[0.5, 0.6], [0.5, -9.0]]]))
+    # Of two variants the one nearer to the row beside the event on the same side.
+    events = [
+        [[0.5, 7.0], [0.5, 0.4]], [[0.5, 0.6], [0.5, -9.0]],
+        [[1.5, 0.9], [1.5, -0.1]], [[1.5, 0.2], [1.5, 3.0]],
+    ]  # fmt: skip
+    thin.meet(np.array(events))
     assert thin.row_count == 3
     t, x = thin.series("x")
-    assert t.tolist() == [0.0, 0.5, 0.5, 1.0, 2.0]
-    assert x.tolist() == [0.0, 0.4, 0.6, 1.0, 0.0]
+    assert t.tolist() == [0.0, 0.5, 0.5, 1.0, 1.5, 1.5, 2.0]
+    assert x.tolist() == [0.0, 0.4, 0.6, 1.0, 0.9, 0.2, 0.0]
     assert [p.tolist() for p in thin.path("t", "x")] == [t.tolist(), x.tolist()]
