@@ -56,7 +56,7 @@ def linked(runner):
     if runner.system.m:
         names += ["position_step", "velocity_step"]
     if runner.system.equations.model.located:
-        names.append("located")
+        names += ["located", "located_slopes"]
     if runner.system.inertias:
         names.append("inertias")
     found = {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}

@@ -21,6 +21,7 @@ from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.leaving import has_no_end, store_distances
 from lagsim.methods.parts.parameters import FOLLOWED, PUSH, REDUNDANT, Parameters
+from lagsim.methods.parts.search_table import state_at
 from lagsim.methods.parts.state import (
     event_functions,
     find_crossings,
@@ -113,6 +114,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         code = step(s, p)
         if code != at.DONE:
             return code
+        s.step_end = s.t
         s.most_step = 0.0
         if ADAPTIVE and has_missed(s, p) > 0:
             begin(s, p)
@@ -385,7 +387,7 @@ def leave_levels(s: State, p: Parameters) -> None:
 
 def end_at_cut(s: State, p: Parameters) -> None:
     """End the last step early: set the state to its value at the fraction `cut`."""
-    interpolate(s, p, s.cut, s.work)
+    state_at(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
         # Extents past the switch do not count.

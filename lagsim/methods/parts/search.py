@@ -30,6 +30,7 @@ from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import OFF, Parameters
 from lagsim.methods.parts.search_table import (
+    AROUND,
     BESIDE,
     BETWEEN,
     CLEAR,
@@ -37,7 +38,6 @@ from lagsim.methods.parts.search_table import (
     EVENT,
     FALLING,
     FARTHER,
-    JUMP,
     KNOWN,
     MANY,
     MOST_POINTS,
@@ -64,11 +64,13 @@ from lagsim.methods.parts.search_table import (
     same_time,
     sample,
     sampled,
+    state_at,
     store_ends,
     value_at,
     variation,
 )
-from lagsim.methods.parts.state import interpolate, located
+from lagsim.methods.parts.state import located, located_slopes
+from lagsim.methods.parts.truth import terms_of
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -86,6 +88,8 @@ FINEST_CROSSINGS = 2.0**-30
 MOST_SIGNALS = 400
 # Least factor by which a step with too many points is shortened.
 PART = 0.25
+# A jump is within this distance of its switch, as a part of a step.
+NEARBY = 2.0**-40
 # A smallest singular value up to this is 0 within half of the digits.
 LOST = 2.0**-26
 
@@ -189,6 +193,10 @@ def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
     width, near = x - low, x
     finest = FINEST_SIGNALS if kind == SIGNAL else FINEST
     least_width = FINEST_CROSSINGS if kind == CROSSING else finest
+    if LOCALIZED and kind != SIGNAL:
+        near = one_sided_up_to(s, p)
+        if near < x:
+            return near - low
     if kind != SIGNAL and width >= least_width and not are_known(kind, s, p):
         return 0.5 * width
     divisible = width >= finest
@@ -202,8 +210,6 @@ def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
                 least = least_of(SIGNAL, CLOSEST, s, p, k, low, x)
                 if AT_END * width < least - low < (1.0 - AT_END) * width:
                     near = min(near, least)
-    if LOCALIZED and kind != SIGNAL:
-        near = min(near, one_sided_up_to(s, p))
     return near - low if near < x else 0.0
 
 
@@ -229,9 +235,9 @@ def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
 def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
     """Return the end of the part of the stretch in which no condition jumps.
 
-    The end is a point just past the first jump of a switch in a condition, or the end
-    of the stretch. A condition with a step has equal values at all points of a stretch,
-    though its value may differ in between.
+    The end is the first switch at which a condition is 0, a point just past the first
+    switch in a condition, or the end of the stretch. A condition with a step has equal
+    values at all points of a stretch, though its value may differ in between.
     """
     low, near = float(s.places[0]), float(s.places[2])
     width = near - low
@@ -249,10 +255,111 @@ def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
             continue
         if doubtful:
             return low + 0.5 * width
-        past = falls_at(s, p, k) + AT_END * width
-        if AT_END * width < past - low < (1.0 - AT_END) * width:
+        switch = falls_at(s, p, k)
+        tiny = NEARBY * variation(s, k)
+        if abs(a) <= tiny:
+            switch = low
+        falls = min(abs(a), abs(b)) <= tiny
+        if switch > near or not (falls or value_at(EVENT, s, p, k, switch) < 0.0):
+            continue
+        past = switch + AT_END * width
+        zero = zero_at(s, p, switch) if UNTIL else inf
+        if zero < inf:
+            near = min(near, zero)
+        elif AT_END * width < past - low < (1.0 - AT_END) * width:
             near = min(near, past)
     return near
+
+
+def zero_at(s: SearchTable, p: Parameters, switch: float) -> float:
+    """Return the fraction just past a switch on one side of which a condition is 0.
+
+    The result is inf if no false condition is 0 there. It is stored in `zero_at`:
+    the condition becomes true, if only for an instant. For example the value of
+    `mod(x, 1) = 0` jumps from 1 to 0, or from 0 to 1; `abs(x) <= 0` has a kink.
+
+    switch : the first fraction past the switch, to rounding.
+    """
+    first = inf
+    for k in range(s.conditions):
+        armed = abs(s.orientation[k]) == 1.0 and not follows(s, k)
+        if armed and s.armed_at[k] <= switch and is_zero_beside(s, p, k, switch):
+            x = past_jump(s, p, k, switch)
+            if x < inf:
+                s.zero_at[k] = x
+            first = min(first, x)
+    return first
+
+
+def past_jump(s: SearchTable, p: Parameters, k: int, switch: float) -> float:
+    """Return the first fraction past a jump of condition k to 0, or from 0.
+
+    At a kink it is the fraction of the switch. If the jump is in the step before or
+    after, by the values at the ends of the step, the result is inf.
+    """
+    before, after = limit(s, p, k, switch, -1.0), limit(s, p, k, switch, 1.0)
+    if not abs(after - before) > 2.0 * rounding_of(s, p, k, switch):
+        return switch
+    low, high = max(switch - NEARBY, 0.0), min(switch + NEARBY, 1.0)
+    if has_jumped(s, p, k, low, before, after):
+        return inf
+    if not has_jumped(s, p, k, high, before, after):
+        return inf
+    middle = 0.5 * (low + high)
+    while low < middle and middle < high:
+        if has_jumped(s, p, k, middle, before, after):
+            high = middle
+        else:
+            low = middle
+        middle = 0.5 * (low + high)
+    return high
+
+
+def has_jumped(
+    s: SearchTable, p: Parameters, k: int, x: float, before: float, after: float
+) -> bool:
+    """Whether condition k has jumped at the fraction x of the step.
+
+    before, after : its limits, one of them 0. A value between the limits, as that of
+        `sign` at 0, is on the side that is not 0.
+    """
+    conditions_at(s, p, x)
+    value = float(s.values[k])
+    if abs(after) < abs(before):
+        return abs(value - after) < abs(value - before)
+    return abs(value - after) <= abs(value - before)
+
+
+def limit(s: SearchTable, p: Parameters, k: int, x: float, way: float) -> float:
+    """Return the limit of condition k on one side of the fraction x of the step.
+
+    It is extrapolated from two points, also past the ends of the step: at x itself the
+    value may be that of either side, by rounding.
+
+    way : -1 before x, 1 after it.
+    """
+    conditions_at(s, p, x + 2.0 * way * AROUND)
+    far = s.values[k]
+    conditions_at(s, p, x + way * AROUND)
+    return float(2.0 * s.values[k] - far)
+
+
+def is_zero_beside(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
+    """Whether the limit of condition k on one side of the fraction x of the step is 0.
+
+    It is 0 to the rounding of its terms and of the time.
+    """
+    before, after = limit(s, p, k, x, -1.0), limit(s, p, k, x, 1.0)
+    change = abs(float(s.values[k]) - after) / AROUND
+    late = change * same_time(s, s.step_end) / s.step_h
+    return min(abs(before), abs(after)) <= rounding_of(s, p, k, x) + late
+
+
+def rounding_of(s: SearchTable, p: Parameters, k: int, x: float) -> float:
+    """Return the rounding of the terms of condition k at the fraction x of the step."""
+    t = state_at(s, p, x, s.work)
+    located_slopes(t, s.work, p, s.condition_slopes)
+    return SUM_ROUNDOFF * terms_of(s, k)
 
 
 def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
@@ -280,15 +387,13 @@ def find_end(s: Crossings, p: Parameters) -> None:
     condition that is true at the start of the step can be located only after it has
     become false.
     """
-    t = s.t
     find_leaving(EVENT, s, p)
     add_margins(s, p)
     if UNTIL:
-        turn_between_steps(s, p)
         prepare_true(s, p)
     search(EVENT, s, p, 0.0, 1.0)
     if UNTIL and s.event > 0.0:
-        continue_past(s, p, t)
+        continue_past(s, p)
     if UNTIL and s.cut > 0.0:
         disarm_past(s)
     if UNTIL:
@@ -317,23 +422,17 @@ def add_margins(s: SearchTable, p: Parameters) -> None:
         for k in range(s.conditions):
             s.own_leeway[k] = s.leeway[k]
             s.armed_at[k] = 0.0
-            if s.passed_at[k] > 1.0 - NEXT and s.step_t > s.arc_start:
-                # It became false at the end of the last step: by rounding it may still
-                # be true at the start of this one.
-                s.armed_at[k] = NEXT
-            s.passed_at[k] = -1.0
+            s.zero_at[k] = -inf
             s.leeway[k] += margin(s, s.surfaces + k)
 
 
-def continue_past(s: Crossings, p: Parameters, t: float) -> None:
+def continue_past(s: Crossings, p: Parameters) -> None:
     """Search on past each located condition that does not end the arc.
 
     The search ends at the first event that ends the arc, or at the end of the step.
     Conditions that were passed at the time of this event regain their orientation and
     leeway, since their truth is decided when the instant is settled: the velocity of a
     slip that stops there, for example, has not passed 0.
-
-    t : the time at the end of the step.
     """
     s.passed_at[:] = -1.0
     while s.event > 0.0:
@@ -348,7 +447,7 @@ def continue_past(s: Crossings, p: Parameters, t: float) -> None:
         s.passed_leeway[k] = leeway
         s.event = 0.0
         s.cut = 0.0
-        s.t = t
+        s.t = s.step_end
         s.row_limit = s.arc_rows
         if SWITCHES and mode_ends(s, p, low):
             for i in range(s.conditions):
@@ -382,9 +481,9 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
     """Whether the step continues past a point at which condition k has been located.
 
     It continues where a condition that was true becomes false, and where the function
-    of an equation jumps past 0, which does not count as a zero. A jump to 0 does
-    (`floor(x) = 1`). The orientation of the condition is then updated, and its leeway
-    is 0.
+    of an equation jumps past 0, which does not count as a zero. A jump to 0 or from 0
+    does (`floor(x) = 1`). The orientation of the condition is then updated, and its
+    leeway is 0.
     """
     row, rounding = s.surfaces + k, MANY * float(s.zero[k])
     if follows(s, k):
@@ -394,41 +493,13 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
             conditions_at(s, p, min(s.cut + NEXT, 1.0))
             s.orientation[k] = 1.0 if s.values[k] > 0.0 else -1.0
     elif s.equation[k] > 0.0 and jumps(EVENT, s, p, row, s.cut, rounding):
-        conditions_at(s, p, min(s.cut + NEXT, 1.0))
-        if s.values[k] * s.orientation[k] >= -rounding:
+        if is_zero_beside(s, p, k, s.cut):
             return False
         s.orientation[k] = -s.orientation[k]
     else:
         return False
     s.leeway[k] = 0.0
     return True
-
-
-def turn_between_steps(s: SearchTable, p: Parameters) -> None:
-    """Turn the orientation of equations that have jumped past 0 between two steps.
-
-    By rounding, a jump at the end of a step may first show at the start of the next. A
-    value that has jumped hardly changes just after it; one that passes 0 there, by the
-    error of the dense output, does.
-    """
-    armed = False
-    for k in range(s.conditions):
-        armed = armed or (s.equation[k] > 0.0 and abs(s.orientation[k]) == 1.0)
-    if not armed or s.step_t == s.arc_start:
-        return
-    conditions_at(s, p, 0.0)
-    armed = False
-    for k in range(s.conditions):
-        past = s.values[k] * s.orientation[k] + s.leeway[k] < -MANY * s.zero[k]
-        s.beside[k] = s.values[k] if past and s.equation[k] > 0.0 else 0.0
-        armed = armed or s.beside[k] != 0.0
-    if not armed:
-        return
-    conditions_at(s, p, BESIDE)
-    for k in range(s.conditions):
-        change = abs(s.values[k] - s.beside[k])
-        if change < JUMP * abs(s.beside[k]) and abs(s.orientation[k]) == 1.0:
-            s.orientation[k] = -s.orientation[k]
 
 
 def prepare_true(s: SearchTable, p: Parameters) -> None:
@@ -465,8 +536,7 @@ def prepare_true(s: SearchTable, p: Parameters) -> None:
 
 def conditions_at(s: SearchTable, p: Parameters, x: float) -> None:
     """Store the values of conditions at the fraction x of the last step in s.values."""
-    interpolate(s, p, x, s.work)
-    located(s.step_t + x * s.step_h, s.work, p, s.values)
+    located(state_at(s, p, x, s.work), s.work, p, s.values)
 
 
 def arm(s: SearchTable, k: int, x: float, last: bool) -> None:
@@ -501,8 +571,17 @@ def ends(s: SearchTable, p: Parameters, k: int, value: float, x: float) -> bool:
     value : the value of the function there.
     """
     if value >= least_allowed(EVENT, s, p, k):
-        return False
+        return UNTIL and k >= s.surfaces and touches(s, k, x)
     return x >= errs_until(s, p, k, value)
+
+
+def touches(s: SearchTable, k: int, x: float) -> bool:
+    """Whether the condition of event function k is 0 at a switch, see `zero_at`.
+
+    x : the fraction of the step.
+    """
+    zero = float(s.zero_at[k - s.surfaces])
+    return zero <= x <= zero + NEARBY
 
 
 def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
@@ -603,7 +682,8 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
             least = least_allowed(EVENT, s, p, k)
             if value_at(EVENT, s, p, k, low) >= 0.0:
                 least = 0.0
-            if errs_until(s, p, k, s.inner_values[k]) == 0.0:
+            below = s.inner_values[k] < least
+            if below and errs_until(s, p, k, s.inner_values[k]) == 0.0:
                 high = end_of(EVENT, s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began below the ground by rounding ends where the gap
@@ -652,7 +732,7 @@ def shorten(s: SearchTable, x: float) -> None:
     interpolate from it.
     """
     s.cut = x
-    s.t = s.step_t + x * s.step_h
+    s.t = s.step_end if x >= 1.0 else s.step_t + x * s.step_h
 
 
 # --- sections: the crossings before the end of the step

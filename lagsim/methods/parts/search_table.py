@@ -17,7 +17,7 @@ is located by golden section (`least_of`), and a zero to the last bit (`end_of`)
 from __future__ import annotations
 
 from functools import cached_property
-from math import log
+from math import inf, log
 from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
@@ -134,6 +134,7 @@ class SearchTable(Rank):
     last_ends: Floats = array(lambda s: 2 * rows(s))
     end_time: float
     end_step: float
+    step_end: float  # the time at the end of the last step
     # Polynomials of the components of the state in the last step.
     shape: Floats = array(lambda s: DEGREES * s.sampled)
     # The margin of each row whose value leaves 0 from rest, see `leaving`; -1: it does
@@ -191,6 +192,9 @@ class SearchTable(Rank):
     passed_at: Floats = array("conditions")
     passed_side: Floats = array("conditions")
     passed_leeway: Floats = array("conditions")
+    # The fraction of the last step at which each condition is 0 at a switch in its
+    # expression, see `search.zero_at`; or -inf.
+    zero_at: Floats = array("conditions", -inf)
 
     # For each section: the last sign of its relation, 0 before the motion has left the
     # section; and the largest value of the relation that counts as on the section, see
@@ -270,8 +274,7 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
     if kind == RANK:
         now[rows(s) - 1] = sigma_at(s, p, x)
         return
-    t = s.step_t + x * s.step_h
-    interpolate(s, p, x, z)
+    t = state_at(s, p, x, z)
     if LOCALIZED:
         signals(t, z, p, now[events(s) :])
     if kind == CROSSING:
@@ -284,6 +287,19 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
     if UNTIL and kind == EVENT:
         located(t, z, p, now[s.surfaces :])
         orient_conditions(s, x, now[s.surfaces :])
+
+
+def state_at(s: SearchTable, p: Parameters, x: float, out: Floats) -> float:
+    """Write the state (size,) at the fraction x of the last step; return its time.
+
+    At the end of the step it is the state with which the next step begins: a value that
+    is 0 there has one sign in both steps. The dense output differs by rounding.
+    """
+    if x == 1.0:
+        out[: s.size] = s.y[: s.size]
+        return float(s.step_end)
+    interpolate(s, p, x, out)
+    return float(s.step_t + x * s.step_h)
 
 
 def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:

@@ -240,12 +240,18 @@ def decide_before(s: SearchTable, p: Parameters, found: int) -> None:
         least = FAR * s.zero[k]
         if s.leeway[k] < inf:
             least = max(least, NEAR * abs(s.leeway[k]))
-        far = far and abs(s.worth[k]) > least
+        far = far and abs(s.worth[k]) > least and not is_zero_at_switch(s, k)
         if not is_calm(s, k, least):
             s.calm = 0.0
     if not far:
         s.calm = 0.0
         evaluate_with_bounds(s, p, found, -1)
+
+
+def is_zero_at_switch(s: SearchTable, k: int) -> bool:
+    """Whether condition k is 0 at this instant on one side of a switch in it."""
+    time = s.step_t + float(s.zero_at[k]) * s.step_h
+    return abs(time - s.t) <= same_time(s, s.t)
 
 
 def is_calm(s: SearchTable, k: int, least: float) -> bool:
@@ -287,6 +293,7 @@ def mark(s: SearchTable) -> int:
         miss = s.worth[k] * side
         satisfied = miss + s.leeway[k] <= 0.0
         satisfied = satisfied or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
+        satisfied = satisfied or is_zero_at_switch(s, k)
         s.marked[k] = 0.0
         if (satisfied and side != 0.0) or k == int(s.met_first):
             s.marked[k] = 1.0
@@ -340,6 +347,8 @@ def mark_true(s: SearchTable, _p: Parameters) -> None:
             miss = max(0.0, s.worth[k] * s.orientation[k])
             s.orientation[k] = 0.0
             jumped = k == int(s.met_first) and s.discontinuous > 0.0
+            jumped = jumped or is_zero_at_switch(s, k)
+            s.zero_at[k] = -inf
             if jumped:  # its slope, and therefore its rounding, may be unbounded
                 s.zero[k] = LEAST
             s.leeway[k] = 0.0 if jumped else 2.0 * (miss + s.zero[k])

@@ -313,7 +313,7 @@ class File:
         initial = values.Initial(x, self.starting).read(self.initial, self.root)
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
-        relation = equations.read_condition(until, "`until`", x)
+        relation, _ = equations.read_relation(until, "`until`", x, modes=True)
         events = equations.read_events(self.top.value("events"), x)
         scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)

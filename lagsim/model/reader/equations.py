@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from lagsim.codes.known import ErrorCode
-    from lagsim.language.graph import Degrees, Graph
+    from lagsim.language.graph import Degrees
     from lagsim.model.reader.expressions import Expressions
 
 SUM_OF_VELOCITIES = "write a sum of velocities with factors that depend on positions"
@@ -279,47 +279,6 @@ def read_relation(
     return Relation(gap, equality, text, scalar.place), equality
 
 
-def read_condition(node: Node | None, label: str, x: Expressions) -> Relation | None:
-    """Build the condition of an event, or of the end of a run; None after a fault.
-
-    node, label : the relation in the file, and its name in messages.
-    """
-    relation, equality = read_relation(node, label, x, modes=True)
-    if relation is None or not equality:
-        return relation
-    return relation._replace(node=without_jump_at_zero(x.graph, relation.node))
-
-
-def without_jump_at_zero(g: Graph, node: int) -> int:
-    """Return an expression that passes 0 where `node` is 0 and jumps, else `node`.
-
-    The value of `mod(a, b)`, which is `a - b*floor(a/b)`, jumps from b to 0, so that no
-    sign shows its zeros. `mod(a + b/2, b) - b/2` rises through 0 there, and jumps past
-    0 where a is greater by b/2.
-
-    >>> from lagsim.language.graph import Graph
-    >>> from lagsim.language.evaluate import evaluate
-    >>> g = Graph()
-    >>> value = g.call("mod", g.variable("x"), g.constant(8.0))
-    >>> smooth = without_jump_at_zero(g, value)
-    >>> [evaluate(g, [value, smooth], {"x": x}) for x in (15.75, 16.0, 16.25)]
-    [[7.75, -0.25], [0.0, 0.0], [0.25, 0.25]]
-    """
-    if g.ops[node] != "sub":
-        return node
-    for argument, part in (g.args[node], g.args[node][::-1]):
-        factors = g.args[part] if g.ops[part] == "mul" else (g.constant(1.0), part)
-        for period, whole in (factors, factors[::-1]):
-            if g.ops[whole] != "floor":
-                continue
-            if g.args[whole] == (g.call("div", argument, period),):
-                half = g.call("mul", g.constant(0.5), period)
-                moved = g.call("mod", g.call("add", argument, half), period)
-                sides = (moved, half) if argument == g.args[node][0] else (half, moved)
-                return g.call("sub", *sides)
-    return node
-
-
 _AT_A_TIME = (
     "an event at regular times has `every`; one at a single time compares t with a "
     "mode: `modes: {t1: 1}` and `at: t >= t1`"
@@ -363,7 +322,7 @@ def _event(key: Scalar, node: Node, x: Expressions) -> Transition | None:
     below = fields(node, label, EVENT, x.faults, key.place)
     hint = "`at` is a condition that is located, `every` a period"
     one = below.either("at", "every", hint)
-    at = read_condition(below.value("at"), f"the `at` of {label}", x)
+    at, _ = read_relation(below.value("at"), f"the `at` of {label}", x, modes=True)
     of = f"the period of {label}"
     every = x.number(below.value("every"), of, positive=True)
     once = below.truth("once")

@@ -69,3 +69,52 @@ def test_an_equation_whose_value_jumps_to_0_acts(condition, times, method):
     found = run(model.replace("output_step: 0.5", "output_step: 0.5" + used))
     events = [e.time for e in found.trajectory.events if e.kind == "event"]
     assert events == pytest.approx(times, abs=1e-12)
+
+
+# Places at which each relation is 0, on one side of a jump or at a kink.
+WHOLE = range(-2, 7)
+PLACES = {
+    "2*mod(q, 1) = 0": WHOLE,
+    "mod(q, -1) = 0": WHOLE,
+    "floor(q) - q = 0": WHOLE,
+    "sin(pi*mod(q, 1)/2) = 0": WHOLE,
+    "mod(q, 1) <= 0": WHOLE,
+    "abs(sin(pi*q)) = 0": WHOLE,
+    "if(q < 1, 2 - q, 1 - q) = 0": [1],
+    "if(q < 1, 1 - q, -2) = 0": [1],
+    "if(q < 1, 1 - q, 2) = 0": [1],
+    "if(q < 1, 3, q - 1) = 0": [1],
+    "abs(q - 1) = 0": [1],
+    "hypot(q - 2, 0) <= 0": [2],
+    "abs(q - 1) <= -1e-9": [],
+    "if(q < 1, -1, 2) = 0": [],
+}
+STARTS = [(0.3, 1), (5.3, -1), (0.5, 1), (4.5, -1)]  # from 0.5 and 4.5 at ends of steps
+
+
+@pytest.mark.parametrize(
+    "method", ["auto", "dop853", "dopri5", "radau", "rk4", "gauss4", "kahan-li8"]
+)
+@pytest.mark.parametrize("condition", PLACES)
+def test_a_condition_that_is_0_at_a_switch_alone_acts(condition, method):
+    fixed = method in {"rk4", "gauss4", "kahan-li8"}
+    used = f", method: {method}" + (", step: 0.25" if fixed else "")
+    for start, speed in STARTS:
+        model = MOVING.replace("CONDITION", condition).replace("Q0", str(start))
+        model = model.replace("q_dot: 1,", f"q_dot: {speed},").replace("7,", "4.8,")
+        found = run(model.replace("output_step: 0.5", "output_step: 0.5" + used))
+        events = [e.time for e in found.trajectory.events if e.kind == "event"]
+        times = sorted((place - start) / speed for place in PLACES[condition])
+        times = [t for t in times if 0 < t < 4.8]
+        assert events == pytest.approx(times, abs=1e-12), (start, speed)
+
+
+def test_two_events_act_at_one_jump():
+    events = "{a: {at: 'mod(q, 1) = 0', set: {n: n + 1}}, "
+    events += "b: {at: '3*mod(q, 1) = 0', set: {n: 10*n}}}"
+    start = MOVING.index("events:")
+    end = MOVING.index("initial:")
+    model = MOVING[:start] + f"events: {events}\n" + MOVING[end:]
+    found = run(model.replace("Q0", "0.5").replace("7,", "2,"))
+    events = [(e.name, e.time) for e in found.trajectory.events if e.kind == "event"]
+    assert events == [("a", 0.5), ("b", 0.5), ("a", 1.5), ("b", 1.5)]
