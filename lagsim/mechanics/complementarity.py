@@ -324,11 +324,12 @@ def _solved(problem: ComplementarityProblem) -> Solution:
 
 
 def _solved_by_band(problem: ComplementarityProblem) -> Solution | None:
-    """Solve a large problem with constant bounds by the band of D.
+    """Solve a large problem with constant bounds by Newton's method on the band of D.
 
-    Newton's method as in `_descend`, from all rows held: the rows that are inside their
-    bounds at p - w, in units of the diagonal, hold in the next step. None where D has
-    no narrow band, rows are nearly dependent, or the method does not converge.
+    The first step solves w = D p + c = 0 for all rows whose bounds differ. Each further
+    step solves it for the rows whose z_k = p_k - w_k/D_kk is between their bounds; the
+    other multipliers are at the bound nearest to z_k. Return None if D is not symmetric
+    with a narrow band, rows are nearly dependent, or the method does not converge.
     """
     D, c, r = problem.D, problem.c, len(problem.c)
     if r < BANDED or not problem.is_constant or problem.discs:
@@ -624,8 +625,9 @@ class _MultiplierPoint:
     def residual_of_discs(self) -> float:
         """Return the largest |F| of rows of discs, relative to the terms of each row.
 
-        The two rows of a disc have one scale. Where the inertia in their directions
-        differs, the terms of one row are much smaller than those of the other.
+        F is zero at solutions. The two rows of a disc are scaled by one number; where
+        the inertia in their directions differs, the terms of one row are much smaller
+        than the terms of the other, and `residual` would hide an error in this row.
         """
         problem, most = self.problem, 0.0
         for k in (k for rows in problem.discs for k in rows):

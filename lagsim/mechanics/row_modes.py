@@ -317,7 +317,8 @@ class _Edges(NamedTuple):
     ) -> tuple[dict[int, Mode], Floats]:
         """Return the modes of bounded rows by their indices, and directions (r,).
 
-        OFF for tied rows; directions as in `RowModes`, of rows that slide.
+        Tied rows (multiplier at its bound, acceleration 0) have the mode OFF here. The
+        directions, see `RowModes`, are valid for rows that slide.
 
         Parameters
         ----------

@@ -100,7 +100,14 @@ def _mirrored(g: Graph, branch: int, decides: frozenset[str]) -> tuple[int, int]
 
 
 def _within(g: Graph, domain: Domain, args: tuple[int, ...]) -> int:
-    """Return the first of `args`, mirrored where it is outside the domain."""
+    """Return the first argument of a function, mirrored at the end of its domain.
+
+    The result is a node: the argument where it is in the domain of the function, such
+    as u >= 0 for a root, and its mirror image at the end of the domain elsewhere.
+
+    domain : the rule that returns the condition of the domain and the mirror image.
+    args : nodes of the arguments of the function.
+    """
     inside, mirrored = domain(g, args) or (None, args[0])
     return args[0] if inside is None else g.call("if", inside, args[0], mirrored)
 
@@ -154,10 +161,10 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Return the floor of the argument of root or power n; None if it has none.
+        """Return the least value that the argument of root or power `n` may have.
 
-        The result is the name of the variable that has the floor, and the factor by
-        which it is multiplied.
+        The value is a variable of the equations times a constant factor; the result is
+        the name of this variable, and the factor. None without such a floor.
         """
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):

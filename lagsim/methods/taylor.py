@@ -158,8 +158,8 @@ def sets_off(s: Taylor) -> bool:
 def consistent_step(s: Taylor, p: Parameters, longest: float, most: float) -> float:
     """Return the first step, at most `longest`, with tolerances that depend on it.
 
-    most : components at rest count if the sizes that they reach in the first instant by
-        the motion of others are at most this number.
+    most : components at rest that the motion of others moves further than this number
+        in the first instant are left out of the error.
     """
     c, h = s.series, longest
     for _ in range(PASSES):

@@ -5,7 +5,7 @@ all samples is missed: an exponential and functions derived from it, a large pow
 inverse of a function that nearly vanishes. Whether such a term is active is shown by
 its argument, which varies as slowly as the motion: `exp` is active where its argument
 is largest, `tanh` where its argument passes zero, a quotient where its denominator is
-smallest. Steps are result for these points, see `methods.parts.missed`.
+smallest. Steps are chosen by these points, see `methods.parts.missed`.
 """
 
 from __future__ import annotations
@@ -165,9 +165,12 @@ def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
 
 
 def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
-    """Return the names in exponents, which decide whether a power is localized.
+    """Return the names of parameters in exponents of the equations and of `ends`.
 
-    ends : expressions that end an arc.
+    A power is a localized term if its exponent is large: other values of these
+    parameters may need other activity indicators.
+
+    ends : expressions (nodes) whose zeros end an arc.
     """
     nodes = tuple(equations.of_motion)
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))

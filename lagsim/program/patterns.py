@@ -105,9 +105,9 @@ def _store(words: Floats, numbers: Iterable[int]) -> None:
 
 
 def row_pattern(e: Equations, *, augmented: bool) -> RowPattern:
-    """Return the sparsity of the rows in the metric of M.
+    """Return the sparsity of L and of A L^-T, where M = L L^T and A has all rows.
 
-    augmented : M is replaced by M + A^T W A, with the rows of the equalities.
+    augmented : whether M is replaced by M + A^T W A, with the rows A of the equalities.
     """
     first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
     if augmented:

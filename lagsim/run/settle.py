@@ -370,12 +370,13 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
 def equalities_struck(
     now: InstantRecord, by: Deciders, before: Before
 ) -> tuple[InstantRecord, Decision]:
-    """Return the record with the velocities projected onto equalities, and the jump.
+    """Project the velocities onto the equalities whose rates have jumped.
 
-    The jump has the row before and the impulses, for the row after, which is written
-    once laws have answered.
+    Return the record with these velocities, and a decision with the table row just
+    before the jump and its impulses. The decision is carried out later, with the
+    impacts of laws, since one table row after the instant shows both.
 
-    now : the record before.
+    now : the record before the projection.
     by : the parts of the run that decide.
     before : the table row just before the instant.
     """
@@ -430,11 +431,11 @@ def laws_struck(
 
 @phase
 def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Select the modes of all laws by the accelerations, in one problem.
+    """Select the modes of all laws together, by their accelerations.
 
-    If the forces have decided the sides of surfaces, the modes of laws that act on
-    these surfaces are part of that solution. Tied rows are decided by rates
-    (`mechanics.row_modes.modes`).
+    A law may act on surfaces whose sides the forces have decided: its mode has then
+    been found with these sides. A row with its multiplier at its bound and acceleration
+    0 is decided by the rate of its acceleration, see `mechanics.row_modes.modes`.
 
     now : the record before the phase.
     by : the parts of the run that decide.

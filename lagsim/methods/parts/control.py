@@ -440,10 +440,11 @@ def bound_step(
 ) -> bool:
     """Bound the roundoff of the rates in a step h to `new` (size,).
 
-    Each call evaluates y' at a state displaced in one of two directions, the second
-    call in a step in the other direction; where the terms of a component cancel, the
-    first call evaluates y' in both. Return False, without an effect, if both directions
-    have been used in this step, else True.
+    The bound is the rounding of the evaluation plus the change of y' in a displacement
+    of the state by its roundoff. The first call in a step displaces the state in one
+    direction, the second call in another; where terms cancel in many components, each
+    call uses both. Return False, without an effect, after two calls in a step, else
+    True.
 
     k : (size,), y' at the start of the step.
     sigma : see `bound_roundoff`.

@@ -184,10 +184,13 @@ def found_within(kind: Static, s: Crossings, p: Parameters, known: float) -> flo
 def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
     """Return the length of a shorter stretch to examine; 0 if the present one is known.
 
-    It is known if the values and slopes at its ends determine the rows of the kind in
-    between. For events, no signal may approach the activity of its term inside either,
-    since an event function of the term alone would be flat at every sample point; the
-    shorter stretch then ends at the closest approach.
+    A stretch is known if the values and slopes at its ends determine the functions of
+    the kind in between. An event function may contain only a localized term, such as a
+    narrow pulse, and be flat at all sample points: for events, the argument of no such
+    term may come close to the values at which the term is active inside the stretch. If
+    one does, the shorter stretch ends at the closest approach.
+
+    kind : EVENT, CROSSING or SIGNAL.
     """
     low, x = float(s.places[0]), float(s.places[2])
     width, near = x - low, x

@@ -329,10 +329,13 @@ def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
 def sample(
     kind: Static, s: SearchTable, p: Parameters, x: float, beside: float, out: Floats
 ) -> None:
-    """Write rows of a kind and their slopes at the fraction x of the last step.
+    """Compute the rows of a kind, and their slopes, at the fraction x of the last step.
 
-    out : (2 R,), the values, then the slopes.
-    beside : the distance over which values are differenced to slopes.
+    The slopes are the differences of values at x + beside and x, divided by `beside`.
+
+    kind : see `rows_at`.
+    beside : the difference of the two fractions.
+    out : (2 R,), the values of the R rows of the table, then the slopes.
     """
     count = rows(s)
     now = s.values

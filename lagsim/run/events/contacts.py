@@ -679,9 +679,14 @@ def _solve_impact_beside(
     e: Floats,
     equalities: list[int],
 ) -> ImpactSolution:
-    """Compute impulses at corners of equalities, on the sides onto which they lead.
+    """Compute the impulses of laws where equalities have corners at the state.
 
-    The sides remain in the memory of the arc. Arguments: see `_solve_impact`.
+    At a corner an equality has one row for each side; its row is that of the side on
+    which the velocities after the impact continue. These sides remain in the memory of
+    the arc.
+
+    corners : the corners of equalities at the state.
+    here, active, e, equalities : see `_solve_impact`.
     """
     first: Floats | None = None
     last: tuple[JumpPiece, ImpactSolution] | None = None

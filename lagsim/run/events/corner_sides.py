@@ -72,10 +72,11 @@ class JumpPiece(NamedTuple):
 
 
 class CornerSides:
-    """The corners of equalities that a state is on, and their sides, on trial.
+    """Search for the sides of corners onto which a jump of velocities leads.
 
-    The expression of a corner's surface may depend on the side of another surface,
-    which is at its level, too: its side is then tried with each side of the other one.
+    The corners are corners of equalities at one state, such as x = 0 of y = k*abs(x).
+    If the surface of a corner depends on the side of another surface that the state is
+    on, each side of the corner is tried with each side of that surface.
 
     Parameters
     ----------

@@ -90,9 +90,9 @@ def _is_still(
 ) -> bool:
     """Whether the motion rests at the levels of all surfaces in `levels`.
 
-    It rests if the rates of these surfaces are 0, and forces do not move it off the
-    levels or laws may act on the surfaces. `Crossing` then selects the rest, and the
-    motion is not at the end of a switching curve.
+    It rests if the rates of these surfaces are 0 and, besides, either laws may act on
+    the surfaces or forces do not move the state off the levels. The motion is then not
+    at the end of a switching curve, and `Crossing` selects the modes.
 
     modes : the modes of all surfaces; those of `levels` are changed to LEVEL.
     levels, laws : see `come_to_rest`.

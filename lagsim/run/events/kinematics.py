@@ -647,14 +647,18 @@ class Kinematics:
     ) -> tuple[Closed, Floats]:
         """Return r laws as the rows of a contact problem, and their response (n, r).
 
+        Column k of the response is the acceleration of the n coordinates due to a
+        multiplier 1 of law k.
+
         Parameters
         ----------
-        some
-            The numbers of the r laws.
+        active : sequence of int, length r
+            The indices of the laws.
         restitutions : ndarray, shape (r,)
-            Their coefficients of restitution.
-        matrix
-            The accelerations of all laws per unit multiplier.
+            The coefficients of restitution of these laws.
+        matrix : Delassus
+            The accelerations of the rows of all laws, and of coordinates, due to unit
+            multipliers.
         """
         # All laws, the usual case, need no copies.
         if len(active) == self.count:
