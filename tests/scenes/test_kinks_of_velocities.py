@@ -196,6 +196,18 @@ def test_a_limit_with_a_kink_rests_slides_and_rests_beside_others(also, order):
     assert found["lambda_h"] == pytest.approx(5, rel=1e-12)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_limit_with_a_kink_rests_beside_a_limit_of_its_argument(order):
+    # Dry friction of the bounds k g and 1 on one velocity.
+    rows = ["h: {relation: 'y_dot = k*abs(x_dot)', limit: 20}"]
+    rows = ", ".join([*rows, "s: {relation: x_dot = 0, limit: 1}"][::order])
+    text = LIMITED.format(k=K, force="2*t", rows=rows, v=0, w=0)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    later = np.maximum(found.t - (K * G + 1) / 2, 0.0)
+    assert found["x_dot"] == pytest.approx(later**2 / (1 + K * K), abs=1e-9)
+
+
 @pytest.mark.parametrize("v", [1.0, -1.0])
 def test_a_limit_with_a_kink_stops_a_motion(v):
     # Holding: g k along x, mass 1 + k^2, up to the rest at 0.

@@ -23,6 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
+from lagsim.mechanics.constraints import LIMITED
+from lagsim.mechanics.row_modes import RowModes
+from lagsim.mechanics.rows import delassus
 from lagsim.methods.parts.parameters import HELD
 from lagsim.methods.parts.parameters import SLIDING as SLIDES
 from lagsim.run.events.curve_ends import REACH
@@ -47,13 +50,13 @@ from lagsim.tolerances import (
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.row_modes import RowModes
     from lagsim.run.events.filippov import FilippovCone, SideSolution
     from lagsim.run.events.kinematics import Acting
     from lagsim.run.events.records import LawsAt
@@ -65,6 +68,8 @@ if TYPE_CHECKING:
 SLOWEST = 2.0**-10
 # Largest number of surfaces all of whose corners are evaluated for scales of rates.
 FEW_CORNERS = 3
+# The modes of no rows.
+NO_ROWS = RowModes((), np.zeros(0), np.zeros(0), paradox=False)
 
 
 @dataclass(slots=True)
@@ -109,8 +114,6 @@ class Crossing:
     laws: list[int] = field(default_factory=list)
     # numbers of the laws that are equalities in force, or whose modes are on trial
     held: list[int] = field(default_factory=list)
-    # limited laws beside which no modes were found
-    unsolved: list[int] = field(default_factory=list)
     # surfaces whose side the forces decide
     open: list[int] = field(default_factory=list)
     # surfaces whose side open surfaces decide
@@ -190,12 +193,13 @@ class Crossing:
             p.law_direction[self.held] = found.direction[self.held]
 
     def _bent(self) -> list[int]:
-        """Return the limited laws that have a kink at an open surface."""
+        """Return all limited laws, if one has a kink at an open surface; else []."""
         arc = self.modes.arc
         known, laws = arc.system.switches.corners, arc.system.laws
         names = {name for k in self.open if k in known for name in known[k].rows}
-        bent = {k for k in self.laws if laws[k].row.name in names}
-        return sorted(bent | {laws[k].pair for k in bent if laws[k].pair >= 0})
+        if not any(laws[k].row.name in names for k in self.laws):
+            return []
+        return [k for k in self.laws if laws[k].role is LIMITED]
 
     def _beside_bent(self, bent: list[int], now: list[int]) -> None:
         """Select the modes of the open surfaces, beside limited laws with kinks there.
@@ -228,14 +232,37 @@ class Crossing:
         for chosen in product(*ways):
             p.law_mode[bent] = [mode for mode, _ in chosen]
             p.law_direction[bent] = [way for _, way in chosen]
-            is_found = self._by_forces(now)
+            is_found = self._is_held() or self._by_forces(now)
             modes.write()
             if is_found and self._agree(bent, slow):
                 return
             self.undecided, self.rests, self.shared = [], [], None
             modes.carried, modes.watched = {}, []
             modes.restore(*begun)
-        self.unsolved = bent
+        # None agrees: the laws are rows of the problem of the sides, as others are.
+        self.laws = sorted([*self.laws, *bent])
+        self.held = [k for k in self.held if k not in bent]
+        self._by_forces(now)
+
+    def _is_held(self) -> bool:
+        """Whether rows that hold, on trial, keep the motion on all open surfaces.
+
+        If so, these surfaces get constant shares of 1/2, and no forces decide.
+        """
+        modes, here = self.modes, self._here()
+        arc, shape, held = modes.arc, here.shape, modes.p.law_mode == HELD
+        rows = [k for k in self.held if held[k]]
+        J = modes.rows().J[self.open, : arc.system.n]
+        whole = delassus(shape.M, shape.equalities, J).D.diagonal()
+        A = np.vstack([shape.equalities, shape.rows[rows]])
+        own = delassus(shape.M, A, J).D.diagonal()
+        if self.laws or not rows or (own > SOLUTION_ROUNDOFF * whole).any():
+            return False
+        for k in self.open:
+            modes.set_mode(k, self.levels[k], REDUNDANT)
+        modes.write()
+        self.shared = [], NO_ROWS, self.held
+        return True
 
     def _agree(self, bent: list[int], slow: Floats) -> bool:
         """Whether the accelerations agree with the modes on trial of limited laws.

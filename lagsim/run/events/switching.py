@@ -277,9 +277,6 @@ class Switching(Source):
             cautions=cautions,
             ending=None if y is not None else Ending(Outcome.STATE_JUMPS),
         )
-        if crossing.unsolved:
-            names = quoted(arc.system.laws[k].name for k in crossing.unsolved)
-            found = found._replace(ending=Ending(Outcome.PARADOX, names))
         surfaces = surfaces._replace(levels=levels, selected=modes.selected())
         if laws is not None:
             laws = laws._replace(shared=crossing.shared)
