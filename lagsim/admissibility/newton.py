@@ -110,7 +110,7 @@ class Relations:
 
     @property
     def x0(self) -> Floats:
-        """The values at the point, shape (k,)."""
+        """Values of the k unknowns at the point, where the iteration starts."""
         return self._state[self.block][self.free]
 
     def at(self, x: Floats, errors: Floats | None = None) -> Point:

@@ -336,10 +336,12 @@ class _Walk:
         return bool(np.linalg.matrix_rank(J, tol=SAME_RESULT) < rest.relations)
 
     def _with_bounds(self, rest: Rest, x: Floats) -> Floats:
-        """Return a solution x (k,) with shares in [0, 1]; the given x if none is found.
+        """Return unknowns x (k,) of rest whose shares of sides are in [0, 1].
 
-        Needed with more surfaces than directions of motion, where the shares that
-        balance the forces are not unique.
+        On switching surfaces the force is a mean of the forces on their sides, weighted
+        by the shares. With more surfaces than directions of motion the shares at
+        equilibrium are not unique, and the given x may have shares outside [0, 1]. It
+        is returned if no other solution is found.
         """
         from scipy.optimize import least_squares as bounded  # slow to load
 

@@ -465,9 +465,10 @@ def may_strike(e: Equations, row: Row) -> bool:
 
 
 def has_poles(e: Equations, node: int) -> bool:
-    """Whether an expression may have a pole, or the cut of an angle.
+    """Whether an expression may have a pole, or the cut of an angle (atan2).
 
-    An expression without poles and cuts is continuous to rounding.
+    Poles are found of tan, of quotients and of powers. An expression without these, and
+    without switches, is continuous to rounding; the logarithm counts as continuous.
     """
     g, fixed = e.graph, {p.name for p in e.model.parameters}
     for n in g.cone([node]):

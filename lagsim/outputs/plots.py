@@ -347,7 +347,8 @@ def label_greatest(
     """Label the linear part of a scale, and the greatest value of the curves.
 
     drawn : the curves (times, values).
-    above : the picture, if the labels are above the panel, as far as there is space.
+    above : the picture, to write the labels above a small panel, where a label may be
+        left out for lack of space; None to write both in the panel.
     """
     if not scale.linear:
         return

@@ -564,12 +564,12 @@ def by_loops(plan: Plan) -> Plan:
 
 
 def without_partition(plan: Plan, reason: str) -> Plan:
-    """Return a plan in which M^-1 solves the equations, not independent coordinates.
+    """Return a plan that solves with M^-1 instead of by independent coordinates.
 
-    Used during a run when independent coordinates stop to determine the others, and
-    where no run can change its plan.
+    A run changes to it if the independent coordinates no longer determine the others.
+    It is used from the start where a run cannot change its plan, as in a batch.
 
-    reason : of the choice, for the reader.
+    reason : the reason of the choice, shown with the plan.
     """
     e = plan.reduction.equations
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]

@@ -88,8 +88,11 @@ def conserved_quantities(
 def evident(x: Translation) -> list[Part]:
     """Return the conserved quantities that are found without differentiation.
 
-    These are the energy, and the momenta of coordinates that L does not contain, as
-    entries of the document.
+    They are the energy, and the momenta of coordinates that the Lagrangian does not
+    contain; none in a model with laws or events. Each is an entry (dict) of the list
+    of conserved quantities in the output of `lagsim derive`.
+
+    x : the equations as sympy expressions.
     """
     e = x.equations
     if e.laws or e.model.events:

@@ -375,7 +375,13 @@ def _exceeds_rounding(left: Floats, change: Floats, right: Floats) -> bool:
 
 
 def _of_laws(steady: Linearised, errors: Mapping[str, float]) -> Iterator[Caution]:
-    """Generate a warning for each law in force whose multiplier is at its bound."""
+    """Generate a warning for each law in force whose multiplier is at its bound.
+
+    A law is left out if the other rows already hold its row, or if it is friction of a
+    contact whose multiplier is at its bound, too.
+
+    errors : bounds of the errors of the state, of q'' and of multipliers, by name.
+    """
     e = steady.equations
     laws = steady.laws
     rows = {row.name: k for k, row in enumerate(e.rows)}

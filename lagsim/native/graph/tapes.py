@@ -526,9 +526,10 @@ class Interpreter(Lines):
         return fields
 
     def _address(self, array: str, at: str, k: int) -> str:
-        """Write the address of an element of `array`; return its name.
+        """Write IR that computes the address of an element of `array`; return its name.
 
-        The index of the element is field k of the evaluation whose fields are at `at`.
+        The index of the element is the integer number k after the pointer `at`, which
+        points to the fields of one evaluation on the tape.
         """
         field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
         index = self.line(f"load i32, ptr {field}")

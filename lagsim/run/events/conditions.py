@@ -275,9 +275,9 @@ def allow_closed(arc: Arc, y: Floats, closed: Floats) -> None:
     """Set a leeway for conditions that are satisfied at gaps of 0, after an impact.
 
     After an impact rounding leaves a gap of either sign, and the motion opens the gap:
-    with its old leeway, the condition `x <= 0` might never become true at the ground `x
-    >= 0`. The leeway of a false condition that is true at the state `closed` is set to
-    the distance of its value from 0 at y.
+    without a leeway, the condition `x <= 0` might never become true at the ground `x >=
+    0`. A condition without leeway that is true at the state `closed` obtains one: the
+    negative distance of its value from 0 at y, or a least distance if it is true there.
 
     Parameters
     ----------

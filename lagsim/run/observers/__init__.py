@@ -158,7 +158,10 @@ class Corners:
         self.events.append((before, after))
 
     def rows(self) -> Floats:
-        """Return the rows of all k events in time order: (2 k, variants, columns)."""
+        """Return the rows of all k events in time order, (2 k, variants, columns).
+
+        Each event has the row just before it and the row just after it.
+        """
         return np.array([row for event in self.events for row in event])
 
 

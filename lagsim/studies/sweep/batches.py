@@ -471,12 +471,13 @@ class Ensemble:
         return Ends(codes, rows[:, 0], rows[:, 1])
 
     def table(self, k: int, start: Floats, longest: float = 0.0) -> Floats | None:
-        """Return the rows (rows, columns) of run k, from `start` (2 n + l,).
+        """Return the table (rows, columns) of run k; its last row is at the end time.
 
-        The last row is at the end. The rows are valid until the next run. None if the
-        run takes so many steps that a separate run would have the source of an event
-        examine these.
+        The table is valid until the next run. None if the run does not reach its end,
+        or takes so many steps that a separate run would begin to check for switches
+        that accumulate.
 
+        start : (2 n + l,), coordinates, velocities and first-order states at the start.
         longest : the longest step; 0 for no limit.
         """
         self.begin(k, start)
