@@ -567,7 +567,7 @@ def without_partition(plan: Plan, reason: str) -> Plan:
     """Return a plan that solves with M^-1 instead of by independent coordinates.
 
     A run changes to it if the independent coordinates no longer determine the others.
-    It is used from the start where a run cannot change its plan, as in a batch.
+    It is used from the start where a run cannot change its plan: in a page in a file.
 
     reason : the reason of the choice, shown with the plan.
     """

@@ -5,7 +5,7 @@ all samples is missed: an exponential and functions derived from it, a large pow
 inverse of a function that nearly vanishes. Whether such a term is active is shown by
 its argument, which varies as slowly as the motion: `exp` is active where its argument
 is largest, `tanh` where its argument passes zero, a quotient where its denominator is
-smallest. Steps are chosen by these points, see `methods.parts.missed`.
+smallest. Steps are searched for these points, see `methods.parts.missed`.
 """
 
 from __future__ import annotations

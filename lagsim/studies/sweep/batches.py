@@ -474,8 +474,8 @@ class Ensemble:
         """Return the table (rows, columns) of run k; its last row is at the end time.
 
         The table is valid until the next run. None if the run does not reach its end,
-        or takes so many steps that a separate run would begin to check for switches
-        that accumulate.
+        or takes FIRST_CHECK steps: a separate run begins to predict its end there, see
+        `run.interrupt`.
 
         start : (2 n + l,), coordinates, velocities and first-order states at the start.
         longest : the longest step; 0 for no limit.
