@@ -57,7 +57,8 @@ def command(
         server = Server(explorer, port)
     except OSError as error:
         text = f"--port {port}: {HOST} does not offer this port: {error.strerror}"
-        raise unusable(USAGE, text) from None
+        hint = "without --port a free one is taken"
+        raise unusable(USAGE, text, hint=hint) from None
     # At once, also into a pipe.
     write_stdout(lambda: print(f"{explorer.model.name}: {server.address}", flush=True))
     if not no_browser and not webbrowser.open(server.address):

@@ -62,8 +62,9 @@ MOST_ROWS = 2048
 TIMES, ABOUT = 3.0, 2.0
 # A start value that changes by less, relative to its size, is constant.
 STILL = 1e-6
-# Letters of an expression.
+# Letters of an expression, and the hint where a value is none.
 LONGEST = 1000
+VALUES = f"values are expressions of at most {LONGEST} letters, such as 0.5 or pi/3"
 
 
 class Slider(NamedTuple):
@@ -421,13 +422,11 @@ class Explorer:
             text = value if isinstance(value, str) else _digits(value)
             if len(text) > LONGEST or not text.strip():
                 shown = f"{text[:20]}..." if text.strip() else "empty"
-                raise unusable(
-                    USAGE, f"the value of `{name}` is no expression: {shown}"
-                )
+                about = f"the value of `{name}` is no expression: {shown}"
+                raise unusable(USAGE, about, hint=VALUES)
             if not isinstance(value, str) and not math.isfinite(value):
-                raise unusable(
-                    USAGE, f"the value of `{name}` is {value}, not a finite number"
-                )
+                about = f"the value of `{name}` is {value}, not a finite number"
+                raise unusable(USAGE, about, hint=VALUES)
             found[name] = text
         return found
 

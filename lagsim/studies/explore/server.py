@@ -281,6 +281,10 @@ class Handler(BaseHTTPRequestHandler):
         site = self.headers.get("Sec-Fetch-Site", "same-origin")
         if self.command == "POST" and site != "same-origin":
             raise RefusedError(HTTPStatus.FORBIDDEN)
+        # An unread body would count as the next request on the connection.
+        lengths = self.headers.get_all("Content-Length", ["0"])
+        bodiless = lengths == ["0"] and "Transfer-Encoding" not in self.headers
+        require(HTTPStatus.BAD_REQUEST, unless=self.command == "POST" or bodiless)
 
     # --- Requests
 

@@ -327,6 +327,17 @@ def test_text_that_is_no_expression_is_refused_with_a_place(server, text):
         assert json.loads(content)["error"]
 
 
+@pytest.mark.parametrize("given", ["Content-Length: 1", "Transfer-Encoding: chunked"])
+def test_a_body_that_no_request_reads_is_refused(server, given):
+    # It is itself a request, which must not be answered.
+    hidden = head(server, "GET /SECRET/model HTTP/1.1")
+    answer, _ = sent(server, head(server, "GET /SECRET/model HTTP/1.1", given), hidden)
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert answer.count(b"HTTP/1.1 ") == 1
+    assert b"oscillator" not in answer
+    assert lives(server)
+
+
 def test_two_hosts_are_refused(server):
     with socket.create_connection(server.server_address, timeout=20 * PATIENCE) as line:
         host = f"Host: {HOST}:{server.server_address[1]}\r\n"
