@@ -217,8 +217,9 @@ class Accumulation:
     def is_stuck(self) -> bool:
         """Whether the last events leave no time for the motion.
 
-        True where the last `STUCK` events took at most `NO_TIME` of the duration or of
-        the time, or where events of the row of the last event are too frequent.
+        True where the last `STUCK` events took at most `NO_TIME` times the duration of
+        the run or the last event's time, whichever is larger, or where events of the
+        row of the last event are too frequent.
         """
         if len(self.recent) < STUCK:
             return False
@@ -230,8 +231,8 @@ class Accumulation:
     def is_too_frequent(self, row: int) -> bool:
         """Whether the last `STUCK` events of a row are almost simultaneous.
 
-        Their average interval is then at most `HURRIES` of the duration of the run, or
-        all of them lie within `NO_TIME` of the time.
+        Their average interval is then at most `HURRIES` times the duration of the run,
+        or all of them lie within `NO_TIME` times the time of the last event.
         """
         own = self.of(row).times
         least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))
@@ -240,7 +241,7 @@ class Accumulation:
     def restless(self) -> list[int]:
         """Return the indices of contacts that came to rest `RESTS` times in short time.
 
-        The time is the part `NO_PART` of the duration of the run.
+        The short time is `NO_PART` times the duration of the run.
         """
         most = NO_PART * self.span
         return [

@@ -67,7 +67,10 @@ if TYPE_CHECKING:
 
 
 class Values:
-    """Values of graph nodes at successive times; a faster `evaluate`.
+    """Function of the time t that returns the values of some graph nodes.
+
+    For many times it is faster than `evaluate`, since nodes that do not depend on t are
+    evaluated once.
 
     Parameters
     ----------
@@ -140,8 +143,9 @@ class Cell(NamedTuple):
     lo, hi : float
         The ends of the interval.
     states : sequence of int
-        For each surface its side, or HIDDEN, FLAT, OPEN or CROSSED; empty for a
-        pause of the search at `lo`.
+        The state of each surface: KEPT if its discrete value is constant, CROSSED if
+        it has one step, HIDDEN or FLAT if the surface is within rounding of a step
+        (provably, or at samples), else OPEN. Empty for a pause of the search at `lo`.
     """
 
     lo: float
@@ -350,8 +354,7 @@ def _enclosed(
     values : Interval, shape (n,)
         Enclosures of the values of the function.
     states : ndarray, shape (n,)
-        The side of the surface throughout each cell, if it is known; else one of
-        HIDDEN, FLAT, OPEN and CROSSED.
+        The state of the surface in each cell, see `Cell`.
     """
     n = len(lo)
     cell, at_lo, at_hi, at_middle, beside = (
@@ -603,8 +606,7 @@ class _Locator:
         The list may be empty.
 
         cell : the next interval of time.
-        state : the side of the surface in the cell, or one of HIDDEN, FLAT, OPEN,
-            CROSSED where a step is possible; None for a pause.
+        state : the state of the surface in the cell, see `Cell`; None for a pause.
         """
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:

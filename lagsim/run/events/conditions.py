@@ -62,9 +62,10 @@ def rounding_of_start(arc: Arc) -> Floats:
 class Truth:
     """Decisions of the truth of all conditions at an instant.
 
-    The kernels decide the truth just before and just after the instant, and write it to
-    the arrays `orientation` and `leeway` of the memory: within a trial (`modes`), whose
-    record has both arrays.
+    The kernels decide the truth just before and just after the instant. They write it
+    to two arrays (C,) of the memory, `orientation` (0 for a condition that is true) and
+    `leeway`. This happens in a trial (`run.modes.TrialModes`), whose record includes
+    both arrays.
 
     Attributes
     ----------
@@ -91,9 +92,9 @@ class Truth:
     def begin(self) -> None:
         """Store the truth of all conditions at the start of the run.
 
-        A condition that is true at the start to rounding is true, also to the rounding
-        of the expressions that state the start. After all phases of the start
-        `settled` finds the side of each value of 0, by its rate.
+        A condition counts as true if it is true within its rounding, or within that of
+        the expressions that define the start values. Whether a value of 0 is about to
+        become false is decided by its rate, after all phases of the start (`settled`).
         """
         state, equation = self.state, self.state.equation > 0.0
         self.run("evaluate_with_bounds", -1, 0)
@@ -155,7 +156,7 @@ class Truth:
         return self._marked(self.run("mark_satisfied"))
 
     def keep(self) -> None:
-        """Keep the present truth of the conditions for `falsified` and `wait`."""
+        """Copy the present truth of the conditions, for `falsified` and `wait`."""
         self._before = self.state.orientation.copy(), self.state.leeway.copy()
 
     def falsified(self) -> list[int]:

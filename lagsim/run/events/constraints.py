@@ -116,8 +116,9 @@ def inelastic_impact(
     """Apply the inelastic impact of constraints whose rate jumps.
 
     The velocities are projected onto the constraints by the least change in the metric
-    of M, as if no law acted: laws that then approach answer in the same jump. If the
-    position that a holonomic constraint prescribes jumps, the run ends.
+    of M, as if no law acted: the impacts of laws that then approach are added to the
+    jump later. If the position that a holonomic constraint prescribes jumps, the run
+    ends.
 
     Parameters
     ----------
@@ -335,10 +336,11 @@ LOST_CODES = (
 
 
 class LostPartition(Source):
-    """Source that solves by M^-1 where independent coordinates lose the others.
+    """Source that changes to the solution by M^-1 where a partition fails.
 
-    The volume of a block of dependent coordinates then becomes small, or the method
-    fails.
+    A partition takes some coordinates as independent, and solves the constraint rows
+    for the others in blocks. It fails where the volume of a block (its determinant with
+    rows of length 1) becomes small, or where the method fails.
     """
 
     def decide(self, arc: Arc, code: int) -> Decision | None:

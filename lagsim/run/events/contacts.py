@@ -5,6 +5,9 @@ laws are computed first (`Contacts.velocities`): their impulses change the veloc
 admissible ones. Then the accelerations decide which of the closed laws hold
 (`Contacts.modes`). A contact whose rebound would be below the tolerance comes to rest:
 the rest time of a ball with ever smaller bounces is the limit of a geometric series.
+
+A slip on a disc is the slip of a contact in two tangential directions. It is two laws,
+whose multipliers lie in a disc with the radius of the largest friction.
 """
 
 from __future__ import annotations
@@ -576,10 +579,11 @@ class Contacts(Source):
     def _at_corners(
         self, here: Kinematics, struck: list[int], corners: CornerSides | None
     ) -> dict[str, int]:
-        """Return the equalities with `when` and kinks that are struck, by name.
+        """Return the indices of struck equalities with `when` and kinks, by name.
 
-        They are projected onto the sides onto which the motion leads, as equalities
-        without `when` are. Kinks of positions count if the state is at their corner.
+        These equalities are projected onto the sides onto which the motion leads, as
+        equalities without `when` are. A kink in positions counts only if the state is
+        at its corner.
 
         here : all laws after the projection.
         struck : the laws that were struck before it.
@@ -717,10 +721,11 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     """Return the depths of contacts in flight that turn back at the ground, by index.
 
     A depth within the error of a gap is no impact: the closing speed, of the order of
-    the square root of the depth, would be a jump of a thousand times the tolerance.
-    However loose the tolerance is, the rows satisfy the contact. The force that turns
-    the motion back has to act before the ground is reached: the result is empty on the
-    surface of a switch, beyond which the forces differ.
+    the square root of the depth, would be a jump of a thousand times the tolerance. The
+    depth must also be small enough for the rows of the table to satisfy the contact, at
+    any tolerance. The force that turns the motion back has to act before the ground is
+    reached: the result is empty on the surface of a switch, beyond which the forces
+    differ.
 
     Parameters
     ----------

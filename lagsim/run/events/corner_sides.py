@@ -9,8 +9,8 @@ since equalities and contacts transmit the impulses.
 
 A relation of velocities, y' = k*abs(x'), has its corner at a value of velocities, which
 a jump may pass. The jump is then the limit of a large force in a short time: it is
-followed up to the corner, and its rest is computed from there, on the side onto which
-it leads, or along the corner if it leads onto neither.
+followed up to the corner, and its remainder is computed from there, on the side onto
+which it leads, or along the corner if it leads onto neither.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ class JumpPiece(NamedTuple):
     y : ndarray, shape (size,)
         The state before the piece.
     left : float
-        The part of the whole jump that remains at this state.
+        The fraction of the whole jump that remains at this state.
     part : float
-        The part of this rest that the piece is.
+        The fraction of this remainder that the piece covers.
     stopped : frozenset of int
         The corners at whose surfaces the velocities are stopped.
     """
@@ -175,12 +175,12 @@ class CornerSides:
         """Yield the state (size,) after each piece of a jump; the last is the result.
 
         Each piece is on the sides onto which it leads. These sides are left in the
-        memory of the arc, those of the last piece until `restore`; `jump` is called for
-        this piece last. A corner may have any of its sides onto which the velocities
-        after the rest of the jump lead; it is stopped if neither does. Of several
-        solutions one with the fewest stopped corners is selected, and of these the one
-        with the highest speed away from the corners, relative to the rounding of the
-        speed.
+        memory of the arc, those of the last piece until `restore`; the last call of
+        `jump` is that for the last piece. A corner may have any side onto which the
+        velocities after the remaining jump lead; if they lead onto neither side, the
+        corner is stopped. Of several solutions one with the fewest stopped corners is
+        selected, and of these the one with the highest speed away from the corners,
+        relative to the rounding of the speed.
 
         jump : the function that computes the jump.
         selected : whether the sides before the trial are kept if they are a solution.
@@ -206,13 +206,14 @@ class CornerSides:
         raise OverflowError("velocities pass corners without end")
 
     def _after(self, jump: Jump, part: float = 1.0) -> Floats:
-        """Return the state (size,) after a part of the rest of a jump."""
+        """Return the state (size,) after the fraction `part` of the remaining jump."""
         return jump(JumpPiece(self._y, self._left, part, self.stopped))
 
     def _met(self, jump: Jump) -> tuple[float, dict[int, float]]:
-        """Return the part of the rest of a jump up to the next corner of velocities.
+        """Return the fraction of the remaining jump up to the next corner.
 
-        It is returned with the corner and its level; 1 and {} if the jump meets none.
+        The corner is one in the velocities; it is returned with its level, as a dict.
+        The results are 1 and {} if the jump reaches no corner.
         """
         if not self._moving.any():
             return 1.0, {}
@@ -253,7 +254,7 @@ class CornerSides:
 
         sides : the sides of all corners.
         movable : the indices of the corners that are examined if stopped.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         return self._least_speed(jump, sides) > 1.0 and self._stops(
             jump, sides, movable
@@ -263,7 +264,7 @@ class CornerSides:
         """Return the sides of all corners onto which a jump leads.
 
         every : the indices of all corners.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         movable = self._touched(jump, every, (SLIDING,) * len(every))
         while True:
@@ -283,7 +284,7 @@ class CornerSides:
 
         corners : indices of the corners that are tried.
         sides : the sides of all other corners.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         if not corners:
             return []
@@ -300,7 +301,7 @@ class CornerSides:
         If no sides are a solution, all corners are stopped.
 
         movable : indices of the corners that may have a side; the others are stopped.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         still = (SLIDING,) * len(self.corners)
         if len(movable) > MOST:
@@ -331,7 +332,7 @@ class CornerSides:
         """Whether no stopped corner of `movable` has a side onto which the jump leads.
 
         sides : the sides of all corners.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         for i in movable:
             if sides[i] != SLIDING:
@@ -397,10 +398,10 @@ class CornerSides:
     def _least_speed(self, jump: Jump, sides: Sides) -> float:
         """Return the least speed from a corner onto its side, in units of rounding.
 
-        Corners that are stopped have no part in it.
+        Corners that are stopped do not count.
 
         sides : the sides of all corners.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         speeds = self._speed(jump, sides)
         own = [x for x, side in zip(speeds, sides, strict=True) if side != SLIDING]
@@ -413,7 +414,7 @@ class CornerSides:
         infinite at corners whose surfaces are off their levels with these sides.
 
         sides : the sides of all corners.
-        jump : see `after`.
+        jump : the function that computes the jump.
         """
         if (known := self._speeds.get(sides)) is not None:
             return known

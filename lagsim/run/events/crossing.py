@@ -245,9 +245,9 @@ class Crossing:
         self._by_forces(now)
 
     def _is_held(self) -> bool:
-        """Whether rows that hold, on trial, keep the motion on all open surfaces.
+        """Whether the rows held in the present trial keep all open surfaces at level.
 
-        If so, these surfaces get constant shares of 1/2, and no forces decide.
+        If so, these surfaces get constant shares of 1/2, and are not decided by forces.
         """
         modes, here = self.modes, self._here()
         arc, shape, held = modes.arc, here.shape, modes.p.law_mode == HELD

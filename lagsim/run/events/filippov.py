@@ -80,9 +80,11 @@ class FilippovCone:
     """Filippov's conditions at a point on `count` surfaces.
 
     The conditions are a complementarity problem: with p = 1/2 - w the rates are rho_0 -
-    B p, and p is bounded like a friction force. Laws beside the surfaces are further
-    rows of the problem. Where switches multiply each other, the rates are not linear in
-    the shares, and Newton's method solves a linear problem in each step.
+    B p, and p is bounded like a friction force. Here rho_0 are the rates at shares of
+    1/2, and B (count, count) their derivatives with respect to the shares. Laws beside
+    the surfaces are further rows of the problem. Where switches multiply each other,
+    the rates are not linear in the shares, and Newton's method solves a linear problem
+    in each step.
 
     Several solutions may exist where the rate of a surface is not less on its upper
     side than on its lower one, so that the surface does not attract. Such a surface
@@ -119,8 +121,8 @@ class FilippovCone:
     modes : RowModes or None
         The modes of the laws, then of the surfaces that attract, as selected.
     resting : SideSolution or None
-        The solution with surfaces at rest at their levels that are followed in the
-        solution selected, if there is one.
+        The solution in which the surfaces that the selected solution follows are at
+        rest at their levels instead, if there is such a solution.
     """
 
     def __init__(
@@ -336,8 +338,7 @@ class FilippovCone:
     ) -> SideSolution | None:
         """Solve for the modes of the laws and of the surfaces that attract.
 
-        Laws and surfaces are rows of one problem. A surface that is at its level
-        because other surfaces are has a constant share. None where the problem has no
+        Laws and surfaces are rows of one problem. None where the problem has no
         solution.
 
         Parameters
@@ -345,7 +346,8 @@ class FilippovCone:
         sides
             The sides of the surfaces that do not attract.
         level
-            The surfaces that count among these, although they attract.
+            Surfaces that are treated as if they did not attract, with a constant share,
+            since laws alone hold the motion at their levels.
         """
         n, at = self.count, np.array(sides)
         w = at.astype(float)

@@ -4,7 +4,8 @@ An impulse P is the limit of a large force in a short time, at a constant positi
 
     d(dL/dq') = P + A^T Lambda,      A dq' = 0
 
-with the rows A of the equalities in force, which transmit the impulses Lambda. Contacts
+with the Lagrangian L, the momenta dL/dq', the jumps d() and the rows A of the
+equalities in force, which transmit the impulses Lambda. Contacts
 and freewheels that approach after it are struck by this change of the velocities
 (`contacts`). Where M or A depends on the velocities, the change is followed from 0 to
 the whole impulse.

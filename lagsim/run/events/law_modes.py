@@ -3,6 +3,8 @@
 The accelerations decide which of the closed laws hold (`mechanics.row_modes`). The
 modes, and how far rounding may carry a law past the end of its mode, are stored in the
 memory that the kernels of the next arc read.
+
+A slip on a disc is the slip of a contact in two tangential directions, two laws.
 """
 
 from __future__ import annotations

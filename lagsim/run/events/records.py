@@ -118,7 +118,8 @@ class SurfacesAt(NamedTuple):
         The parts of the modes of surfaces that the kernels do not read, by the last
         phase `sides`.
     shown : frozenset of int
-        The shown surfaces at their levels that have been decided at the instant.
+        The surfaces at their levels whose sides only conditions and output depend on,
+        and that have been decided at the instant, see `run.events.shown_sides`.
     """
 
     levels: Mapping[int, float] = {}

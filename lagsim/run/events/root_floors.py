@@ -1,4 +1,8 @@
-"""Floors of roots of velocities: their regularization near rest, for the next arc."""
+"""Floors of roots of velocities: their regularization near rest, for the next arc.
+
+A root is a force |v|^p, 0 < p < 1, of a velocity v, with an unbounded slope at v = 0.
+The floor of v is the least |v| with which the force is evaluated on a side of v = 0.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +36,8 @@ def set_floors(modes: SurfaceModes, hit: int | None, *, slipping: bool) -> None:
         The modes of all K surfaces, as selected for the next arc.
     hit : int or None
         The surface that has been reached, or is no longer followed (`slipping`). In the
-        latter case its floor is reduced, so that the force that holds a slow motion is
-        well below the driving force; otherwise the motion would stick again.
+        latter case its floor is reduced, so that the root's force at the floor is well
+        below the other forces; otherwise the motion would stick again.
     slipping : bool
         Whether the surface `hit` is no longer followed.
     """

@@ -153,7 +153,11 @@ class StartModes:
         return [float(x) for x in evaluate(self.e.graph, nodes, self.values)]
 
     def begin_round(self, due: Collection[int], once: Collection[int]) -> None:
-        """Store the values of the conditions; an own act makes none of `due` true."""
+        """Store the values of the conditions before the acts of a round.
+
+        Conditions in `due` in this round, and those in `once` in all later rounds, too,
+        do not count as changed by the acts.
+        """
         self._spent.update(once)
         self._spared = self._spent.union(due)
         self._before = self._evaluate()

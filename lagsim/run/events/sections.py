@@ -78,10 +78,11 @@ class Sections:
         state.states_found = float(len(later))
 
     def keep_waiting(self, arc: Arc) -> None:
-        """Store the rows of crossings that wait since a time within the arc.
+        """Compute the rows of crossings that wait since a time within the arc.
 
-        This is done before the modes of the motion change, since the rows are computed
-        in the modes of the arc.
+        A crossing waits while the motion is within rounding of the section, and is
+        stored later, with this row. The row is computed before the modes change, since
+        its columns depend on the modes of the arc.
 
         arc : the arc at its end, before the next one begins.
         """

@@ -1,7 +1,8 @@
 """The direction of a slip of two components that begins at rest.
 
-Friction of size c turns a slow slip s d into the direction of its force at the rate
-c/(m s): the equations are stiff, and singular at rest. But one motion from rest is
+Friction of size c turns a slow slip s d, of speed s and direction d of a mass m, into
+the direction of its force at the rate c/(m s): the equations are stiff, and singular at
+rest. But one motion from rest is
 smooth in time: that on which the slip's acceleration across its direction is s d' from
 the start (a slow manifold). The angles of d at the Chebyshev points of a time interval
 are computed on this manifold by collocation, together with the states at these points,

@@ -216,13 +216,13 @@ class SurfaceModes:
         self.value[:], self.kind[:] = value, kind
 
     def _parts(self, value: Floats) -> tuple[Floats, Floats]:
-        """Return shares (K,) of the upper sides, and mode variables (K,), of surfaces.
+        """Return the share of its upper side (K,), and the side (K,), of each surface.
 
-        A share is the fraction of `value` between the mode variables of the lower and
-        the upper side. The mode variable is that of the lower side for redundant
-        surfaces, except at a corner of an equality, where it is `value`.
+        A share is the position of `value` between the lower (0) and the upper side (1).
+        A redundant surface has its lower side, except at a corner of an equality, where
+        the result is `value`.
 
-        value : mode variables (K,), for redundant surfaces between both sides.
+        value : (K,), as the attribute; for redundant surfaces between both sides.
         """
         low = np.where(self.whole, np.floor(value), -1.0)
         size = np.where(self.whole, 1.0, 2.0)
@@ -230,7 +230,10 @@ class SurfaceModes:
         return (value - low) / size, np.where(mixed, low, value)
 
     def forget(self) -> None:
-        """Set acting surfaces to be neither followed, nor carried, nor watched."""
+        """Set the surfaces of the motion to be neither followed, carried nor watched.
+
+        They are the surfaces on whose sides the motion depends, not only output.
+        """
         self.kind[self.order] = 0.0
         self.carried = {}
         self.watched = []

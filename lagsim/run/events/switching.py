@@ -652,8 +652,9 @@ class Switching(Source):
     def _stuck(self, arc: Arc) -> Decision | None:
         """Return the decision where steps make no progress beside a surface.
 
-        If the state is on a surface that it does not approach, a Taylor series is
-        replaced by the method `ANY`. None in all other cases.
+        If the motion reaches a surface to rounding, the decision is to settle there. If
+        the state is on a surface that it does not approach, a Taylor series is replaced
+        by `ANY`, the method for every model. Else None.
         """
         reached = self._reached_to_rounding(arc)
         if reached is not None:

@@ -97,9 +97,10 @@ class _Ahead(Source):
 
 
 def clocks(arc: Arc) -> dict[int, TimedTable]:
-    """Return the tables of a t + b that kernels pass, by the indices of their modes.
+    """Return the tables of a t + b that kernels pass, by the indices of their switches.
 
-    y' has no jump at the points of such a table.
+    The index is that of the table in the model's switches of t. y' has no jump at the
+    points of such a table.
     """
     g, modes = arc.equations.graph, arc.system.switches.modes
     smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}
@@ -125,8 +126,8 @@ class KnotTimes(_Ahead):
     def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
         """Return an iterator over the knots in order of time.
 
-        A knot is a tuple of its time, its mode, the cells before and after it, and
-        whether it is an event.
+        A knot is a tuple of its time, the index of its table (see `clocks`), the cells
+        before and after it, and whether it is an event.
         """
         return heapq.merge(*(self._of(*each) for each in clocks(self._arc).items()))
 
