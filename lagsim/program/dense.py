@@ -77,14 +77,14 @@ def update_lengths(p: Parameters) -> None:
 
 
 def reflect(p: Parameters) -> int:
-    """Factor Y^T = Q R by Householder reflections with pivoting; return the rank.
+    """Factor Y = Q R by Householder reflections with pivoting; return the rank.
 
     The generic rank, p.expected, is that in almost every state. Pivots beyond it count
     as zero: at the stages of a step, off the constraints, dependent rows are not
     exactly dependent.
 
-    On return p.sigma is the size of the last generically independent column. Row k of Y
-    holds R[0:k, k], followed by the vector of the k-th reflection without its first
+    On return p.sigma is the size of the last generically independent column. Row k of
+    p.Y holds R[0:k, k], followed by the vector of the k-th reflection without its first
     component, which is 1; R[k, k] is p.diagonal[k]. A row is reflected onto its largest
     element, which is exchanged into column k and noted in p.places, so that rounding
     errors stay among the coordinates that rows couple.
@@ -407,11 +407,12 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def gather(p: Parameters, out: Floats) -> None:
     """Store bounds (n,) of the accelerations that constraint forces alone would cause.
 
-    For each group of coordinates coupled by rows or by M: the norm of the constraint
-    forces in the metric of diag M. Where these forces cancel, the magnitudes of the
-    terms of their rows count instead: forces, and inertial coupling by M. The row of a
-    slider counts for its massless coordinate alone, not for the coordinates that the
-    slider follows.
+    The bound of coordinate i is sqrt(e / M_ii). e is the sum, over the rows of the
+    group of coordinates that rows or M couple with i, of the squared norms of their
+    constraint forces in the metric of 1 / diag M. Where constraint forces cancel, the
+    sizes of the terms of their rows count instead: forces, and inertial coupling by M.
+    The row of a slider counts for its massless coordinate alone, not for the
+    coordinates that the slider follows.
 
     out : array of length 2 n: on return the bounds, then workspace.
     """
@@ -593,7 +594,7 @@ def drop_lost(x: Floats, p: Parameters, residuals: Floats, step: Floats) -> None
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the change (n,) of q', least in the metric of M, that makes rates zero.
 
-    The rates are A q' + g_t.
+    The rates are A q' + g_t, with g_t the time derivative of the residuals at fixed q.
 
     out : (n + 3,), the change; then the largest rate relative to its scale, the
         smallest diagonal element sigma of R (see `reflect`), and the largest

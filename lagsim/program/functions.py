@@ -104,10 +104,10 @@ def _dynamics(e: Equations) -> list[int]:
 
 
 def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Return the node 1 for nonlinear velocity constraints, 0 for all other rows.
+    """Return for each row the node 1 if it is a nonlinear velocity constraint, else 0.
 
-    The former are the rows whose rate residual after a Newton step has no a-priori
-    bound.
+    The rate residual of a nonlinear velocity constraint after a Newton step has no
+    a-priori bound.
     """
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
@@ -189,8 +189,8 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     """Return, for each surface, whether its expression contains rates that jump.
 
     Such rates are velocities, and first-order states whose rates are discontinuous. The
-    rate of such a surface jumps where the surface is reached. Sides of other surfaces
-    are constants.
+    rate of such a surface jumps where the surface is reached. The sides of other
+    surfaces count as constants.
 
     switches : the switches of the equations.
     """

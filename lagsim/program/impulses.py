@@ -61,8 +61,9 @@ class ImpulseFunction:
     nodes : list of int
         The expressions whose values `data` sorts.
     first_condition : int
-        The index of the first node of conditions and impulses, which are read as
-        written; the nodes before it are read on the sides of the arc.
+        The index of the first node of conditions and impulses, which are evaluated as
+        the file states them; the nodes before it are evaluated on the present sides of
+        switches.
     is_curved : bool
         Whether M or a row depends on velocities, so that the jump of the velocities is
         not proportional to the impulse.

@@ -12,10 +12,12 @@ with pivoting. The rows that hold are independent, which is ensured where modes 
 
 If more rows hold than are independent, they share their load with the least norm of all
 multipliers within their bounds: the multiplier of a contact or freewheel is not
-negative, that of a limited row stays within its limit, two of a disc within its radius.
-The multipliers lambda of the independent rows A_h determine the constraint forces; with
-A the rows of all laws that share, the multipliers of least norm with equal forces are
-the projection P(A A_h^T y) onto the bounds, where
+negative, that of a limited row stays within its limit, the two of a slip in a plane
+within a disc, whose radius is the largest friction. The multipliers lambda of the
+independent rows A_h determine the constraint forces. Let A be the rows of all laws that
+share, and P the projection of their multipliers onto the bounds. The multipliers of
+least norm with equal forces are P(A A_h^T y), where the vector y, with an element for
+each row of A_h, solves
 
     A_h A^T P(A A_h^T y) = A_h A^T lambda
 
@@ -106,7 +108,9 @@ def note_column(p: Parameters, k: int, i: int) -> None:
 
 
 def note_still(p: Parameters) -> None:
-    """Store row, column and element of held rows of laws with a single element.
+    """Store index, column and element of each held row with a single nonzero element.
+
+    Only rows of laws are stored.
 
     See `set_exact_accelerations`.
     """
@@ -254,7 +258,10 @@ def slide_along(p: Parameters, i: int) -> None:
 
 
 def add_row_forces(p: Parameters) -> None:
-    """Add Z p.w to p.u (n,): L^-1 times the forces of the rows that hold."""
+    """Add Z p.w to p.u (n,): L^-1 times the forces of the rows that hold.
+
+    p.w has their multipliers; Z : see `couple`.
+    """
     n = p.n
     for k in range(int(p.ranked)):
         c = int(p.only_column[k])
@@ -270,8 +277,9 @@ def add_row_forces(p: Parameters) -> None:
 def share_out(p: Parameters) -> None:
     """Store the multiplier of each row, of equalities and laws, in p.multipliers (m,).
 
-    The multipliers of rows that hold are in p.w; a sliding slip transmits the part c of
-    its contact's multiplier, a sliding limited row its bound.
+    The multipliers of rows that hold are in p.w. A sliding slip transmits its contact's
+    multiplier times c, its signed friction coefficient; a sliding limited row transmits
+    its bound.
     """
     first = p.m - p.laws
     out = p.multipliers
@@ -288,7 +296,7 @@ def share_out(p: Parameters) -> None:
 def solve_rows(p: Parameters, sliding: int) -> None:
     """Solve S x = p.w in place, group by group; x is nan where S is singular.
 
-    sliding : see `couple`, which is called if the factors are not known.
+    S, sliding : see `couple`, which is called if the factors are not known.
     """
     if p.factored < 2.0:
         couple(p, sliding)
@@ -582,7 +590,8 @@ def factor_held(p: Parameters) -> None:
     """Factor M, and store the indices of the rows that hold in p.order, by groups.
 
     p.ranked is their number. If the same rows hold as at the last call, their groups
-    are kept, and so are factors of S where M, A and the friction are constant.
+    are kept, and so are factors of S (see `couple`) where M, A and the friction are
+    constant.
     """
     first = p.m - p.laws
     changed = 0
@@ -765,7 +774,7 @@ def refine(p: Parameters) -> None:
     """Refine q'' and the multipliers in p.w iteratively, by the residuals b - A q''.
 
     The residuals are small, and so are the errors of the corrections: q'' is accurate
-    although the condition of S is the square of that of the rows.
+    although the condition number of S (see `couple`) is the square of that of the rows.
     """
     count, found = int(p.ranked), p.diagonal
     found[:count] = p.w[:count]

@@ -80,7 +80,8 @@ def indicators(
     ends : sequence of int
         Expressions that end an arc.
     held : mapping of int to int
-        The condition (a node) that the motion stays at the level of a step (a node).
+        For nodes of steps, such as `sign(u)`, the node of a condition that is true
+        while the motion stays at the level of the step.
 
     Examples
     --------
@@ -120,8 +121,10 @@ def _steps(
     """Return two indicators, for u and -u, of each argument u of a switch in `nodes`.
 
     A switch is a function with a jump or a kink; arguments that do not depend on the
-    variables `state` are left out. An argument that the motion holds at its level, as
-    `held` states, counts as far from it: its sign is rounding.
+    variables `state` are left out. While the motion stays at the level of a switch, its
+    argument counts as far from the level, since its sign is rounding.
+
+    held : see `indicators`.
     """
     found: list[Indicator] = []
     for n in g.cone(nodes):
@@ -214,7 +217,7 @@ class _IndicatorSearch:
         return self.g.dependent(self.nodes, self.moves)
 
     def among(self, names: Collection[str]) -> list[Indicator]:
-        """Return the indicators of terms whose varying arguments are among `names`."""
+        """Return the indicators of terms that depend on variables in `names`."""
         if not self.ops & MAY_BE_LOCALIZED:
             return []
         varying = self.g.dependent(self.nodes, names)

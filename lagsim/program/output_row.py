@@ -35,7 +35,7 @@ class Columns:
     ----------
     nodes : dict of str to int
         Name -> expression of the integrated state, q'' and lambda, in the order of the
-        table. Variables removed by a reduction are replaced by the nodes `recovered`.
+        table. Variables removed by a reduction are replaced by their expressions.
     columns : tuple of Column
         The columns of the table, in order, before a reduction.
     sections : list of int

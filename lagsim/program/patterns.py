@@ -1,4 +1,4 @@
-"""Sparsity patterns of M, of the rows, and of their products with inverses."""
+"""Sparsity patterns of the mass matrix M = L L^T, of the rows A, and of A L^-T."""
 
 from __future__ import annotations
 

@@ -100,11 +100,11 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def mark_sides(t: float, p: Parameters) -> bool:
-    """Mark the surfaces whose columns of a row are evaluated on the selected sides.
+    """Mark the surfaces whose selected side determines the columns of an output row.
 
-    These are the surfaces of rates that the instant at time t has left to one side.
-    Return whether a surface is marked; `p.slides_before` has the modes without the
-    marks.
+    If t is the time of the last instant, they are the surfaces whose expressions
+    contain rates that jump, except followed ones; else none. Return whether a surface
+    is marked; `p.slides_before` has the modes without the marks.
     """
     marked = False
     for k in range(p.surfaces):

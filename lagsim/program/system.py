@@ -261,11 +261,13 @@ class System:
             self.program.append(values_part(self.size, order, n))
 
     def _observed(self, nodes: list[int], plan: Plan) -> dict[str, list[int]]:
-        """Return the function `observe` with fewer angles, if rows suit lanes; else {}.
+        """Return the function `observe` if several rows can be evaluated at once.
 
-        Tapes compute rows one by one, in the same bits.
+        It computes sines and cosines of fewer angles (`native.graph.lanes`). {} if the
+        columns do not suit such an evaluation. Tapes evaluate the function row by row,
+        with equal results to the last bit.
 
-        nodes : of the columns.
+        nodes : the columns.
         """
         g = self.equations.graph
         suits = not self.model.tables and lanes.suits(g, nodes, self.size)
@@ -603,7 +605,7 @@ class System:
 
     @cached_property
     def has_static_bounds(self) -> Flags:
-        """Mask (L,) of the laws whose static bound is another than the dynamic one."""
+        """Mask (L,) of the laws whose static bound differs from the dynamic one."""
         return np.array([law.static != law.bound for law in self.laws], dtype=bool)
 
     @cached_property
@@ -630,9 +632,10 @@ class System:
 
     @cached_property
     def _couplings(self) -> tuple[list[list[int]], list[tuple[int, list[int]]]]:
-        """Coordinates that equalities couple, and laws, each with its number.
+        """Lists of coordinates that are coupled by a row of an equality, or of a law.
 
-        Rows of a single coordinate couple none; sliders have no row.
+        Each list of a law is paired with the law's index. Rows of a single coordinate
+        couple none and are omitted, as are sliders.
         """
         e = self.equations
         rows = [[*row.A.entries] for row in e.rows]

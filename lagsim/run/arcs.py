@@ -107,7 +107,7 @@ class Recorder:
     Attributes
     ----------
     rows : int
-        Number of rows so far, with the ones that wait.
+        Number of rows so far, including those not yet passed to the observers.
     last : float
         Time of the last row; nan before the first.
     listed : EventList
@@ -115,8 +115,10 @@ class Recorder:
     waiting : list of Event
         The events that `listed` has not received: those at the current instant, and
         ends of accumulations, which are known before other events at earlier times.
+    events : list of Event
+        The first events of the run, up to a fixed number.
     counts, unkept : dict
-        Number of events of each kind, and number of those not in `events`.
+        Number of all events of each kind, and of those that are not in `events`.
     full : float
         Time of the first event that is not in `events`; inf if all are.
     """
@@ -407,7 +409,8 @@ class Run:
         """Whether an interrupt ends the run after a return `code` of the kernel.
 
         False without an interrupt, where the run ends anyway (at its end time, by
-        `until`), and while the last step is still to be cut.
+        `until`), and while the state is that at the end of a full step which an event
+        has yet to cut short.
         """
         if self.interrupt is None or not self.interrupt.requested:
             return False

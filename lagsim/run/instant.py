@@ -50,7 +50,8 @@ class InstantRecord:
     stale : bool
         Whether the branches of t are to be selected again.
     before : Before or None
-        The row before the acts of this pass, where velocities may jump.
+        The table row before the events act, in this call of `settle`; None where no
+        velocity can jump.
     impacts : bool
         Whether velocities have jumped since conditions were decided.
     admissible : LawState or None

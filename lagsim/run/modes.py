@@ -12,9 +12,10 @@ record.
 Within an arc the kernel itself changes some words:
 
 - the cell of a table of t, at a knot;
-- the side and the slack of a surface that is passed without a decision, a slack that
-  contains a margin (`methods.parts.leaving`), and a slack that has been left;
-- `law_opens`;
+- the side of a surface that is passed without a decision;
+- a slack: of such a surface, after a value has left it, and where it contains a margin
+  for values that leave 0 from rest (`methods.parts.leaving`);
+- `law_opens`, the laws that open in a step that an event has cut short;
 - the truth of a condition that becomes false, or that waits for another one.
 """
 
@@ -81,8 +82,8 @@ class TrialModes:
     Attributes
     ----------
     before, found : ArcModes
-        The record at the start of the context, and those at its end, before they are
-        restored.
+        The modes and the truth at the start of the context, and those selected in it,
+        which are in the memory at its end.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -98,10 +99,10 @@ class TrialModes:
 
 
 class EqualitiesAlone:
-    """Context in which all laws are off but equalities in force, and massless sliders.
+    """Context in which no laws act but massless sliders and equalities in force.
 
-    These equalities are relations with `when`. The end of the context restores the
-    modes.
+    Such an equality is a relation whose condition `when` is true; equalities without a
+    condition are no laws. The end of the context restores the modes of the laws.
     """
 
     def __init__(self, arc: Arc) -> None:

@@ -566,7 +566,7 @@ def jumped(
 
 
 def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Return the record with the events that are due by the state just before."""
+    """Return the record with the events that are due just before the instant."""
     if by.transitions is None:
         return now
 
@@ -588,11 +588,12 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 def started(arc: Arc, by: Deciders) -> InstantRecord:
     """Return the record with which the start of a run begins.
 
-    The events due are those that act at the start. No arc precedes the start: its row
-    before has the values that switches of t have at the start itself, the truth just
-    before is that of the start, and no mode of a law has ended. If events give
-    impulses, the modes before are those that the state would keep without the impulses,
-    so that the row before shows the forces of a body at rest on its floor.
+    The events due are those that act at the start. No arc precedes the start. Therefore
+    the row before the instant is computed at the start, with the values that switches
+    of t have at this time; the truth of the conditions before it is that at the start,
+    and no mode of a law has ended. If events give impulses, the modes in that row are
+    those of the state without the impulses, so that the row shows the forces of a body
+    at rest on its floor.
     """
     now, switches = new_record(arc, located=STARTED), arc.system.switches
     if by.jumping and (switches.modes or switches.turns):

@@ -86,7 +86,7 @@ class Statistics(NamedTuple):
     factorisations : int
         Number of factorisations of matrices.
     smallest_step : float or None
-        None after a few steps only.
+        Size of the smallest step; None if there were only a few steps.
     arcs : int
         Number of arcs; an arc is counted at its start.
     """

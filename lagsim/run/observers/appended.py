@@ -29,7 +29,7 @@ class Appended(NamedTuple):
     record : dict
         The entry `sensitivities` of run.json: by name, `step`, `error` and `runs`.
     cautions : list of Caution
-        Rows that are not differentiable.
+        Warnings of rows that are not differentiable with respect to a parameter.
     """
 
     names: tuple[str, ...]

@@ -522,8 +522,8 @@ class ResidualMonitor:
     def constraint_since(self, name: str, part: float) -> float | None:
         """Return the time when |residual| first exceeds `part` of its scale so far.
 
-        None if it never does. The residual also exceeds that part of the greatest
-        |residual|: where all terms are 0 but for roundoff, they are no scale.
+        None if it never does. Residuals up to that part of the greatest |residual| do
+        not count, since a scale so far may be roundoff alone.
         """
         return self._residuals[name].since(part, part)
 
