@@ -288,17 +288,36 @@ class Filming {
   // The components of the forces of a multiplier of 1, in each row; nan where not unique.
   shares({jacobian, row}, values, count) {
     const parts = jacobian.length, n = row.length, found = this.graph.rows([...jacobian.flat(), ...row], values, count);
-    const forces = range(parts).map(() => new Float64Array(count).fill(NaN));
+    const forces = range(parts).map(() => new Float64Array(count).fill(NaN)), {dependent, half} = this.scene;
+    const J = range(parts).map(() => new Float64Array(n)), A = new Float64Array(n), f = new Float64Array(parts);
+    // J of rows with equal J is decomposed once: it is constant where points are coordinates.
+    let known = null;
     for (let i = 0; i < count; i++) {
-      const J = range(parts).map((k) => range(n).map((j) => found[k * n + j][i])), A = range(n).map((j) => found[parts * n + j][i]);
-      if (![...J.flat(), ...A].every(Number.isFinite)) continue;
-      const gram = J.map((a) => J.map((b) => dot(a, b))), {values: own, vectors} = eigen(gram), most = Math.max(...own);
-      if (!own.every((x) => x > this.scene.dependent ** 2 * most)) continue;
-      const right = J.map((a) => dot(a, A)), f = new Array(parts).fill(0);
-      own.forEach((value, k) => { const share = dot(vectors[k], right) / value; vectors[k].forEach((c, m) => { f[m] += share * c; }); });
-      const longest = Math.max(...f.map(Math.abs));
-      const holds = A.every((a, j) => Math.abs(J.reduce((sum, part, k) => sum + part[j] * f[k], 0) - a) <= this.scene.half * (J.reduce((sum, part) => sum + Math.abs(part[j]), 0) * longest + Math.abs(a)));
-      if (holds) f.forEach((x, k) => { forces[k][i] = x; });
+      let finite = true;
+      for (let k = 0; k < parts; k++) for (let j = 0; j < n; j++) {
+        const x = found[k * n + j][i];
+        if (J[k][j] !== x) { J[k][j] = x; known = null; }
+        finite = finite && Number.isFinite(x);
+      }
+      for (let j = 0; j < n; j++) { A[j] = found[parts * n + j][i]; finite = finite && Number.isFinite(A[j]); }
+      if (!finite) { known = null; continue; }
+      known ||= eigen(J.map((a) => J.map((b) => dot(a, b))));
+      const {values: own, vectors} = known, most = Math.max(...own);
+      if (!own.every((x) => x > dependent ** 2 * most)) continue;
+      const right = J.map((a) => dot(a, A));
+      f.fill(0);
+      for (let k = 0; k < parts; k++) {
+        const share = dot(vectors[k], right) / own[k];
+        for (let m = 0; m < parts; m++) f[m] += share * vectors[k][m];
+      }
+      let longest = 0, holds = true;
+      for (let k = 0; k < parts; k++) longest = Math.max(longest, Math.abs(f[k]));
+      for (let j = 0; j < n; j++) {
+        let sum = 0, size = 0;
+        for (let k = 0; k < parts; k++) { sum += J[k][j] * f[k]; size += Math.abs(J[k][j]); }
+        holds = holds && Math.abs(sum - A[j]) <= half * (size * longest + Math.abs(A[j]));
+      }
+      if (holds) for (let k = 0; k < parts; k++) forces[k][i] = f[k];
     }
     return forces;
   }
