@@ -37,11 +37,8 @@ from lagsim.studies.options import VARIED_RANGE
 from lagsim.studies.setting import setting_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from lagsim.cli._shared import Progress
     from lagsim.model.model import Model
-    from lagsim.notes import Caution
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.branches import Branches
 
@@ -84,15 +81,10 @@ def command(
         check_replaced(write, read)
     search = rest.Search(setting_of(read))
     branches = _branches(read, vary, plot)
-    _print_warnings(search.setting.cautions)
 
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
-        if branches is None:
-            found = search.all(starts, interrupt, progress)
-        else:
-            found = branches.follow(starts, interrupt, progress)
+        found = _found(search, branches, starts, interrupt, progress)
         document = rest.document_of(search.setting, found, search.tried or starts)
-        _print_warnings(rest.not_linear_about(search.setting, found))
         document["complete"] = not interrupt.requested
         cells = rest.tables(found)
         if branches is not None:
@@ -121,9 +113,22 @@ def command(
     )
 
 
-def _print_warnings(cautions: Iterable[Caution]) -> None:
-    for caution in cautions:
-        print_warning(caution)
+def _found(
+    search: rest.Search,
+    branches: Branches | None,
+    starts: int,
+    interrupt: Interrupt,
+    progress: Progress,
+) -> list[rest.Equilibrium]:
+    """Return the rests; print the warnings of a search that finds none."""
+    try:
+        if branches is None:
+            return search.all(starts, interrupt, progress)
+        return branches.follow(starts, interrupt, progress)
+    except rest.NoRestError:
+        for caution in search.setting.cautions:
+            print_warning(caution)
+        raise
 
 
 def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | None:
@@ -147,6 +152,10 @@ def _branches(read: Model, vary: str | None, plot: str | None) -> Branches | Non
     return branching.varied(read, name, ends)
 
 
+def _rounded(value: float) -> str:
+    return f"{value if abs(value) > TINY else 0:.6g}"
+
+
 def _summary(document: Document, files: str) -> str:
     """Return the summary that the command prints at its end.
 
@@ -158,12 +167,12 @@ def _summary(document: Document, files: str) -> str:
     rows: list[tuple[str, ...]] = [("", "", "distance", "energy", "coordinates")]
     for number, one in enumerate(found[:MOST], 1):
         where = {**one["coordinates"], **one.get("states", {})}
-        shown = [f"{q} {x if abs(x) > TINY else 0:.6g}" for q, x in where.items()]
+        shown = [f"{q} {_rounded(x)}" for q, x in where.items()]
         if len(shown) > MOST_NAMED:
             shown[MOST_NAMED:] = [f"... {len(shown) - MOST_NAMED} more"]
         rows.append((
             str(number), VERDICTS[one["stable"]] or one["reason"],
-            f"{one['distance']:.4g}", f"{one['energy']:.6g}", ", ".join(shown),
+            f"{one['distance']:.4g}", _rounded(one["energy"]), ", ".join(shown),
         ))  # fmt: skip
     lines.append(aligned(rows, lefts=len(rows[0])))
     if len(found) > MOST:

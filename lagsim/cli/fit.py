@@ -25,7 +25,6 @@ from lagsim.cli._shared import (
     option,
     output_folder,
     print_stderr,
-    print_warning,
     quiet,
     titled_rows,
     write_file,
@@ -122,8 +121,6 @@ def command(
     def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         fit.interrupt = interrupt
         found = fit.found(starts, progress)
-        for caution in found.cautions:
-            print_warning(caution)
         document, contents = report.files_of(fit, found, given)
         if write is not None:
             write_file(write, contents[report.name_of(fit)])

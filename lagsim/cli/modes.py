@@ -25,7 +25,6 @@ from lagsim.cli._shared import (
     option,
     output_folder,
     parse_range,
-    print_warning,
     quiet,
     write_file,
 )
@@ -93,8 +92,6 @@ def command(
     read = read_file(model, assignments(sets))
     small = SmallMotions(read, at.value)
     space, response = small.response(pairs, between) if pairs else (None, None)
-    for caution in small.cautions:
-        print_warning(caution)
     if matrices is not None:
         _write_matrices(matrices, space or small.matrices())
 

@@ -109,3 +109,28 @@ def test_branches_are_written(lagsim, write):
 def test_wrong_options_are_refused(lagsim, write, options, said):
     path = write("name: truss\n" + TRUSS)
     assert said in lagsim("equilibrium", path, *options, code=2, out="").err
+
+
+MOVING = """\
+name: moving
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: x^2/2}
+forces: {x: 1 + t}
+initial: {x: 0}
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "potential", "code"),
+    [("equilibrium", "x^2/2", 0), ("modes", "x^2/2", 0), ("equilibrium", "0", 1)],
+)
+def test_a_warning_is_printed_once(lagsim, write, command, potential, code):
+    path = write(MOVING.replace("x^2/2}", f"{potential}}}"))
+    called = lagsim(command, path, "--no-plots", code=code)
+    assert called.err.count("[W407]") == 1
+
+
+def test_an_energy_of_rounding_is_0_in_the_report(lagsim, write):
+    path = write(MOVING.replace("1 + t", "0").replace("x: 0}", "x: 1e-70}"))
+    called = lagsim("equilibrium", path, "--no-plots", "--starts", "0", code=0)
+    assert "1  stable  0         0       x 0" in called.out
