@@ -12,12 +12,12 @@ with pivoting. The rows that hold are independent, which is ensured where modes 
 
 If more rows hold than are independent, they share their load with the least norm of all
 multipliers within their bounds: the multiplier of a contact or freewheel is not
-negative, that of a limited row stays within its limit, the two of a slip in a plane
-within a disc, whose radius is the largest friction. The multipliers lambda of the
-independent rows A_h determine the constraint forces. Let A be the rows of all laws that
-share, and P the projection of their multipliers onto the bounds. The multipliers of
-least norm with equal forces are P(A A_h^T y), where the vector y, with an element for
-each row of A_h, solves
+negative, that of a limited row stays within its limit, and the two of a slip on a disc
+(a slip with two directions, which has two rows) stay within the disc whose radius is
+the largest friction. The multipliers lambda of the independent rows A_h determine the
+constraint forces. Let A be the rows of all laws that share, and P the projection of
+their multipliers onto the bounds. The multipliers of least norm with equal forces are
+P(A A_h^T y), where the vector y, with an element for each row of A_h, solves
 
     A_h A^T P(A A_h^T y) = A_h A^T lambda
 
@@ -110,9 +110,7 @@ def note_column(p: Parameters, k: int, i: int) -> None:
 def note_still(p: Parameters) -> None:
     """Store index, column and element of each held row with a single nonzero element.
 
-    Only rows of laws are stored.
-
-    See `set_exact_accelerations`.
+    Only rows of laws are stored, see `set_exact_accelerations`.
     """
     first, count = p.m - p.laws, 0
     for k in range(int(p.ranked)):
@@ -258,10 +256,7 @@ def slide_along(p: Parameters, i: int) -> None:
 
 
 def add_row_forces(p: Parameters) -> None:
-    """Add Z p.w to p.u (n,): L^-1 times the forces of the rows that hold.
-
-    p.w has their multipliers; Z : see `couple`.
-    """
+    """Add Z p.w to p.u (n,), L^-1 times the forces of held rows; Z as in `couple`."""
     n = p.n
     for k in range(int(p.ranked)):
         c = int(p.only_column[k])
@@ -434,7 +429,7 @@ def projection_factor(p: Parameters, k: int) -> float:
 def unprojected_size(p: Parameters, k: int) -> float:
     """Return the size of multiplier k of a limited row before the projection P.
 
-    For a row of a disc it is the norm of the multipliers of both rows.
+    For a slip on a disc it is the norm of the multipliers of both rows.
     """
     x = p.share_target[k]
     z = p.share_target[int(p.law_pair[k])] if p.law_pair[k] >= 0.0 else 0.0
@@ -703,7 +698,8 @@ def elapsed_part(t: float, p: Parameters, k: int) -> float:
 def way(t: float, p: Parameters, k: int) -> float:
     """Return component k of the direction of a slip on a disc during its transition.
 
-    The result is the component at the beginning plus a polynomial in `elapsed_part`.
+    k is the law of one of the slip's two rows. The result is the component at the
+    beginning plus a polynomial in `elapsed_part`.
     """
     x = elapsed_part(t, p, k)
     turn = 0.0
@@ -854,10 +850,10 @@ def hold_margin(p: Parameters, k: int) -> float:
 def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
     """Return the event function of sliding law k: its speed in the sliding direction.
 
-    Two slips on a disc have one event function, stored for the first; the function also
-    ends the mode where their direction has turned by more than `TURNED`. In the
-    transition after their beginning the function is the least of the margin to the
-    final speed, the time that is left, and the speed in the initial direction.
+    For a slip on a disc it is stored for the first row, and also ends the mode where
+    the slip has turned by more than the angle with the cosine `TURNED`. In the slip's
+    transition it is the least of the margin to the final speed, the time that is left,
+    and the speed in the initial direction.
 
     speed : the rate of the row, signed.
     """
@@ -885,7 +881,7 @@ def slide_margin(t: float, p: Parameters, k: int, speed: float) -> float:
 def sticking_margin(p: Parameters, k: int) -> float:
     """Return the event function of sticking law k: its bound less |lambda|.
 
-    Two slips on a disc have one event function, stored for the first.
+    For a slip on a disc it is stored for the first row that holds.
     """
     first = p.m - p.laws
     lam = p.multipliers

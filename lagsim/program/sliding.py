@@ -263,8 +263,8 @@ def distance(p: Parameters) -> float:
 def combine(t: float, y: Floats, p: Parameters) -> None:
     """Compute the combined field of the motion along surfaces, in p.side_fields.
 
-    The array has y' (size,) and lambda (m,), then f_k - f0 for each followed surface k.
-    The shares w_k are stored in p.share.
+    The array has y' (size,) and lambda (m,), then f_k - f0 for each surface k that is
+    followed or redundant. The shares w_k are stored in p.share.
     """
     width = p.size + p.m
     fields = p.side_fields
@@ -345,11 +345,10 @@ def share_out(sliding: int, p: Parameters) -> None:
     """Compute the shares w of followed surfaces, and the step of the projection.
 
     J (f0 + sum_k w_k (f_k - f0)) = b is solved for w, of which the shares of redundant
-    surfaces are given. Two more right sides, for the
-    residuals and the rates of the surfaces, determine the coefficients of the
-    projection onto the surfaces.
+    surfaces are given. Two more right sides, for the residuals and the rates of the
+    surfaces, determine the coefficients of the projection onto the surfaces.
 
-    sliding : the number of followed surfaces.
+    sliding : the number of followed and redundant surfaces.
     """
     width = p.size + p.m
     B, right = p.B, p.right
@@ -401,7 +400,7 @@ def store_shares(sliding: int, p: Parameters) -> None:
     A share whose combined field does not stay on its surface, beyond rounding, is set
     to -1, which ends the mode.
 
-    sliding : the number of followed surfaces.
+    sliding : the number of followed and redundant surfaces.
     """
     width = p.size + p.m
     fields = p.side_fields

@@ -560,7 +560,9 @@ class Contacts(Source):
             self._count_impact(found, k, ends)
 
     def _count_impact(self, found: StateAfter, k: int, ends: dict[int, float]) -> None:
-        """Add an impact to the series of a law; list the rest at the end of a series.
+        """Count an impact of a law in its series; add an event where the series ends.
+
+        The event `zeno` is added at the end of a long series of bounces.
 
         found : the record whose events and laws are updated.
         k : the index of the law.

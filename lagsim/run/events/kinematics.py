@@ -314,8 +314,8 @@ class Kinematics:
     def out_of_range(self, closed: Collection[int], located: Collection[int]) -> str:
         """Return a message about a coefficient out of its range, or an empty string.
 
-        Bounds must not be negative, static bounds not less than dynamic ones, and
-        restitutions in [0, 1].
+        Bounds must not be negative, static bounds must not be less than dynamic ones,
+        and restitutions of contacts that are struck must be in [0, 1].
 
         Parameters
         ----------

@@ -155,7 +155,7 @@ class Chosen(NamedTuple):
         """Return the modes of all laws from those of the laws `active`.
 
         found : the modes of rows, of which the first belong to the laws `active`.
-        unchanged : laws that stay in their modes; all others are off.
+        unchanged : laws that stay in their modes; laws in neither list are off.
         here : all laws at the state reached.
         """
         mode, direction = np.zeros((2, here.count))
@@ -203,8 +203,8 @@ def steady_laws(before: Kinematics, after: Kinematics) -> Flags | None:
     """Return a mask (L,) of the laws whose motion no impact has changed, or None.
 
     The result is None if the modes of all laws are to be decided: in models with few
-    laws, and in models whose surfaces, massless sliders, events at given times or slips
-    in two directions couple the laws.
+    laws, and in models with surfaces, massless sliders, laws with a condition `when`,
+    or slips in two directions, which may couple the laws.
 
     before, after : the laws before and after the impacts of this instant.
     """

@@ -169,7 +169,9 @@ class ShownSides(Source):
         return surfaces._replace(shown=surfaces.shown | decided)
 
     def _may_be_rounding(self, rows: Rows) -> Floats:
-        """Return bounds (K,) of values that may be rounding, well above it.
+        """Return bounds (K,) up to which values of the expressions may be rounding.
+
+        The bounds are well above the rounding.
 
         rows : the rows of all surfaces.
         """
@@ -225,8 +227,9 @@ class ShownSides(Source):
         """Return the rates (K,) that decide the sides of surfaces, and their rounding.
 
         They are the rates of the expressions; where these are 0, and for expressions of
-        velocities, their derivatives by the forces. The third result is the part of the
-        motion of the state in each rate, without terms of t.
+        velocities, their derivatives by the forces. The third result is the magnitude
+        of the part of each rate that the motion of the state causes, without the part
+        of the time t.
 
         rows : the rows of all surfaces.
         """
@@ -249,8 +252,8 @@ class ShownSides(Source):
     def _held(self, arc: Arc, values: Floats, least: Floats) -> Flags:
         """Return a mask (K,) of the expressions that constraints keep at their values.
 
-        These, and expressions that are constant, have their values at nearby states,
-        too, that satisfy the rows in force.
+        Such an expression, like a constant one, has an equal value at all nearby states
+        that are tested, which satisfy the rows in force.
 
         values : the expressions of all surfaces (K,).
         least : their rounding (K,).

@@ -92,7 +92,10 @@ def select_sliding(arc: Arc, y: Floats) -> Settled:
 
 
 class _Sliders:
-    """The sliders of a run at a state, each by the index of its first row."""
+    """Selection of the sliding sliders at a state.
+
+    A slider is identified by the index, among the laws, of its first row.
+    """
 
     def __init__(self, arc: Arc, y: Floats) -> None:
         self.arc, self.y, self.p = arc, y.copy(), arc.system.p
@@ -189,7 +192,10 @@ class _Sliders:
         return Kinematics(arc, y, arc.t + later)
 
     def _slip(self, edge: list[int]) -> None:
-        """Select the sliders that slide, among those at their limits, `edge`."""
+        """Select the sliders that slide, among the sliders `edge`.
+
+        edge : the sliders at their limits, and all sliders in dampers.
+        """
         for _ in range(STEPS if edge else 0):
             self._move()
             before, self.sliding = self.sliding, self._slipping(edge)

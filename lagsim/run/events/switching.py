@@ -294,8 +294,8 @@ class Switching(Source):
         velocities are stopped (`CornerSides`). Velocities are also stopped if forces
         reverse them before the position changes by more than rounding.
 
-        Return the events of rest of velocities stopped by forces, and the corners at
-        which velocities are stopped.
+        Return the events of the corners at which forces stop the velocities, and all
+        corners at which velocities are stopped.
 
         Parameters
         ----------
@@ -416,9 +416,7 @@ class Switching(Source):
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Return a caution, given once, that the motion past surfaces is not unique.
 
-        () if there are no such surfaces.
-
-        several : the indices of the surfaces; () is returned if there are none.
+        several : the indices of these surfaces; () is returned if there are none.
         """
         names = self._names(several)
         text = (
@@ -431,12 +429,12 @@ class Switching(Source):
         return quoted(self.sides[k].text for k in sorted(several))
 
     def _set_slack(self, crossing: Crossing) -> None:
-        """Set the tolerances of the conditions on which each mode ends.
+        """Set the tolerances of the event functions that end the modes of surfaces.
 
-        These are `slack` and `band`, shape (modes.count,): bounds of the roundoff of
-        the conditions, and of their errors within the tolerance of the run.
+        These are `slack` and `band`, shape (K,): bounds of the roundoff of the event
+        functions, and of their errors within the tolerance of the run.
 
-        crossing : the modes that were selected, with their conditions.
+        crossing : the selection of the modes.
         """
         levels, rows, sizes = crossing.levels, crossing.rows, crossing.sizes
         slides, modes, arc = self.slides, self.modes, self.modes.arc

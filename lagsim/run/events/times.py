@@ -239,8 +239,8 @@ class TimeBreaks(_Ahead):
     def _nodes(self, arc: Arc) -> list[int]:
         """Return the nodes of discrete functions of t whose changes are breaks.
 
-        The nodes belong to the modes of the source, then to ends of tables in
-        `KnotTimes`.
+        The nodes are those of the switches of t that kernels do not pass, then those of
+        the ends of the tables in `KnotTimes`.
         """
         g, modes = arc.equations.graph, arc.system.switches.modes
         closed = (clock for k, clock in clocks(arc).items() if k in self._closed)

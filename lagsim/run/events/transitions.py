@@ -165,7 +165,7 @@ class Transitions(Source):
         row : ndarray, shape (1, k), or None
             The table row before the acts; None where they cannot change velocities.
         corners : CornerSides or None
-            The corners of equalities in which the motion rests.
+            The corners of equalities that the state may be on.
         """
         events, y = arc.equations.model.events, arc.y.copy()
         before = arc.energies(y) if self.energetic else None
@@ -225,8 +225,8 @@ class Transitions(Source):
     ) -> tuple[Floats, JumpImpulses, float]:  # fmt: skip
         """Return the state after an impulse, the impulses of rows, and the work done.
 
-        The work is the energy that the impulse adds to the model. The state returned
-        includes it.
+        The work is the energy that the impulse adds to the model. It is added to the
+        work integrals in the state returned.
 
         Parameters
         ----------
@@ -235,7 +235,7 @@ class Transitions(Source):
         impulse : ndarray, shape (n,)
             The sum of the generalized impulses, for all coordinates of the model.
         corners : CornerSides or None
-            The corners of equalities in which the motion rests.
+            The corners of equalities that the state may be on.
         before : ndarray, shape (size,)
             The state before.
         """
