@@ -311,7 +311,8 @@ def about_ranks(
 ) -> Iterator[Caution]:
     """Yield warnings on dependent rows and, if `sound`, on nonunique multipliers.
 
-    thin : rows of a thin set, which are reported elsewhere.
+    thin : rows with a multiple root on their whole solution set, see `rank.ThinSet`;
+        they are reported elsewhere.
     sound : whether the start is admissible.
     """
     for d in ranks.dependences:

@@ -500,9 +500,9 @@ class _Examiner:
     ) -> Point:
         """Return the nearest point that satisfies the constraints to rounding.
 
-        Values that are exact to rounding stay unchanged. Beside laws this is the
-        rounding of the relations alone, without that of the expressions which gave the
-        values: a gap of 1e-16 would be a flight with impacts.
+        Values that are exact to rounding stay unchanged. Where laws hold, only the
+        rounding of the relations counts, not that of the expressions of the start
+        values: a contact with a gap of 1e-16 would begin in free flight, with impacts.
 
         laws : rows of laws that hold at the start but for rounding.
         velocities : whether velocities are changed, not positions.
@@ -559,6 +559,9 @@ class _Examiner:
 
         If the point does not satisfy the equalities on the sides of corners onto which
         the motion leads, the equalities as written are in force again.
+
+        written : the equations of the model, without a choice of sides.
+
         """
         found = verdicts_on(point)
         if self.e is written or all(x.satisfied for x in found):

@@ -710,11 +710,11 @@ def _square(x: Floats, metric: Floats) -> float:
 
 
 def with_zeros(relations: Relations, x: Floats) -> Floats:
-    """Return the root x (k,) with 0 for components that are rounding of their changes.
+    """Return the root x (k,) with 0 for components that are rounding errors.
 
-    A component that should be 0 ends at the rounding of the iteration's last step, such
-    as 1e-64, for which other computations have no measure. It is replaced by 0 if no
-    residual is then larger than before.
+    A component whose exact value is 0 ends as the rounding error of the last step of
+    the iteration, such as 1e-64, which is no scale for later computations. It is
+    replaced by 0 if no residual becomes larger.
     """
     tiny = (x != 0.0) & (np.abs(x) <= STATE_ROUNDOFF * np.abs(x - relations.x0))
     if not np.any(tiny):

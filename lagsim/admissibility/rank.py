@@ -149,9 +149,9 @@ def analyse(
     ----------
     point : Point
     levels : sequence of str
-        Some of LEVELS, in this order: in the equations for positions, velocities or
-        accelerations contradictions are searched. They are the ones that the state
-        satisfies, and the first one that it violates.
+        Some of LEVELS, in this order: contradictions are searched in the equations for
+        positions, for velocities or for accelerations. These are the levels whose
+        equations the state satisfies, and the first level whose equations it violates.
     corrections : sequence of ndarray, shape (n,), optional
         Change of positions and of velocities on the way to the state. If given, and the
         state satisfies the equations of all levels, thin sets are searched around it.

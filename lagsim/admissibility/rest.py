@@ -443,11 +443,11 @@ class _Walk:
         return self.here.at(q, s=s)
 
     def _without(self, k: int, *, above: bool) -> object:
-        """Return the key of the position at which the walk would be off surface k.
+        """Return the key of the position that the walk reaches by leaving surface k.
 
         The key (see `_mode`) shows whether the walk has been at that position before.
 
-        above : whether it leaves to the upper side.
+        above : whether the walk leaves to the upper side.
         """
         end = self.kinks.ends(k, self.levels[k])[above]
         levels = {i: x for i, x in self.levels.items() if i != k}

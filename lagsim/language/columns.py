@@ -118,8 +118,8 @@ class Column(NamedTuple):
     ----------
     name : str
     node : int
-        The expression of the column: a node of the state, q'', multipliers and
-        impulses.
+        The graph node of the column's value, which depends on the state, q'',
+        multipliers and impulses.
     unit : str
         The unit as the file states it; "" where the unit follows from others, or is
         unknown.

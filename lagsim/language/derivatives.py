@@ -62,7 +62,11 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
 
 
 def deciding_cone(g: Graph, nodes: Iterable[int]) -> list[int]:
-    """Return `nodes` and all nodes below, but not below conditions of smooth `if`."""
+    """Return `nodes` and all nodes below, without the conditions of smooth selections.
+
+    A smooth selection (`SMOOTH`) has equal values and slopes in both branches where
+    its condition changes. Nodes that only such conditions use are left out.
+    """
     conditions = {g.args[n][0] for n in g.of((SMOOTH,))}
     return [n for n in g.cone(nodes, conditions) if n not in conditions]
 

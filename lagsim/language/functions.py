@@ -113,7 +113,8 @@ class Function(NamedTuple):
     def chosen(self, g: Builder, a: Arguments, x: int, y: int) -> int:
         """Return the selection of node x or y by the condition of this function.
 
-        A smooth selection remains smooth.
+        If this function is a smooth selection, one whose value and slope do not jump
+        where its condition changes, the result is one too.
 
         a : arguments of the function, which determine the condition.
         """

@@ -231,7 +231,7 @@ class Graph:
         self._left -= work
 
     def allow(self, letters: int) -> None:
-        """Raise the limits of nodes and operations for a text of so many `letters`."""
+        """Raise the limits on nodes and operations, for a text of `letters` letters."""
         self._allowed += letters
         self._most = max(self._most, limits.graph_nodes(self._allowed))
         more = limits.work(self._allowed) - limits.work(self._allowed - letters)

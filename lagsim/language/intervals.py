@@ -352,7 +352,7 @@ def on(
 ) -> Callable[[Interval], Interval]:
     """Return the rule of a monotone function f on the interval [`least`, `most`].
 
-    Values 0 are exact.
+    A value 0 of f counts as exact.
 
     f : the function on arrays.
     open_end : whether f is unbounded at the ends of the interval, which do not belong
@@ -615,9 +615,9 @@ SQUARE = _strict(_square)
 def _of_steps(op: str) -> Callable[..., Interval]:
     """Return the rule of a function whose arguments depend on t through steps only.
 
-    Where all arguments are single, the function has one value in double precision
-    throughout the interval. That value is computed directly: in an enclosure of its
-    rounding error, `mod(floor(t), 1.5)` would seem to jump wherever it is 0.
+    Where each argument has one value throughout the interval, the function has one
+    value in double precision. It is computed directly: in an enclosure of its rounding
+    error, `mod(floor(t), 1.5)` would seem to jump wherever it is 0.
     """
     rule, value = RULES[op], OPERATIONS[op]
 

@@ -374,9 +374,9 @@ class StringLength(NamedTuple):
 class Scene(NamedTuple):
     """Points (2 or 3 expressions each), links between points, and shapes.
 
-    `looks` has one of `LINKS` for each link, or is empty where lengths decide;
-    `lengths` has, for each link, the length of a string, or None where the motion
-    determines it.
+    `looks` has, for each link, the form in which it is drawn (one of `LINKS`), or is
+    empty: then the changes of lengths decide; `lengths` has, for each link, the length
+    of a string, or None where the motion determines it.
     """
 
     points: dict[str, tuple[int, ...]]

@@ -91,7 +91,8 @@ class Records(NamedTuple):
     thinned, animated : bool
         Whether rows are kept for pictures, and for the page that plays the motion.
     cornered : bool
-        Whether rows at events are kept, for pictures of other rows.
+        Whether rows at events are kept even if no thinned rows are kept, for pictures
+        that are drawn from other rows.
     appended : Appended or None
         Columns of sensitivities, which the store appends.
     """

@@ -110,8 +110,10 @@ class _OnSides(NamedTuple):
     ----------
     x : Slopes
     noise : ndarray, shape of `x.slopes`
+        Bounds of the errors of `x.slopes`.
     terms : list of ndarray
-        Bounds of the errors of M, A, f, b and s', flat.
+        Bounds of the errors of the mass matrix M, the rows A, the forces f, the
+        right-hand sides b of the rows, and s', as flat arrays.
     """
 
     x: Slopes

@@ -571,7 +571,10 @@ class Scope:
         return nearest
 
     def _once(self, names: set[str], code: ErrorCode) -> ExpressionCode:
-        """Return the code for a fault of parameters: `code` once, later a silent one.
+        """Return the code of a fault of parameters, so that it is reported only once.
+
+        It is `code` unless an earlier fault concerned one of the parameters; then it is
+        SILENT, the code of faults that are not printed.
 
         names : the parameters.
         """

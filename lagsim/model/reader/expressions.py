@@ -526,10 +526,11 @@ class Expressions:
         self.with_rates |= {rate_of(s): {s} for s in rates}
 
     def refuse_rates(self, node: Node | None, label: str) -> None:
-        """Report rates of first-order states, in an expression, that the motion sets.
+        """Report rates in an expression that depend on coordinates or velocities.
 
-        Such a rate depends on coordinates or velocities; derivatives treat it as a
-        given function of time, without slopes.
+        The rates are those of first-order states. Derivatives of the expression would
+        treat such a rate as a given function of time, without slopes.
+
 
         node, label : the expression in the file, and its name in messages.
         """

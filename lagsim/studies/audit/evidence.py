@@ -169,7 +169,8 @@ def _residuals_off(
     - the residual relative to the scale of the constraint,
     - the residual relative to the motion: the ranges of the coordinates times the
       slopes of the constraint; 0 for a residual within the rounding of its state. It
-      decides if all terms of the constraint are close to 0, so that they are no scale.
+      decides where all terms of the constraint are close to 0, so that their size is no
+      scale.
 
     Residuals that arise within one step are omitted.
 

@@ -530,10 +530,12 @@ def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) ->
 def _grid(
     part: SubFigure, count: int, most: int, side: str, **alike: Any
 ) -> list[Axes]:
-    """Return `count` new panels of a figure, in rows of two or more, up to `most`.
+    """Return `count` new panels of a figure, in rows of equal length.
 
     Parameters
     ----------
+    most : int
+        The largest number of panels in a row; a row has room for at least two.
     side : str
         The label of the vertical axis at the left of each row.
     **alike

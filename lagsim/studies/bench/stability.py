@@ -90,7 +90,8 @@ class MapCell(NamedTuple):
     Attributes
     ----------
     verdict : str
-        HOLDS, DECAYS, GROWS, or the kind of failure.
+        HOLDS, DECAYS or GROWS (the energy that no force explains), or the kind of
+        failure.
     growth : float or None
         The growth rate of the energy without a force, per unit of time.
     evaluations, rejections : int or None
@@ -182,7 +183,10 @@ class Subject:
             self._linearise(motion)
 
     def _trusted(self) -> Floats:
-        """Return rows (t, q, q', s) of the motion by a method chosen by `auto`."""
+        """Return rows of the motion, integrated by the method that `auto` selects.
+
+        A row has t, q, q' and the first-order states s; the result is (k, columns).
+        """
         trusted = with_method(self.case).with_settings(
             output_step=self.span / TRUSTED_ROWS
         )
@@ -195,9 +199,11 @@ class Subject:
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
-        """Compute eigenvalues along a motion, and excite each mode at the start.
+        """Compute eigenvalues along a motion, and change the start velocities.
 
-        motion : (k, columns), rows (t, q, q', s).
+        The change is small, admissible and random, so that each mode is excited.
+
+        motion : (k, columns), rows with t, q, q' and the first-order states s.
         """
         n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)

@@ -284,7 +284,11 @@ def _problem(session: Session, explorer: Explorer) -> Document:
 
 
 def _shapes_of_rows(e: Equations) -> Iterator[Document]:
-    """Yield, for each row, the gradient with its first and second derivatives."""
+    """Yield, for each constraint row, its gradient and derivatives of the gradient.
+
+    Each document has the columns of the gradient, the positions (`ways`) on which it
+    depends, and the nodes of the gradient and of its first and second derivatives.
+    """
     positions = positions_of(e)
     for row in e.rows:
         columns = list(row.A.entries)
@@ -511,7 +515,10 @@ def _push(
     names: Sequence[str],
     dimension: int,
 ) -> Document:
-    """Return the equation A^T = J^T f for the forces f of a constraint on points.
+    """Return data of the equation A^T = J^T f for the forces f on points.
+
+    A is the row of a constraint, J has the derivatives of its points by the
+    coordinates, and f are the forces on the points per unit multiplier.
 
     Parameters
     ----------
@@ -636,10 +643,12 @@ def _groups(session: Session, cone: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _leaves(session: Session, nodes: Sequence[int]) -> Iterator[Any]:
-    """Yield the variables or constants `nodes` as one group of the data of the page.
+    """Yield the items of one group of leaves in the data of the page.
 
-    All nodes are of one operation; the first items are the sign of the group, `$` or
-    `=`, and 1.
+    The items are `$` and 1, then the names of variables; or `=` and 1, then the
+    values of constants.
+
+    nodes : the leaves, all variables or all constants.
     """
     g = session.equations.graph
     op = g.ops[nodes[0]]

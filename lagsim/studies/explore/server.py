@@ -170,10 +170,11 @@ class Server(ThreadingHTTPServer):
                 self._closed = time.monotonic()
 
     def wait(self, known: int) -> int:
-        """Wait until there is news of the model file after number `known`.
+        """Wait for a change of the model file; return the number of the last change.
 
-        The number of the last news is returned, after SIGN seconds at the latest; it is
-        then `known`.
+        The wait ends after SIGN seconds at the latest; the result is then `known`.
+
+        known : the number of the last change that the page knows.
         """
         with self._changed:
             if self._news == known:
@@ -184,8 +185,8 @@ class Server(ThreadingHTTPServer):
 class _Reader(io.RawIOBase):
     """Stream of the bytes that arrive on a connection until a given time.
 
-    The timeout of a socket counts from each byte anew: a sender of a byte now and then
-    would never end.
+    The timeout of a socket begins again with each byte, so that a client that sends
+    single bytes slowly would hold the connection without end.
 
     Parameters
     ----------
