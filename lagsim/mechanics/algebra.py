@@ -188,8 +188,8 @@ BANDED, NARROW = 32, 1.0 / 8.0
 def symmetric_band(D: Floats) -> Floats | None:
     """Return the band (b + 1, r) of a symmetric matrix D (r, r).
 
-    Row k holds the k-th diagonal below the main one, as scipy's lower form has it. None
-    where D is small, or its band is not narrow.
+    Row k holds the k-th diagonal below the main one, as scipy's lower form has it; b is
+    the number of these diagonals. None where D is small, or its band is not narrow.
     """
     r = len(D)
     if r < BANDED:
@@ -258,7 +258,7 @@ class Metric:
     G, L : ndarray, shape (n, n)
         The metric G = completed(M, A), and its Cholesky factor, L L^T = G.
     free : ndarray, shape (n, d)
-        Basis of the null space of A, orthonormal in G and in M.
+        Basis of the null space of A, of dimension d, orthonormal in G and in M.
     inverse : ndarray, shape (n, m)
         A^+, the pseudoinverse of A: A^+ b is the change of least norm in G with
         A A^+ b = b.
@@ -431,7 +431,8 @@ def factored(A: Any, *, symmetric: bool = False) -> Any:
     ----------
     A : sparse matrix, shape (n, n)
     symmetric : bool
-        A is symmetric and needs no pivoting: use a fill-reducing order of A + A^T.
+        Whether A is symmetric and needs no pivoting: the order of elimination then
+        reduces the fill of A + A^T.
 
     Returns
     -------

@@ -1,8 +1,9 @@
 """Kinetic energy of bodies on chains, and the solution of M x = f along the chains.
 
-With x_k' = x_{k-1}' + l cos(a_k) a_k', and likewise for the other positions, the mass
-matrix M of the angles a is full, but the kinetic energy as a function of all x_k' and
-a_k' is a sum of a few squares per body. Chains are recognized on the graph, where
+For links of length l at angles a_k, x_k' = x_{k-1}' + l cos(a_k) a_k' is the velocity
+of joint k, and likewise for the other positions. The mass matrix M of the angles is
+full, but the kinetic energy as a function of all x_k' and a_k' is a sum of a few
+squares per body. Chains are recognized on the graph, where
 definitions written with each other and sums shared by expressions are the same nodes.
 
 The x_k' therefore stay unknowns beside the q_k', and L D L^T is computed from the tips
@@ -13,9 +14,10 @@ is O(n) operations.
 Forces are derived from L as a function of u = d/dt x(q, t), q and q'. Lagrange's
 equations are
 
-    d/dt(dL/du) du/dq' + d/dt(dL/dq') - dL/dq = Q,    u and q' apart in each slope
+    d/dt(dL/du) du/dq' + d/dt(dL/dq') - dL/dq = Q
 
-since d/dt(du/dq') = du/dq: terms with the derivatives of du/dq', which occur twice and
+where each derivative of L treats u and q' as independent variables. As d/dt(du/dq') =
+du/dq, terms with the derivatives of du/dq', which occur twice and
 cancel, are never formed. For articulated bodies this is the bias force.
 
 Sources: R. Featherstone, Rigid Body Dynamics Algorithms, chapters 5 and 7; A. Griewank
@@ -439,8 +441,9 @@ def chains(
     names : collection of str
         The names of the velocities.
     moving : collection of str
-        A multiple of a single velocity that occurs in a product is a sum, too, where
-        its coefficient depends on one of these variables.
+        The names of variables that vary along a motion. A multiple of a single velocity
+        counts as a sum if it occurs in a product and its coefficient depends on one of
+        these variables.
 
     Returns
     -------
@@ -723,9 +726,10 @@ def shorter_chains(
 
 
 def shorter_than_entries(g: Graph, found: Chains) -> bool:
-    """Whether factors of M along chains take fewer operations than M and its factors.
+    """Whether factors of M along chains take fewer operations than factors of entries.
 
-    The entries of M are those of composite rigid bodies.
+    The operations for the entries of M, by composite rigid bodies, are counted with
+    those for their factors.
 
     found : the chains.
     """

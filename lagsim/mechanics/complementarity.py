@@ -11,7 +11,7 @@ of a row is expressed by its bounds alone:
     contact, freewheel                     0, inf
     slip: friction of a contact            -mu p_n, mu p_n; of two slips |p| <= mu p_n
     equality of bounded multiplier         -L, L
-    sliding row, d against the slip        both d mu p_n, or d L
+    sliding row, d = -sign of the slip     both d mu p_n, or d L
     row out of force                       0, 0
 
 D need not be symmetric. Rows may be linearly dependent: then p is not unique, but w is.

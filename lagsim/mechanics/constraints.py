@@ -45,7 +45,7 @@ class Row(NamedTuple):
     rate : int
         The residual on the level of velocities: A q' + g_t, or phi.
     A : SparseVector, shape (n,)
-        dg/dq, or dphi/dq'.
+        The gradient dg/dq, or dphi/dq'.
     b : int
         The right-hand side of A q'' = b.
     transport : int
@@ -215,7 +215,7 @@ class MasslessSlider(NamedTuple):
     row : Row
         The row that holds in the present mode.
     limit, left : int
-        The limit less the size of the force, and the event function: nodes.
+        Nodes: the limit less |force|, and the event function that ends the mode.
     first : bool
         False for the second of two relations.
     """
@@ -230,11 +230,11 @@ class MasslessSlider(NamedTuple):
 
 
 class Role(NamedTuple):
-    """Columns in which rows differ: bounds of the multiplier, gaps, and words.
+    """Type of a constraint row: bounds of the multiplier, gap, and words for messages.
 
     The multiplier lies between `low` and `high` times the bound of the law; for a slip,
-    times the multiplier of the contact, too. A row is off, held, or slides with its
-    multiplier at a finite bound.
+    these are multiplied by the multiplier of the contact. A row is off, held, or slides
+    with its multiplier at a finite bound; the column `ends` states when a mode ends.
 
     ============ ============= ==================================================
     role         bounds        ends
@@ -275,9 +275,9 @@ LIMITED = Role(-1.0, 1.0, False, ("sticks", "slides"), "the `limit` of `{}`")
 class Law(NamedTuple):
     """Constraint row with the law of its multiplier.
 
-    Readers distinguish rows by the columns of their roles and by the properties below,
-    of which `RowTable` has the arrays. The mode of a slider without mass never changes
-    its role: the row in force changes instead.
+    Other modules distinguish laws by the attributes of `role` and by the properties
+    below; `RowTable` has these as arrays. A massless slider keeps its role in all of
+    its modes: the row in force changes instead.
 
     Attributes
     ----------
@@ -304,7 +304,7 @@ class Law(NamedTuple):
         pair of slips or of limited equalities; -1 where there is none.
     when : int or None
         The condition on t and parameters under which the row is in force: a node.
-    slider : Slider or None
+    slider : MasslessSlider or None
         Present for a limited relation on a coordinate without mass.
     """
 
@@ -354,7 +354,7 @@ class Law(NamedTuple):
 
     @property
     def limited(self) -> bool:
-        """Whether the multiplier has a bound in both directions of its own."""
+        """Whether the multiplier has two bounds that depend on no other multiplier."""
         return self.bounded and self.normal < 0
 
     @property

@@ -94,7 +94,7 @@ def _variables(e: Equations, *, moving: bool) -> Sequence[int]:
 
 
 def _followers(g: Graph, switches: Switches) -> list[frozenset[str]]:
-    """Return, for each side, the mode variables that may change with it, and its own.
+    """Return, for each side, its mode variable and those that may change with it.
 
     A side may change with another side if its expression depends on that side, directly
     or through further sides. The argument of `abs(mod(x, 2) - 1)` jumps with the

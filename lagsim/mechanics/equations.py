@@ -317,7 +317,7 @@ class Equations:
 
     @property
     def of_motion(self) -> list[int]:
-        """The nodes of the equations of motion, and of the rates after q'' in y'."""
+        """The nodes of M, f, all rows and laws, and `other_rates`."""
         return self._with(self.other_rates)
 
     @property

@@ -7,8 +7,9 @@ A frame i with the matrix R_i on a parent p turns with the angular velocity, in 
 where e_i is its angular velocity relative to p. In these sums each velocity has the
 axis of its joint as coefficient, wherever it is in the tree: the energies of bodies are
 squares of the w_i and of velocities of points, which are sums along the tree, too, so
-that `chains` finds the articulated bodies. R' derived from the product R_p E would have
-nine sums for each frame, whose coefficients and roundoff bounds grow with the depth.
+that `chains` finds the articulated bodies. R' derived from R = R_p E, with E the
+rotation relative to p, would have nine sums for each frame, whose coefficients and
+roundoff bounds grow with the depth.
 The slope of R with respect to q is that of R' with respect to q'.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms, sections 2.8 and 7.3.

@@ -58,9 +58,11 @@ class Impact:
     found: bool = True
 
     def part(self, part: float, rates: Floats) -> Impact:
-        """Return the first part of the impact, in which all impulses grow together.
+        """Return an impact whose impulses are the fraction `part` of these impulses.
 
-        part : its impulses, in those of the impact.
+        The changes of rates are the same fraction of all changes.
+
+        part : the fraction, in [0, 1].
         rates : ndarray, shape (r,), the rates before the impact.
         """
         if part == 1.0:
@@ -70,7 +72,7 @@ class Impact:
         return Impact(p, after, self.open, energy, self.found)
 
     def followed_by(self, rest: Impact) -> Impact:
-        """Return the impact of which this is the first part, and `rest` the other."""
+        """Return the impact that consists of this impact, then of the impact `rest`."""
         return Impact(
             self.impulses + rest.impulses, rest.after, self.open or rest.open,
             self.energy + rest.energy, self.found and rest.found,

@@ -179,7 +179,7 @@ class Elimination:
     Attributes
     ----------
     along_links : bool
-        Whether q'' is that of `tensions`, for the present masses.
+        Whether q'' is computed by `tensions`, with the present values of masses.
 
     Raises
     ------
@@ -231,7 +231,8 @@ class Elimination:
     def _unit(self) -> int:
         """Return the node of a mass that serves as the unit of mass.
 
-        It is the commonest pivot in Z, or 1 if a pivot varies along the motion.
+        It is the commonest pivot D_k of M among the indices k of nonzero entries in Z =
+        L^-1 A^T, or 1 if one of these pivots varies along the motion.
         """
         pivots = [
             self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})

@@ -597,7 +597,7 @@ class NewtonMatrix(NamedTuple):
     C0, C1 and C2 hold the derivatives of the equations of motion by positions and
     multipliers, by velocities, and by accelerations; g is a number of the method.
 
-    Rows and columns number coordinates, then constraints, then works. The factors are
+    Its N rows and columns belong to coordinates, constraints, works. The factors are
     stored by rows in the order of elimination (compressed sparse rows).
 
     Attributes

@@ -496,10 +496,10 @@ class Partition(Elimination):
         return [a.get(c, g.zero) for c in range(self.n)], lam
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
-        """Return the least change of q that cancels residuals, by M^-1.
+        """Return the least change of q (n,), as nodes, that cancels residuals (m,).
 
-        The solution by M^-1 takes fewer operations, since its angles are those of the
-        residuals.
+        It is that of `Elimination`: without the partition it takes fewer operations,
+        since it contains sines and cosines of the same angles as the residuals.
         """
         return self._whole.correction(residuals)
 

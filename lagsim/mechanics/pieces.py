@@ -411,7 +411,9 @@ class _Pieces:
     def _of_lines(
         self, n: int, where: Stretches, changes: dict[float, tuple[str, int, int]]
     ) -> int:
-        """Return an `if` by its lines, where neighbouring equal lines are one.
+        """Return the node of an `if`, rebuilt from its values between the `changes`.
+
+        Values on neighbouring intervals that are one line are joined.
 
         n, where : see `_joined`.
         changes : see `_changes`.
@@ -496,7 +498,7 @@ class _Pieces:
         return bool(alike and abs(a - b) <= JOINED * (da + db))
 
     def _slope_by(self, n: int, atom: int) -> int:
-        """Return dn/d(atom), in which the variable KINK stands for `atom`."""
+        """Return dn/d(atom), in which `atom` is replaced by the variable KINK."""
         g, kink = self.g, self.g.variable(KINK)
         (free,) = g.substitute([n], {atom: kink})
         return slopes(g, free, frozenset([kink])).get(kink, g.zero)

@@ -438,8 +438,8 @@ class _Edges(NamedTuple):
         Parameters
         ----------
         firm, rests, candidates : list of int
-            Indices of rows that hold firmly, of all rows at rest, and of tied rows
-            that would not hold.
+            Indices of the rows at rest that are held, or whose multipliers vary; of
+            all rows at rest; and of the tied rows that would slip by their rates.
         turn : ndarray, shape (r, r), or None
             See `_turned`.
         """
@@ -648,7 +648,7 @@ def _farther(rows: ContactRows, decided: RowModes, directions: Floats) -> RowMod
     rows : ContactRows
         All r rows.
     decided : RowModes
-        The modes with loads in the least parts of the bounds.
+        The modes, with multipliers that are the least possible parts of their bounds.
     directions : ndarray, shape (r,)
         As for `_decided`.
     """
@@ -702,10 +702,10 @@ def _is_ambiguous(rows: ContactRows, modes: list[Mode], directions: Floats) -> b
 def _has_no_effective_mass(rows: ContactRows, E: Floats, held: list[int]) -> bool:
     """Whether a held contact with sliding friction has no positive effective mass.
 
-    A force on such a contact does not separate it. Each contact is tested alone; the
-    rows that are coupled are tested by the sign of their determinant with friction.
+    A force on such a contact does not separate it. Each contact is tested alone; sets
+    of coupled contacts are tested by the ratio of determinants in `_solved_together`.
 
-    E : the multipliers of all rows per multiplier of held rows, from `_expressed`.
+    E : ndarray, shape (r, r), see `_expressed`. held : indices of the held rows.
     """
     D = rows.closed.D
     free = np.flatnonzero(rows.closed.table.equal)

@@ -1,7 +1,7 @@
-"""Rows that may be in force: what their multipliers may be, and what these cause.
+"""Rows that may be in force: bounds of multipliers, and accelerations by multipliers.
 
-A row is data. Its multiplier p lies between two multiples of its bound, and all roles
-of rows (`constraints.Role`) differ in these columns of `RowTable` and nowhere else:
+The multiplier p of a row lies between two multiples of the bound of the row. The roles
+of rows (`constraints.Role`) differ only in these columns of `RowTable`:
 
     ================== ========= == ======= ==== ==================================
     row                low, high of pair    gap  ends
@@ -19,8 +19,8 @@ multipliers; "of n" multiplies it by the multiplier of the contact n. A row with
 bounces. In an impact a bounded multiplier has no impulse unless the impulse of a
 contact bounds it.
 
-The effect of multipliers is the Delassus matrix of the rows, with the equalities in
-force eliminated; graph and state do not occur here.
+The accelerations of all rows due to unit multipliers are the Delassus matrix, with the
+equalities in force eliminated. This module uses neither the graph nor the state.
 """
 
 from __future__ import annotations

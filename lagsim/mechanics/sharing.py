@@ -1,4 +1,4 @@
-"""Loads that dependent rows share: which of several multipliers are chosen.
+"""Choice of the multipliers of dependent rows, where they are not unique.
 
 Where rows are dependent, the motion is unique and the multipliers are not: a box on
 four legs may stand on any three that support its weight. Where Lemke's method does not
@@ -210,8 +210,9 @@ class Independent(Span):
 def solved_rows(rows: ContactRows) -> Solution:
     """Solve for the multipliers of all rows and their accelerations.
 
-    Whether limits hold bodies at rest is a question of forces alone. It is decided
-    without the accelerations that inertias of different sizes would give.
+    For groups of rows at rest that are coupled with discs, multipliers within the
+    limits that balance all forces are sought first, since whether bodies stay at rest
+    does not depend on inertias. All other groups are solved as one contact problem.
     """
     problem = rows.problem
     if not problem.discs:

@@ -5,10 +5,12 @@ The right side of a holonomic constraint g(q) = u enters with two rates,
 
     A dq = u,      B dq + A dq' + C z = u',      d(A q'' - b) = u'',
 
-that of a constraint between velocities with one. With dq = Z x + A^+ u the linearised
-equations M dq'' - A^T dlambda = -r give dq'' and dlambda, and with these the slopes of
-any output. The state x consists of free coordinates, their rates and the first-order
-states; in `Linear` of the coefficients of orthonormal directions.
+and the right side of a constraint between velocities with one rate; z are the
+first-order states, and A, B and C here those of `linearisation`. With dq = Z x + A^+ u
+the linearised equations M dq'' - A^T dlambda = -r give dq'' and dlambda, and with these
+the slopes of any output. The state x consists of free coordinates, their rates and the
+first-order states (`Linear` has coefficients of orthonormal directions in place of
+coordinates).
 """
 
 from __future__ import annotations

@@ -271,17 +271,23 @@ class Switches:
 
     @property
     def acting(self) -> int:
-        """The number of sides on which the motion depends: the first of `sides`."""
+        """The number of sides on which the motion depends; these precede all others."""
         return sum(not side.shown for side in self.sides)
 
     @property
     def turns(self) -> frozenset[int]:
-        """The corners at surfaces of positions, at which velocities jump."""
+        """Indices of the sides with corners at surfaces of positions.
+
+        Velocities jump at these corners.
+        """
         return frozenset(k for k, x in self.corners.items() if not x.moving)
 
     @property
     def bends(self) -> frozenset[int]:
-        """The corners of equalities, on whose sides jumps of velocities depend."""
+        """Indices of the sides with corners of equalities.
+
+        Jumps of velocities depend on these sides.
+        """
         return frozenset(k for k, x in self.corners.items() if x.equal)
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
@@ -314,9 +320,10 @@ class Switches:
         return replace(self, _modes_of={}, _sides_of=of)
 
     def held(self) -> dict[int, int]:
-        """Return, for each step (node), the condition that it has its value at a level.
+        """Return, for each step function (node), the condition that it is at a level.
 
-        It has where the motion follows its surface, or rests on it.
+        The condition (a node) is true where the motion follows or rests on the surface
+        of the step function, which then has its value at the level.
         """
         g, found = self.graph, {}
         modes = {g.variable(s.variable): g.variable(s.sliding) for s in self.sides}
@@ -514,10 +521,10 @@ class Switches:
         return [done[n] for n in nodes]
 
     def _leaves(self, side: Side) -> int:
-        """Return the node of whether the motion is just leaving a surface to one side.
+        """Return the condition (a node) that the motion is just leaving a surface.
 
-        It is while the expression differs from its level by less than the slack of the
-        surface, which is 0 where the expression has already left its level.
+        It is true while the expression differs from its level by less than the slack of
+        the surface, which is 0 where the expression has already left its level.
         """
         g, half = self.graph, self.graph.constant(0.5)
         (off,) = self.at_levels([side.node])

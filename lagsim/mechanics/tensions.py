@@ -9,13 +9,15 @@ Joints without inertia transmit forces. The forces F on sums that contain massle
 velocities v satisfy c_v F = 0 for each v. With one sum more than velocities, they have
 one direction E, c_v E = 0, along the link; with as many sums as velocities they are 0.
 The force that acts on v alone has the direction N_v, c_v N_v = 1, orthogonal to E and
-to the c of the other velocities. So
+to the c of the other velocities. With the tensions x of the links, the matrix C of all
+c_ki, and the massless velocities theta' on which the forces `torque` act,
 
     u'' = (force + C^T F) / m,    F = E x + N torque,    c E = 0,    c N = 1,
     E^T C u'' = E^T drift,    theta'' = N^T (C u'' - drift).
 
 M is never formed. The matrix S of S x = r for the tensions x is a sum of squares of the
-forces on each mass, x^T S x = sum over u of w_u (sum over t of p_tu x_t)^2. Squares in
+forces on each mass, x^T S x = sum over u of w_u (sum over t of p_tu x_t)^2, where p_tu
+is the force on mass u by a unit tension x_t, and w_u = 1/m_u up to units. Squares in
 the same x_t form a group, and while an x_t is in one group alone, Lagrange's identity
 
     |p_i|^2 |p_t|^2 - (p_i p_t)^2 = sum over u < v of (p_iu p_tv - p_iv p_tu)^2
@@ -389,7 +391,10 @@ class Squares(Factorisation):
         super().__init__(g, rows, Budget(), unknowns=unknowns)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
-        """Return the sort key of unknown k: first by neighbours, then by depth."""
+        """Return the sort key of unknown k; unknowns are eliminated in ascending order.
+
+        The key is the number of neighbours of k in S, then `after[k]`, then k.
+        """
         neighbours = {k, *self.rows[k]}.union(
             *(self.groups[x].members for x in self.groups_of[k])
         )
@@ -463,7 +468,7 @@ def has_masses(e: Equations) -> bool:
 
 
 def accelerations(e: Equations) -> list[int] | None:
-    """Return q'', shape (n,); None if the scene is not masses on massless links."""
+    """Return q'' (n,) as nodes; None if the model is not masses on massless links."""
     g, n = e.graph, len(e.q)
     laws = _laws(e)
     if laws is None or not has_masses(e):
