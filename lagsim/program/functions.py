@@ -266,7 +266,7 @@ def _levers(equations: Equations, switches: Switches) -> list[int]:
 
     The levers of a surface are the components, along its gradient, of the forces and of
     each row; their jumps across the surface determine the motion at a corner, see
-    `corners`. The list is empty without corners.
+    `mechanics.corners`. The list is empty without corners.
 
     switches : the switches of the equations.
     """

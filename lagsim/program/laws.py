@@ -437,7 +437,7 @@ def unprojected_size(p: Parameters, k: int) -> float:
 
 
 def unshared(p: Parameters, count: int) -> float:
-    """Store the gradient (count,) of the convex function in p.share_gradient.
+    """Store the gradient (count,) of the function of `share_by` in p.share_gradient.
 
     The gradient is A_h A^T P(...) less A_h A^T lambda: the forces that the bounded
     multipliers lack. Return its largest component relative to the sizes of its terms.
@@ -458,9 +458,9 @@ def unshared(p: Parameters, count: int) -> float:
 
 
 def newton_step(p: Parameters, count: int) -> float:
-    """Store Newton's step (count,) for the minimum in p.share_step.
+    """Store Newton's step (count,) to the minimum of `share_by` in p.share_step.
 
-    Return the derivative of the convex function along the step, with the sign reversed.
+    Return the derivative of the function along the step, with the sign reversed.
     """
     laws = p.laws
     change = p.share_next

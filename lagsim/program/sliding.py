@@ -13,8 +13,8 @@ expression has two values, either of which may reach an end of its side.
 
 At a corner of an equality the rows of both sides hold, which no combination of fields
 achieves: f_k is there the field with a force along the surface's gradient, see
-`corners`. The field is linear in this force, which is chosen so large that the
-difference f_k - f0 has no rounding error from the other forces.
+`mechanics.corners`. The field is linear in this force, which is chosen so large that
+the difference f_k - f0 has no rounding error from the other forces.
 
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.

@@ -164,7 +164,8 @@ class System:
     newton : NewtonMatrix or None
         Sparse Newton matrix of an implicit method.
     together : bool
-        Whether the columns of several rows are evaluated at once, see `lanes`.
+        Whether the columns of several rows are evaluated at once
+        (`native.graph.lanes`).
     indicators : list of Indicator
         Activity indicators of localized terms, see `localized`.
     program : list of ProgramPart
@@ -849,7 +850,7 @@ class Runner:
         return self._columns_of(self._rows, count, self._width - 1, out)
 
     def tabulate(self, states: Floats) -> Floats:
-        """Return the columns (rows, columns) of `states` (rows, 1 + size)."""
+        """Return the columns (rows, columns) of `states` (rows, 1 + size): t and y."""
         states = np.ascontiguousarray(states)
         count, width = states.shape
         return self._columns_of(states.ctypes.data, count, width - 1)

@@ -116,7 +116,8 @@ class Recorder:
         The events that `listed` has not received: those at the current instant, and
         ends of accumulations, which are known before other events at earlier times.
     events : list of Event
-        The first events of the run, up to a fixed number.
+        The first `MOST_EVENTS` events of the run, and all later ones that belong to no
+        switch, constraint or name.
     counts, unkept : dict
         Number of all events of each kind, and of those that are not in `events`.
     full : float

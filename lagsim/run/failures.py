@@ -68,10 +68,11 @@ class Fallback(Source):
     """Change of the method where it fails, or cannot pass a loss of rank."""
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Return the decision to change to the method `ANY` after a failure.
+        """Return the decision to change to `ANY` after a failure or before a rank loss.
 
-        None if the code is no failure, if `ANY` itself has failed, or if the failed
-        method was requested and is no Taylor series.
+        Without a loss of rank ahead, the result is None if the code is no failure, if
+        the method `ANY` itself has failed, or if the failed method was requested and is
+        no Taylor series.
         """
         name = arc.runner.method.NAME
         if code == at.LOSS_AHEAD:

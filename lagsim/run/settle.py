@@ -159,7 +159,7 @@ def first_record(arc: Arc, last: InstantRecord, located: Located) -> InstantReco
         The arc that has ended, at the time of the instant.
     last : InstantRecord
         The record of the last instant. If no time has passed since, that instant
-        continues: the events, impacts and located functions in its record still count.
+        continues: the acts, surfaces and laws in its record still count.
     located : Located
         The event function that has ended the arc.
     """
@@ -255,7 +255,7 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
     All events due together act in the order of the file; events whose conditions these
     acts make true act next, until no further condition becomes true. Then the sum of
     the impulses of all these events changes the velocities. Where velocities may jump
-    at the instant, the row before all of it is stored first.
+    at the instant, the table row just before the instant is stored first.
 
     now : the record before the phase.
     by : the parts of the run that decide.

@@ -468,7 +468,7 @@ class Contacts(Source):
         here : Kinematics
             The laws just before the impact.
         active : list of int
-            Indices of the laws with impulses.
+            Indices of the laws on which impulses may act.
         ends : dict of int to float
             End times of the series of bounces that end with this impact, by contact.
         found : StateAfter

@@ -57,7 +57,8 @@ def _raised_state(here: Kinematics) -> Floats:
 def _is_stopping(here: Kinematics, k: int) -> bool:
     """Whether the slip of law k stops before a position changes by more than rounding.
 
-    k : the index of a slip on a disc whose mode has ended.
+    k : the index of the law whose mode has ended; False if it is no slip with two
+        directions.
     here : all laws at the end of the step.
     """
     pair, p = [k, here.laws[k].pair], here.arc.system.p

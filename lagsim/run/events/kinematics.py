@@ -150,7 +150,8 @@ class Kinematics:
     Attributes
     ----------
     held : sequence of int
-        Indices of laws that hold as equalities in forces; all others are off.
+        Indices of the laws that hold, as equalities do, while forces are evaluated; all
+        other laws are off there.
     gaps, rates, accelerations : ndarray, shape (L,)
         Of each law: the gap of a contact, or the rate of another law; the rate; and the
         derivative of the rate without the other laws.
@@ -179,7 +180,8 @@ class Kinematics:
     reach : tuple of two ndarray, shape (L,)
         The ranges of the residual and of the rate of each law in the motion so far.
     fastest : ndarray, shape (L,)
-        The largest magnitude of the terms of each rate by the velocities so far.
+        The sum of the magnitudes of the terms of each rate, at the largest velocities
+        so far.
     shape : MassAndRows
         The mass matrix and all rows.
     rows : ndarray, shape (L, n)

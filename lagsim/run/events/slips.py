@@ -235,7 +235,7 @@ def _derivative(x: Floats) -> Floats:
 def _own(D: Floats) -> Floats:
     """Return the largest acceleration (P,) of each slip by a unit friction force.
 
-    The acceleration is the norm of the slip's own block of D (2 P, 2 P), the Delassus
+    It is the larger diagonal element of the slip's block of D (2 P, 2 P), the Delassus
     matrix of both components of P slips.
     """
     return np.asarray(np.diag(D).reshape(-1, 2).max(axis=1))

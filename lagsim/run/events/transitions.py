@@ -87,8 +87,8 @@ class Transitions(Source):
     def due_at_start(self, arc: Arc) -> Due:
         """Store the truth of the conditions at the start, and return the acts there.
 
-        The modes of the file are those after the acts, since the admissible start
-        depends on them.
+        The modes of the file in the memory are already those after the acts, since the
+        admissible start depends on them.
         """
         events, begun = arc.equations.model.events, arc.equations.begun_by
         if len(arc.state.orientation):

@@ -143,8 +143,8 @@ class Corners:
         """Store the rows just before and just after an event.
 
         Events no more than `within` apart are merged: the rows before the first and
-        after the last are kept. A slip on a disc may have many events before the slip
-        stops.
+        after the last are kept. A slip with two directions may have many events before
+        it stops.
 
         Parameters
         ----------

@@ -448,7 +448,8 @@ class Growth:
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
     """Return the indices of each constraint's residual and scale columns, by name.
 
-    Constraints that hold only at times have no such columns and are omitted.
+    The residual of a contact or freewheel is its violation, `missed:NAME`. Limited
+    equalities, and those with a condition `when`, are omitted.
     """
     places = {name: k for k, name in enumerate(columns)}
     names = [x.removeprefix("scale:") for x in columns if x.startswith("scale:")]
