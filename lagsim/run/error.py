@@ -60,7 +60,7 @@ class ErrorBar(NamedTuple):
     still : ndarray, shape (n,), or None
         Displacements by rounding, below which motion has no horizon; None for zeros.
     rates : ndarray or None
-        Error estimates of the velocities, one column a coordinate.
+        Error estimates of the velocities, one column per coordinate.
     repeated : dict
         Times, coordinates, velocities and states of the repeat, by the index of the
         compared row.

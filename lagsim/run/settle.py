@@ -7,8 +7,8 @@ returns the next one (`instant.InstantRecord`):
     1 acts        events of the file that are due, in the order of the file
     2 sides       branches of t, then the side of each switching surface
     3 velocities  one problem of impulses: equalities that jump, laws that approach
-    4 modes       the modes of laws, by the accelerations; then the sides of steps that
-                  conditions and output alone contain
+    4 modes       the modes of laws, by the accelerations; then the sides of steps (as
+                  of `sign`) that conditions and output alone contain
     5 ties        within 2 and 4: by the rates of the tied rows, then by a rule
     6 repeat      events that these phases have made due act at the same instant
     7 bookkeep    rows before and after jumps, and lists, all with one time
@@ -83,7 +83,7 @@ class Deciders(NamedTuple):
     switching
         The surfaces of switches in the state.
     shown
-        The sides of steps that occur in conditions and output alone.
+        The sides of functions with jumps that occur in conditions and output alone.
     contacts
         The laws: contacts, friction, limits, freewheels, relations with `when`.
     jumping : bool
@@ -452,7 +452,9 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
 
 @phase
 def shown_sides(now: InstantRecord, by: Deciders) -> InstantRecord:
-    """Select the sides of steps in conditions and output alone, by the motion found.
+    """Select the sides of functions with jumps in conditions and output alone.
+
+    The motion does not depend on these sides; they are those to which it leads.
 
     now : the record after all modes of the motion are selected.
     by : the parts of the run that decide.

@@ -72,7 +72,8 @@ class Truth:
     set_by_modes : bool
         Whether conditions contain modes that events set.
     steps : bool
-        Whether conditions contain steps whose sides are selected at an instant.
+        Whether conditions contain functions with jumps (steps, such as `sign`), whose
+        sides are selected at an instant.
     """
 
     def __init__(
@@ -177,9 +178,9 @@ class Truth:
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
 
-        At the instant rounding decides on which side a step is evaluated. For the
-        comparison in `settled` each condition is therefore given a value clear of 0, as
-        if it were false.
+        At the instant, rounding decides on which side of its jump a function such as
+        `sign` in a condition is evaluated. For the comparison in `settled` each
+        condition that was false before is therefore given a value clear of 0.
 
         waiting : indices of conditions whose truth `satisfied` has found to change.
         """

@@ -168,7 +168,7 @@ def inelastic_impact(
 def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
     """Return the name of a holonomic constraint whose residual has jumped, or "".
 
-    After such a jump, of a position that the constraint prescribes, no motion can
+    The position that the constraint prescribes has then jumped, and no motion can
     continue.
 
     before : the table row before the instant.
@@ -189,8 +189,8 @@ def _jumping(arc: Arc, before: Before, now: Floats, bent: list[int]) -> str:
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     """Whether velocities jump by more than the rounding of the state explains.
 
-    A velocity that constraints hold at 0 has no magnitude but rounding: the change by
-    the forces in one step is its scale.
+    The magnitude of a velocity that constraints hold at 0 is rounding alone. Therefore
+    the change of velocities by the forces in one step is added to their magnitudes.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Sides of steps that only conditions and output contain: their surfaces are *shown*.
 
-The motion does not depend on these sides, and no arc ends where the motion passes such
-a surface. But where the argument of `sign(x_dot)` is 0 its rounding must not decide the
+A step is a function with a jump, such as `sign`; the surface is where it jumps. The
+motion does not depend on these sides, and no arc ends where the motion passes such a
+surface. But where the argument of `sign(x_dot)` is 0 its rounding must not decide the
 step. After all modes of the motion are selected, each shown surface at its level
 is therefore given
 

@@ -488,8 +488,9 @@ class Switching(Source):
     def _held(self) -> Flags:
         """Mask (K,) of the surfaces on which the motion stays.
 
-        It follows these, or is at rest at their levels. Which of both depends on the
-        columns of the output (`Crossing._select_rest`), and the events must not.
+        It follows the surfaces or is at rest at their levels. The two count alike here,
+        so that the events do not depend on the columns of the output, by which one of
+        them is selected (`Crossing._select_rest`).
         """
         held = self.modes.holds
         held[self.at_rest] |= self.modes.kind[self.at_rest] == kept.LEVEL

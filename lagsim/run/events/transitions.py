@@ -56,7 +56,8 @@ class Transitions(Source):
     sequence : Accumulation
         The last acts of each event, by which chatter is found.
     selects : bool
-        Whether conditions contain steps whose sides are selected at an instant.
+        Whether conditions contain functions with jumps (steps, such as `sign`), whose
+        sides are selected at an instant.
     stepping : frozenset of int
         The conditions with such steps of rates, as in `sign(x_dot) = 0`.
     energetic, set_by_modes, kicks : bool

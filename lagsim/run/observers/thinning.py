@@ -440,7 +440,10 @@ class Frames:
         self._append(done[self._selected(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Return a mask (k,) of a block's rows that are stored as rows of impacts."""
+        """Return a mask (k,) of the rows of a block to store because of an impact.
+
+        They are the two rows of each impact, or of some impacts if there are many.
+        """
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
@@ -477,7 +480,7 @@ class Frames:
 
     @property
     def broken(self) -> Flags:
-        """Whether an impact is missing between each frame and the next one (k,)."""
+        """Mask (k,) of the frames before whose next frame an impact is not stored."""
         whole = self._whole()
         struck, t = whole[:, STRUCK], whole[:, OWN]
         missing = (np.diff(struck) > 0) & (np.diff(t) > 0)
