@@ -1,3 +1,3 @@
-"""The version, apart from the interface, which knows all rooms."""
+"""The version of lagsim, in a module that imports no other module."""
 
 __version__ = "0.1.0"

@@ -1,11 +1,11 @@
 """Equations of a state at rest, and their solution near a guess.
 
 Unknowns are the positions and first-order states that are guesses, and the multipliers
-of all active rows. The equations are f + A^T lambda = 0 and the relations between
-positions, at q' = 0 and the time of the start. Newton's method starts from the guess
-and is accepted if each step is clearly shorter than the one before: a rest this near
-may be unstable. Otherwise the energy, if there is one, is minimised, and damped steps
-of least change follow.
+of all active rows. The equations are f + A^T lambda = 0, with the generalized forces f
+and the constraint rows A, and the relations between positions, at q' = 0 and the time
+of the start. Newton's method starts from the guess and is accepted if each step is
+clearly shorter than the one before: a rest this near may be unstable. Otherwise the
+energy, if there is one, is minimised, and damped steps of least change follow.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ def _contracted(rest: Rest, metric: Floats) -> Floats | None:
 
     The method contracts if, along each step, the slopes change by no more than half of
     their size, and the next step is no longer than half (L. V. Kantorovich's
-    conditions, checked at the points where r is evaluated).
+    conditions, checked at the points where the residuals are evaluated).
 
     metric : (k, k), in which steps are measured.
     """

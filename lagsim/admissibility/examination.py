@@ -82,15 +82,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Start(Instant):
-    """A state with the ranks of its rows, and whether M is regular.
+    """State of a start, with the rank of its rows; whether its mass matrix is regular.
 
     Attributes
     ----------
     ranks : RankReport
         Rank and dependences of the equality rows.
     augmented : bool
-        Whether M alone is singular, but with the constraints every acceleration is
-        determined.
+        Whether the mass matrix M alone is singular, but with the constraints every
+        acceleration is determined.
     """
 
     ranks: RankReport
@@ -111,8 +111,8 @@ class StartReport(NamedTuple):
         Rank and dependences of the equalities in force; at the nearest admissible state
         if the start is not admissible and such a state was found.
     augmented : bool
-        Whether M alone is singular, but with the constraints every acceleration is
-        determined.
+        Whether the mass matrix M alone is singular, but with the constraints every
+        acceleration is determined.
     reach : Reach or None
         The configurations that velocity constraints let the motion reach; None without
         velocity constraints.

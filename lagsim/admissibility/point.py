@@ -1,9 +1,9 @@
 """Numerical values of the equations at a state, by the graph; lengths of relations.
 
 Only one state is evaluated, so no code is compiled. From LARGE coordinates on matrices
-are sparse: decisions are equal to those of small models as long as M is safely positive
-and the rows are safely independent; otherwise dense matrices are used, at a cost
-proportional to the cube of the number of coordinates.
+are sparse: decisions are equal to those of small models as long as the mass matrix M is
+safely positive and the rows are safely independent; otherwise dense matrices are used,
+at a cost proportional to the cube of the number of coordinates.
 
 The length of a relation is the distance along a coordinate over which its gradient
 changes by its own length: of a rod its length, of a curve its radius, of a sine one
@@ -224,7 +224,7 @@ class Point:
         )
 
     def jacobian(self, rows: Sequence[Row], *, rounded: bool = False) -> Floats:
-        """Return A (m, n) of `rows`; if `rounded`, with 0 for entries of rounding."""
+        """Return the gradients (m, n) of rows; if `rounded`, 0 for rounding errors."""
         found = self.jacobian_entries(rows, rounded=rounded)
         return found.dense(len(rows), self.n)
 

@@ -1,9 +1,9 @@
 """Rank of the constraint Jacobian: dependent rows, contradictions, and thin sets.
 
-Rows are compared in the metric of M and scaled to length 1, so that units and scales of
-relations have no influence. A nearly parallel row is a real constraint: a row is
-dependent only if its remainder is below DEPENDENT_ROWS. A gradient within its rounding
-error is zero.
+Rows are compared in the metric of the mass matrix M and scaled to length 1, so that
+units and scales of relations have no influence. A nearly parallel row is a real
+constraint: a row is dependent only if its remainder is below DEPENDENT_ROWS. A gradient
+within its rounding error is zero.
 
 A row in the span of others may be redundant: then all states that the others admit
 satisfy it, too. It may be dependent only at a singular configuration, where motions
@@ -214,13 +214,13 @@ def scaled_rows(
     *,
     rounded: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return rows (m, n) scaled to length 1 in a metric of M and A, and their lengths.
+    """Return the rows A (m, n) scaled to length 1 in a metric, and their lengths (m,).
 
     Parameters
     ----------
     point : Point
     metric : function
-        M (n, n), A (m, n) -> metric (n, n).
+        Maps the mass matrix M (n, n) and the rows A (m, n) to the metric (n, n).
     rounded : bool
         Whether entries within rounding count as zero.
     """
@@ -305,7 +305,7 @@ def _smallest_of_sparse(
         return unknown
 
     def inverse(r: Floats) -> Floats:
-        """Return (A M^-1 A^T)^-1 r."""
+        """Return (A M^-1 A^T)^-1 r for a vector r (m,), with the scaled rows A."""
         return -np.asarray(factors.solve(np.concatenate([np.zeros(n), r])))[n:]
 
     largest, weakest = largest_eigenvalue(inverse, m)
@@ -316,6 +316,8 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
     """Return a mask (m,) of the scaled rows that lie in the span of earlier rows.
 
     A row counts as dependent if the part outside that span is at most `cutoff`.
+
+    Y : (m, n), the rows scaled to length 1.
 
     Examples
     --------

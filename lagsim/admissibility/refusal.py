@@ -374,7 +374,7 @@ def out_of_scale(equations: Equations) -> InputError:
 
 
 def needs_constraints(point: Point) -> bool:
-    """Whether M alone is singular, but positive definite on admissible velocities.
+    """Whether the mass matrix is singular, but positive on admissible velocities.
 
     Raises
     ------
@@ -439,7 +439,8 @@ def gimbal_lock(point: Point, names: Collection[str]) -> str:
 def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
     """Return sizes of coordinates (n,), and M (n, n) and A (m, n) scaled by them.
 
-    Entries of A within rounding are zero.
+    M is the mass matrix, and A has the constraint rows, with 0 for entries within
+    rounding.
     """
     M, A = point.mass_matrix, point.jacobian(point.e.rows, rounded=True)
     size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)

@@ -1,6 +1,6 @@
 """Starts at rest: guesses for which velocities and accelerations vanish.
 
-The equations and their solution from a guess stand in `balance`.
+The equations, and their solution from a guess, are in `balance`.
 
 Contacts that are closed at the guess are active, with their friction. A contact that is
 penetrated is added, one whose force pulls is removed, and friction beyond its limit is

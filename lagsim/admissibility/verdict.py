@@ -1,10 +1,11 @@
 """Verdicts on the relations at the start, and modes of contacts and other laws.
 
-A residual is compared with the largest of its terms and of |q_i dg/dq_i|, but at most
-with the relation's own size (`Lengths.scales`): far from the origin the terms grow,
-though the relation does not change. A rate is compared with its terms, but at most with
-the motion in the relation, and at least with a tenth of this motion: so a relation
-whose coefficients vanish at the start is judged like its neighbours.
+The residual of a relation g = 0 is compared with the largest of its terms and, over the
+coordinates q_i, of |q_i dg/dq_i|, but at most with the relation's own size
+(`Lengths.scales`): far from the origin the terms grow, though the relation does not
+change. A rate is compared with its terms, but at most with the motion in the relation,
+and at least with a tenth of this motion: so a relation whose coefficients vanish at the
+start is judged like its neighbours.
 
 Contacts that are closed and approach have an impact at once; for contacts that are
 closed and at rest, the accelerations decide which rows hold, slide or open. A timed
@@ -70,7 +71,8 @@ class Residual(NamedTuple):
     size : str
         Description of `scale` in messages.
     floor : float
-        Rounding of values in full precision, by the sizes around the relation.
+        Bound of the rounding error of the residual if all values have full double
+        precision, from the size of the relation or of the motion.
     """
 
     value: float
@@ -126,9 +128,10 @@ class RelationResiduals(NamedTuple):
         Whether the relation is independent of t, and affine in the velocities.
         `pfaffian` is None for holonomic relations.
     position : Residual
-        The residual of g, or of a relation between velocities.
+        The residual of a relation g = 0 of positions, or of a relation between
+        velocities.
     velocity : Residual or None
-        The residual of A q' + g_t for holonomic relations.
+        The residual of the rate dg/dt of a holonomic relation.
     redundant : bool
         Whether the row depends on other rows at all nearby states.
     integrable : bool or None
@@ -738,10 +741,10 @@ class _LawValues:
 
 
 def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
-    """Return accelerations (n,) with equality rows alone, their terms, and K (n, n).
+    """Return accelerations (n,) under the equalities, terms (n,), and K (n, n).
 
-    The terms (n,) are sums of magnitudes. K f is the change of the accelerations by
-    further forces f (n,).
+    No law acts. The terms are the sums of the magnitudes of all terms of the
+    accelerations. K f is the change of the accelerations by further forces f (n,).
     """
     M, A, e = point.mass_matrix, point.gradients, point.e
     f, forced = point.array(e.f), np.zeros(point.n)

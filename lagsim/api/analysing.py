@@ -98,7 +98,9 @@ class Modes(Analysis):
     def matrices(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
     ) -> StateSpace:
-        """Return A, B, C, D with the names of states, inputs and outputs.
+        """Return the linear state space, with the names of states, inputs and outputs.
+
+        Its matrices A, B, C, D are those of x' = A x + B u, y = C x + D u.
 
         Parameters
         ----------

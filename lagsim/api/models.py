@@ -141,6 +141,9 @@ class Accelerations:
     def _solved(self, t: Floats, state: Floats) -> Floats:
         """Solve M q'' - A^T lambda = f, A q'' = b at k states.
 
+        M is the mass matrix, f has the generalized forces, and A and b have the
+        constraint rows and their right-hand sides.
+
         Parameters
         ----------
         t : ndarray, shape (k,)

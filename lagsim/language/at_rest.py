@@ -314,7 +314,10 @@ REST, ABOVE, BELOW, EVEN = range(4)
 
 
 class _Beside:
-    """Decision of the switches of an expression at slip 0, and at small slips."""
+    """Decision of the switches of an expression at slip 0, and at small slips.
+
+    The argument `part` of its methods is the node of a part of the expression.
+    """
 
     def __init__(
         self,

@@ -1,7 +1,9 @@
 """Sums of products, rewritten into equal expressions that cost less.
 
-`Products` are powers of atoms, encoded as integers; sums of products are rewritten here
-for the graph, and, with sympy's expressions as atoms, in `show.tidy` for people.
+`Products` are powers of atoms (expressions that are not split further), encoded as
+integers. A sum of products is a dict, `Terms`: code of a product -> coefficient. Sums
+are rewritten here for the graph, and, with sympy's expressions as atoms, in `show.tidy`
+for people.
 
 On the graph: sums of monomials c a^i b^j ... (`normal_form`), sines and cosines
 combined (`fewer_terms`), constant factors collected in front (`Collected`).
@@ -271,7 +273,7 @@ _SHIFTED = {
 
 
 class _Expansion(Turning[int]):
-    """Nodes of a cone as sums of products.
+    """Sums of products that equal given nodes and the nodes below these.
 
     Attributes
     ----------

@@ -3,7 +3,8 @@
 An enclosure contains every value of an expression while its variable runs through an
 interval, values in double precision included: bounds are rounded outward. Many
 intervals are evaluated together, as arrays. Zeros have no sign here. The rows of the
-table of functions name their rules in this module.
+table of functions name their rules in this module: a rule such as `add` returns the
+enclosure of a function from the enclosures of its arguments.
 
 Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis,
 SIAM 2009.

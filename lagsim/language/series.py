@@ -8,7 +8,8 @@ code here. Functions that select or step keep their branch at t.
 
 `recurrence` returns the nodes of one order, to be evaluated in a loop over the orders;
 `taylor_series` returns the nodes of all coefficients, whose number grows with the
-square of the order.
+square of the order. A function such as `_mul(s, n)` returns the node of the coefficient
+of order k of the operation n, from the coefficients `s` of its arguments.
 
 Sources: R. E. Moore, Interval Analysis (1966); A. Griewank and A. Walther, Evaluating
 Derivatives, 2nd ed. (2008), chapter 13; A. Jorba and M. Zou, Experimental Mathematics

@@ -1,5 +1,7 @@
 """Simpler forms of operations; None where there is none.
 
+The functions return nodes; their arguments x, y and u are nodes of the graph g.
+
 A quotient by its own absolute value is a sign: u/abs(u), abs(u)/u, u/sqrt(u^2),
 u/abs(u)^q. Many models write the direction of a velocity so. At rest it would be 0/0,
 and no switch would be detected. For 0 < q < 1, the form is sign(u) |u|^(1 - q).

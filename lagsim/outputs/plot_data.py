@@ -48,7 +48,8 @@ class PlotData:
     form : str
         png, svg or pdf.
     is_sum : bool
-        Whether the energy is T + V, and not another energy function.
+        Whether the energy is the sum of kinetic and potential energy, and not another
+        energy function.
     appended : Appended or None
         Columns of sensitivities and standard deviations, beside the rows.
     """

@@ -609,7 +609,8 @@ def _far_starts(data: PlotData, names: Sequence[str]) -> dict[str, float]:
     """Return, for each column of energy, the constant subtracted from its curve.
 
     It is the value at the start where the energy is far from 0 in comparison with its
-    changes, else 0. Constants of T and V are also subtracted from T + V.
+    changes, else 0. Constants of the kinetic and the potential energy are also
+    subtracted from their sum.
     """
     series = {name: data.rows.series(name)[1] for name in names}
     ends = {name: finite_range(values) for name, values in series.items()}

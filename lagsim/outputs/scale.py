@@ -364,7 +364,7 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _durations(t: Array) -> Array:
-    """Return the part of the time that each row stands for, (n,).
+    """Return the duration that each row represents, (n,).
 
     Impacts of other bodies add many rows within a short time.
     """

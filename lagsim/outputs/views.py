@@ -209,7 +209,7 @@ class Views:
         return self._data.letters.name(name) if "." in name else name
 
     def draw(self, part: SubFigure, picture: Picture) -> None:
-        """Add panels and legend to a part of a picture; curves follow the layout."""
+        """Add panels and legend to a part of a picture; curves are drawn later."""
         header(part, self._entries, WIDTH)
         rows, columns = len(self._heights), len(self._widths)
         found = part.subplots(

@@ -7,8 +7,9 @@
   velocities.
 - `elimination`: a constraint that determines one coordinate eliminates this
   coordinate; the state is projected onto the remaining constraints.
-- `baumgarte`: b is replaced by b - 2 a (A q' + g_t) - a^2 g for holonomic rows, and by
-  b - a phi for velocity constraints phi = 0, so that residuals decay at the rate a.
+- `baumgarte`: in the rows A q'' = b of holonomic constraints g = 0, b is replaced by
+  b - 2 a (A q' + g_t) - a^2 g, where g_t is the derivative by time at fixed q, and in
+  rows of velocity constraints phi = 0 by b - a phi: residuals decay at the rate a.
   There is no projection. The output shows q'' and lambda without these terms.
 - `drift`: the constraint residuals are neither projected nor stabilised.
 - `full`: `none`, `projection` or `velocity projection`, by the constraints of the

@@ -101,7 +101,8 @@ def _varies(equations: Equations, entries: list[int]) -> str:
 def coupled(e: Equations) -> list[int]:
     """Return, for each coordinate, the least index in its group of coordinates.
 
-    Coordinates that M or a row couples, directly or through others, are a group.
+    Coordinates that the mass matrix or a constraint row couples, directly or through
+    others, are a group.
 
     Returns
     -------
@@ -266,7 +267,7 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 
 def needs_regular_mass(name: str) -> bool:
-    """Whether the method `name` needs M to be regular without the constraints."""
+    """Whether a method needs a mass matrix that is regular without constraints."""
     straight = name != "auto" and STRAIGHT_ONLY.intersection(method(name).NEEDS)
     return bool(straight) or not locates(name)
 

@@ -78,15 +78,16 @@ class Plan:
         Generic smallest singular value of the scaled constraint rows; with tapes, its
         estimate from the pivots of `elimination` at the start.
     volume : float
-        Smallest volume of the blocks of independent coordinates at the start; 0 without
-        such blocks.
+        Smallest volume of the blocks of a solution by independent coordinates at the
+        start, in [0, 1], see `mechanics.partition.volume`; 0 without such blocks.
     set_aside : tuple of bool, length m
         Marks rows that are combinations of other rows in every state.
     lengths : tuple of float, length m
-        Typical length of each row in the metric of M, see `usual_lengths`.
+        Typical length of each row in the metric of the mass matrix M, see
+        `usual_lengths`.
     constant : int
-        The matrices that are factored once in an arc: 2 for M and A, with the rows of
-        laws, 1 for M, else 0.
+        The constant matrices, which are factored once in an arc: 2 for the mass matrix
+        M and the rows A of all constraints, laws included; 1 for M alone; 0 for none.
     augmented : bool
         Whether M is singular and is solved together with the constraints.
     rtol, atol, step : float or None

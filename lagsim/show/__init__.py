@@ -1,6 +1,6 @@
 """Equations for readers: the output of `lagsim derive`.
 
-sympy is loaded by this room alone, and not for the format `python`, which is written
+sympy is loaded by this package alone, and not for the format `python`, which is written
 straight from the graph.
 
     equations -> lagrange (graph, then sympy) -> content, tidy -> text, latex, printers

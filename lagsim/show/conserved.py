@@ -1,10 +1,11 @@
 """Conserved quantities that follow from the structure: Noether's theorem, in part.
 
 The energy function, if no term depends on the time and no force does work; the momentum
-of a coordinate that does not appear in L; sums of momenta and angular momenta for
-translations and rotations of several coordinates under which L is invariant: the null
-space of the changes of L by each generator, written as sums of products.
-Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15 and 20.
+of a coordinate that does not appear in the Lagrangian L; sums of momenta and angular
+momenta for translations and rotations of several coordinates under which L is
+invariant: the null space of the changes of L by each generator, written as sums of
+products. Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15
+and 20.
 """
 
 from __future__ import annotations

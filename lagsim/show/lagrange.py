@@ -3,9 +3,10 @@
 Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
 eqs 34-47 and 61.
 
-Accelerations and multipliers in closed form: M q'' = f + A^T lambda is solved block by
-block, each by its adjugate, where that is short enough to read. Where it is too long
-and a closed form is insisted on, the elimination is given step by step.
+Accelerations and multipliers in closed form: M q'' = f + A^T lambda (mass matrix M,
+forces f, constraint rows A) is solved block by block, each by its adjugate, where that
+is short enough to read. Where it is too long and a closed form is insisted on, the
+elimination is given step by step.
 
 By Gauss's principle of least constraint, q'' minimises G = (q'' - a)^T M (q'' - a)/2
 subject to A q'' = b, where M a = f. The constraint forces are Qc = K (A a - b) with the
@@ -558,7 +559,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
 
 
 def _energies(x: Translation) -> Part:
-    """Return T, V, L and the dissipation function F as in the file."""
+    """Return energies, Lagrangian and dissipation function as the file has these."""
     model = x.equations.model
     energies = [model.kinetic, model.potential, model.dissipation]
     T, V, F = x.sympy(energies, written=True)

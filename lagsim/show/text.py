@@ -267,6 +267,7 @@ class Outline:
 
         key : key of the label in `signs`.
         names : name inserted into each label.
+        values : the entries, as expressions; None for a vector that is not written.
         """
         rows = zip(names, values or (), strict=False)
         self._rows([(self.sign(key, name), e) for name, e in rows])

@@ -1,10 +1,11 @@
 """Simplification of sympy expressions to a short, readable form, within a budget.
 
-An expression is expanded into a sum of products (`language.forms`), in several variants
-that keep some of its inner sums unexpanded. Products of sines and cosines are combined,
-and terms with common factors are collected. The variant with the fewest symbols and
-operations is selected. `benchmarks/tidying.md` compares the result with that of sympy's
-`collect`, `factor_terms` and `futrig` for the shipped models.
+An expression is expanded into a sum of products (`Terms` of `language.forms`; a `Sums`
+has the codes of the products), in several variants that keep some of its inner sums
+unexpanded. Products of sines and cosines are combined, and terms with common factors
+are collected. The variant with the fewest symbols and operations is selected.
+`benchmarks/tidying.md` compares the result with that of sympy's `collect`,
+`factor_terms` and `futrig` for the shipped models.
 """
 
 from __future__ import annotations

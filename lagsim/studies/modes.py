@@ -382,7 +382,7 @@ def _followers(model: Model, name: str) -> dict[str, float]:
 
 
 def matrices_of(space: StateSpace) -> Document:
-    """Return the matrices A, B, C, D of a state space, with names, as a document."""
+    """Return the matrices A, B, C, D of x' = A x + B u, y = C x + D u as a document."""
     return {
         key: value.tolist() if isinstance(value, np.ndarray) else list(value)
         for key, value in space._asdict().items()

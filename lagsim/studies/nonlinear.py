@@ -188,7 +188,8 @@ class _Surfaces:
         """Return the gradient of surface k's expression u, by two sets of variables.
 
         These are (q, q', s), and the variables (a, w, z) of small motions that satisfy
-        the constraints; entries of the second gradient within rounding are 0.
+        the constraints, see `mechanics.linearisation`; entries of the second gradient
+        within rounding are 0.
 
         values : values of mode variables, by name.
         """

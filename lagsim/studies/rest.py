@@ -270,10 +270,11 @@ def _judged_states(point: Point) -> list[RelationResiduals]:
 
 
 def _compared(x: Any, y: Any) -> Iterator[tuple[Floats, Floats]]:
-    """Yield M, A and the slopes of the linearised motion x, each beside that of y.
+    """Yield the matrices of the linearised motion x, each with that of y.
 
-    x and y belong to two states of one motion; if the motion is steady, both matrices
-    of each pair are equal.
+    The matrices are the mass matrix, the constraint rows, and the slopes. x and y
+    belong to two states of one motion; if the motion is steady, both matrices of each
+    pair are equal.
     """
     yield x.M, y.M
     yield x.A, y.A

@@ -202,7 +202,7 @@ class Bodies(SectionReader):
                 self._entry(key, {k.text: value for k, value in entries_of(node)})
 
     def word(self, key: str, node: Scalar) -> Tree | None:
-        """Return the total energy of the bodies, for which the word `bodies` stands.
+        """Return the total energy of all bodies, which the word `bodies` denotes.
 
         None if the energy does not contain the word.
 

@@ -126,7 +126,7 @@ class Faults:
 
 
 def _once(problems: Iterable[Problem]) -> list[Problem]:
-    """Return faults with those on one unknown name merged into the first of these.
+    """Return faults, with all faults on one unknown name merged into the first.
 
     The text of the merged fault has the number of further places.
     """

@@ -567,8 +567,8 @@ class _SceneReader:
     def _looking(self, node: Node) -> list[_Link]:
         """Return the links of an entry: each has two points, a kind and a length.
 
-        The kind is one of `LINKS`, or "" where lengths decide; the length is None
-        except for a string of given length.
+        The kind is one of `LINKS`, or "" where the changes of its length in the motion
+        determine the kind; the length is None except for a string of given length.
         """
         if not isinstance(node, Mapping):
             return [(pair, "", None) for pair in self._link(node)]

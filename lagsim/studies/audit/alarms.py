@@ -5,7 +5,8 @@ remedy. The loop over arcs raises the warnings `rank`, `unresolved-switch`,
 `coordinate-singularity`, and `step-at-stability-bound` of methods with step control.
 This module raises the other ones, from the rows of the run: on inputs without effect,
 violated constraints, energy that no force explains, the horizon of a forecast, and
-steps (`step_bounds`). docs/failing.md explains each code.
+steps (`step_bounds`). docs/failing.md explains each code. The argument `run` of the
+functions is the evidence on the run.
 """
 
 from __future__ import annotations

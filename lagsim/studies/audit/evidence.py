@@ -227,7 +227,7 @@ def _rounding(equations: Equations, row: Row, state: Mapping[str, float]) -> flo
 
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:
-    """Return the square roots of the diagonal of M at the start, shape (n,)."""
+    """Return the square roots of the mass matrix's diagonal at the start, (n,)."""
     diagonal = Point(equations, start).array(equations.inertias)
     return np.sqrt(np.fmax(diagonal, 0.0))
 

@@ -1,9 +1,10 @@
 """Start positions with a given place of a scene point, or a given value.
 
-The coordinates change least in the metric of M, on the constraints of positions, and no
-gap becomes negative: a point that is dragged into a floor slides along it. A place that
-cannot be reached is approached as far as possible. Velocities of the start change least
-so that the constraints hold; a contact may be approached, which is an impact.
+The coordinates change least in the metric of the mass matrix M, on the constraints of
+positions, and no gap becomes negative: a point that is dragged into a floor slides
+along it. A place that cannot be reached is approached as far as possible. Velocities of
+the start change least so that the constraints hold; a contact may be approached, which
+is an impact.
 """
 
 from __future__ import annotations

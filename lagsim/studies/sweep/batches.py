@@ -3,10 +3,11 @@
 A run without switches, contacts and events is a few calls of the kernel, and so is its
 repeat: no session is made for it, and no observers. The starts of a batch are examined
 together; with constraints a run begins at the start of the first run, so that swept
-values may change forces, but neither M nor constraints. The numbers of a run are equal
-in every bit to those of a separate run. A run is made separately if its start needs a
-full examination, if it does not reach its end, if its energy is not conserved, if a
-constraint is not satisfied, if its repeat disagrees, or if `refusal` rejects the model.
+values may change forces, but neither the mass matrix M nor constraints. The numbers of
+a run are equal in every bit to those of a separate run. A run is made separately if its
+start needs a full examination, if it does not reach its end, if its energy is not
+conserved, if a constraint is not satisfied, if its repeat disagrees, or if `refusal`
+rejects the model.
 """
 
 from __future__ import annotations
@@ -359,7 +360,10 @@ def _largest(operation: np.ufunc, a: Floats, b: Floats, out: Floats) -> Floats:
 
 @functools.lru_cache(maxsize=8)
 def _spans(order: tuple[int, ...]) -> list[tuple[slice, slice]]:
-    """Return the runs of consecutive numbers: places in `order`, and these numbers."""
+    """Return slices for each stretch of consecutive numbers in `order`.
+
+    Each item has the positions of a stretch in `order`, and its numbers.
+    """
     first = [k for k, x in enumerate(order) if k == 0 or x != order[k - 1] + 1]
     ends = [*first[1:], len(order)]
     return [
