@@ -42,7 +42,7 @@ def identity(n: int) -> Floats:
 
 
 def least_change_metric(M: Floats) -> Floats:
-    """Return M (k, k), or the identity where M is not positive definite."""
+    """Return the metric of least changes: M (k, k) if positive definite, else I."""
     return M if is_positive(M) else np.eye(len(M))
 
 

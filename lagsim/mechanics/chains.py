@@ -747,6 +747,8 @@ def shorter_than_entries(g: Graph, found: Chains) -> bool:
 def inertial_forces(model: Model, lagrangian: int, flow: Flow) -> list[int]:
     """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,), as nodes.
 
+    L is differentiated as a function of u, q and q', see the module docstring.
+
     lagrangian : the node of L, in which rates of frames may be written by recursion.
     flow : the variables of the motion and their rates.
     """
@@ -771,8 +773,8 @@ def inertial_forces(model: Model, lagrangian: int, flow: Flow) -> list[int]:
 def rates_of_places(model: Model, lagrangian: int, flow: Flow) -> dict[int, int]:
     """Return the rates of positions that occur in L or in definitions of positions.
 
-    Positions are expressions without velocities. Rates that are single variables or
-    constants are left out.
+    Positions are expressions x(q, t) without velocities, and their rates are the u of
+    the module docstring. Rates that are single variables or constants are left out.
 
     lagrangian : the node of L.
     flow : the variables of the motion and their rates.

@@ -431,7 +431,8 @@ def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Foun
 def pushes(e: Equations) -> list[int]:
     """Return, for each node of `f` and `other_rates`, the sum of its |terms| (node).
 
-    Terms that depend on multipliers or accelerations are left out.
+    The sums are scales of rounding errors. Terms that depend on multipliers or
+    accelerations are left out.
     """
     g = e.graph
     rates = (*e.f, *e.other_rates)
@@ -460,7 +461,7 @@ def _size(g: Graph, n: int, moving: set[int]) -> int:
 
 
 def may_strike(e: Equations, row: Row) -> bool:
-    """Whether the rate of a constraint may jump: an impact, which costs energy."""
+    """Whether the rate of a row may jump: by an impact, which dissipates energy."""
     return may_jump(e, [row.rate])
 
 

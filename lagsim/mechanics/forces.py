@@ -71,7 +71,8 @@ def lost_impulses(e: Equations) -> list[Problem]:
 def _components(g: Graph, forces: Iterable[Force], flow: Flow) -> list[int]:
     """Return the components (n,) of forces, or impulses, along the coordinates.
 
-    Each force acts along the gradient of its direction.
+    Component j is the sum, over all forces, of the force times dr/dq_j, where r is the
+    expression of its direction (dr/dq_j' if r depends on velocities).
 
     flow : the variables of the motion and their rates.
     """

@@ -137,7 +137,7 @@ def tree_of_frames(model: Model, flow: Flow) -> TreeOfFrames | None:
 
 
 def _with_negative(g: Graph, node: int, rate: int) -> dict[int, int]:
-    """Map a node to its rate, and the negative of the node to the negative rate.
+    """Return a mapping of a node to its rate, and of its negative to the negative rate.
 
     The negative of a difference a - b is the node b - a, which may exist in the graph.
     """

@@ -264,10 +264,9 @@ class Elimination:
         return entries
 
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Return the node of unit z^T D^-1 other.
+        """Return the node of the unit of mass times z^T D^-1 other.
 
         z, other : sparse vectors, unknown -> node.
-        unit : the unit of mass.
         """
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):

@@ -289,10 +289,10 @@ class Linearisation:
         return Linear(R, Zh, Z, np.asarray(x.metric.L.T), x.rates)
 
     def changes(self, x: Slopes) -> tuple[Floats, Floats, Floats]:
-        """Return changes per unit of (a, w, z).
+        """Return the changes of velocities and of the state per unit of (a, w, z).
 
-        The results are A^+ times the change of the rates of rows, and the change of q',
-        both of shape (n, k + d + l), and the change of (q, q', s), of shape
+        The results are (K, 0, H), see the module docstring, and the change of q', both
+        of shape (n, k + d + l); and the change of (q, q', s), of shape
         (2 n + l, k + d + l).
         """
         Z, Zh, first = x.metric.free, x.position_metric.free, self.first

@@ -88,7 +88,7 @@ class ShorterRows(NamedTuple):
 
 
 class Block(NamedTuple):
-    """Rows, and the coordinates that they determine.
+    """Block of constraint rows and of the dependent coordinates that they determine.
 
     Attributes
     ----------

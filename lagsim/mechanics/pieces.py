@@ -135,7 +135,9 @@ def pieces(
 
 
 class Piece(NamedTuple):
-    """Piece of a node, with its sides of kinks: pairs of u and a side, 1 or -1.
+    """Piece of a node, valid on one side of each kink in `sides`.
+
+    An element of `sides` is a pair: the node u of a kink at u = 0, and a side, 1 or -1.
 
     For a linear table the pair has the argument with its axis in place of u, and the
     number of a line in place of the side. Pieces on different sides of one kink are
@@ -504,7 +506,7 @@ class _Pieces:
         return slopes(g, free, frozenset([kink])).get(kink, g.zero)
 
     def _at_kink(self, node: int, u: int) -> int:
-        """Replace each `if` in a slope by the branch that it selects at u = 0.
+        """Return a slope, each `if` in it replaced by the branch selected at u = 0.
 
         Both pieces of the kink at u = 0 continue with the slope at the kink. With the
         slope as written, an outer `if` may select another branch away from the kink, as

@@ -204,7 +204,7 @@ def _of_one(
 def _leaves(own: float, soon: tuple[Floats, Floats], way: float, left: int) -> bool:
     """Whether a single tied row is released, by the rate of its acceleration.
 
-    This is the closed form of `complementarity.rates_at` for one row. The row is also
+    This is the closed form of `lemke.rates_at` for one row. The row is also
     released if its multiplier cannot change and it has already reached the end of its
     mode at this time.
 
@@ -589,9 +589,9 @@ def _solved_together(
 ) -> tuple[Floats, float]:
     """Solve for the multipliers (k,) of k held rows that are coupled.
 
-    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), with D = Y^T Y and
-    Y_H = Q R, so that nearly dependent rows lose no more digits than their condition
-    number requires.
+    The matrix B = Y_H^T Y E_H is factored as R^T (Q^T Y E_H), where D = Y^T Y, the
+    index H selects the columns of the held rows, and Y_H = Q R. So nearly dependent
+    rows lose no more digits than their condition number requires.
 
     Parameters
     ----------

@@ -91,7 +91,8 @@ class Side(NamedTuple):
     text
         Text of one of the switches, approximately as in the model file.
     floor
-        The name of the smallest argument of roots of `node`, or empty.
+        The name of the variable below which no argument of a root of `node` falls (see
+        `switches.Roots`); empty for none.
     smooth, continuous
         Open intervals of levels. The motion crosses levels in `smooth` without a jump
         of y', and levels in `continuous` without a jump of velocities: there the rate

@@ -636,7 +636,7 @@ def find_switches(
     constrained: Collection[str] = (),
     cuts: frozenset[int] = frozenset(),
 ) -> Switches:
-    """Find the switches of `nodes`.
+    """Find the switches of expressions, `nodes`, and the sides of their surfaces.
 
     Parameters
     ----------

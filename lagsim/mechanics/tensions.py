@@ -593,7 +593,7 @@ def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
 
 
 def _fall(g: Graph, laws: NewtonsLaws, length: int, moving: frozenset[str]) -> Vector:
-    """Return force / (mass `length`) of each mass: its acceleration without tensions.
+    """Return force / (mass * length) of each mass: its acceleration without tensions.
 
     Accelerations are in units of `length`; torques on massless links are left out.
 

@@ -70,7 +70,7 @@ CONSTRAINED = False  # for code shared with methods that support constraints
 
 
 class Moreau(Fixed):
-    """Memory of Moreau's method: place of the multipliers, working memory of a step."""
+    """Memory of Moreau's method: index of the multipliers in y, and working memory."""
 
     # Rows need no slopes.
     before: Floats = array(lambda _: 0, replaces=True)

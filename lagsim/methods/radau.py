@@ -238,10 +238,11 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def error_at_onset(s: Radau, p: SparseNewton, h: float, error: float) -> float:
-    """Return the error of a step h in tolerances, at scales by the motion of others.
+    """Return the error of a step h in tolerances, raised for components at their onset.
 
-    An implicit step reaches all components; tolerances are raised until components at
-    their onset no longer limit it.
+    Such components begin to move by the motion of others, see `onset`. An implicit step
+    reaches all components at once; tolerances are raised until those at their onset no
+    longer limit the step.
 
     error : the error in tolerances so far.
     """
@@ -260,10 +261,10 @@ def error_at_onset(s: Radau, p: SparseNewton, h: float, error: float) -> float:
 
 
 def converge_others(s: Radau, p: SparseNewton, h: float) -> int:
-    """Solve for the stages without regard to components at their onset.
+    """Solve for the stages with the tolerances of components at their onset ignored.
 
-    Their tolerances may be too small for Newton's method. Return 0 on failure, or if
-    there are none, else 1.
+    These tolerances may be too small for Newton's method, see `onset`. Return 0 on
+    failure, or if no component is at its onset, else 1.
     """
     if not sides_are_clear(s, p, s.t, s.y):
         return 0
@@ -459,7 +460,7 @@ ROUNDING = 20.0 * UNIT_ROUNDOFF
 
 
 def full(s: Radau) -> int:
-    """Return the number of rows of a full Newton matrix."""
+    """Return the number of rows of a dense Newton matrix, n + states."""
     return s.n + s.states
 
 
@@ -604,7 +605,9 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def is_rounding(s: Radau, p: SparseNewton, h: float) -> bool:
-    """Whether the last change of T^-1 Z is roundoff of the rates, or of the state.
+    """Whether the last change W of T^-1 Z is roundoff of the rates, or of the state.
+
+    T and Z are those of `newton_step`.
 
     A stiff force is evaluated at a rounded state, and further iterations do not reduce
     its error. The tolerances are raised to the roundoff. The result is False if the
@@ -639,7 +642,11 @@ def guess(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
-    """Compute the change W of T^-1 Z; return its norm in tolerances."""
+    """Compute the change W of T^-1 Z; return its norm in tolerances.
+
+    Z (3 size,) are the increments of the stages; T (3, 3) splits the Newton system into
+    a real and a complex one (section IV.8).
+    """
     size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):
         s.z[:] = s.y + Z[stage * size : (stage + 1) * size]
@@ -669,7 +676,7 @@ def size_of_change(s: Radau) -> float:
 
 
 def apply_step(s: Radau) -> None:
-    """Add T W to Z, the increments of the stages."""
+    """Add T W to Z, the increments of the stages, see `newton_step`."""
     size, W = s.size, s.W
     for i in range(size):
         for j in unrolled(3):

@@ -158,8 +158,8 @@ def sets_off(s: Taylor) -> bool:
 def consistent_step(s: Taylor, p: Parameters, longest: float, most: float) -> float:
     """Return the first step, at most `longest`, with tolerances that depend on it.
 
-    most : components at rest that the motion of others moves further than this number
-        in the first instant are left out of the error.
+    A component at rest whose size after the first instant (`foreseen`) exceeds `most`
+    is not controlled. Tolerances and step are computed in turn until the step settles.
     """
     c, h = s.series, longest
     for _ in range(PASSES):
@@ -309,7 +309,9 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
 
 
 def error_at_onset(s: Taylor, p: Parameters, h: float, error: float) -> float:
-    """Return the error of a step h in tolerances, at scales by the motion of others.
+    """Return the error of a step h in tolerances, raised for components at their onset.
+
+    Such components begin to move by the motion of others, see `onset`.
 
     error : the error in tolerances so far.
     """
@@ -327,9 +329,10 @@ def error_at_onset(s: Taylor, p: Parameters, h: float, error: float) -> float:
 
 
 def unlimited_step(s: Taylor, p: Parameters, h: float, next_: float) -> float:
-    """Return the step after a step h, `next_` if components at their onset allow it.
+    """Return the length of the next step after a step h.
 
-    If these components limit it, they are given a scale by the motion of others.
+    It is `next_` unless components at their onset (see `onset`) limit it; these then
+    have scales by the motion of others, and the length is computed again.
     """
     before = s.series[buffer(s.size, s.which) + 1 + s.size :]
     following = s.series[buffer(s.size, 1.0 - s.which) :]

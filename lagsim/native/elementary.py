@@ -141,9 +141,10 @@ def scaled(x: float, k: int) -> float:
 
 
 def exponential(x: float, low: float, exponent: int, kind: Static) -> float:
-    """Return 2^twos e^(x + low), or e^x - 1 for `kind` LESS_ONE; |low| << |x|.
+    """Return 2^exponent e^(x + low), or e^(x + low) - 1 for `kind` LESS_ONE.
 
-    low : a correction of x, as its rounding error.
+    low : the rounding error of x, |low| << |x|.
+    exponent : 0 for LESS_ONE.
     """
     if not abs(x) < 746.0:
         if x != x or x > 0.0:

@@ -135,9 +135,10 @@ def record_sizes(s: Control, p: Parameters) -> None:
 
 
 def record_measured(s: Control, p: Parameters) -> None:
-    """Update sizes and energy by the accepted state, with the energies stored.
+    """Update the largest sizes so far, and the energy, by the state s.y.
 
-    They are those of the last call of `store_energies`, as by `set_tolerances`.
+    The energies are not evaluated: those that the last call of `store_energies` (by
+    `set_tolerances`, for example) has stored are used.
     """
     record_extents(s)
     if s.spared > 0.0:
@@ -165,7 +166,7 @@ def record_measured(s: Control, p: Parameters) -> None:
 def record_extents(s: Control) -> None:
     """Update the largest sizes and the ranges of all components by the state reached.
 
-    With a fixed step no other record of a step is needed.
+    Methods with a fixed step record this alone; others also record energies.
     """
     for i in range(s.size):
         now = s.y[i]
@@ -226,7 +227,7 @@ def is_within(s: Control, y: Floats) -> bool:
 
 
 def longest_steady(s: Control, p: Parameters, new: Floats, h: float) -> float:
-    """Return the longest step up to which the tolerances hold unchanged, or 0.
+    """Return the longest step for which the present tolerances need no change, or 0.
 
     Within the ranges of the components, the tolerances hold if they follow from these
     ranges alone, by a wide margin. The result is 0 if roundoff of rates is known, since

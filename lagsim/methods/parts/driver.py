@@ -588,11 +588,12 @@ def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def following(s: State, out: Floats, rows: int) -> int:
-    """Write the times of the rows within the last step that follow the next one to out.
+    """Write the times of output rows after the next row to `out`; return their number.
 
-    Return their number. States requested between rows come in order, and end them.
+    Only rows within the last step count, and only those before the next state that is
+    requested between rows.
 
-    out : (rows, 1 + size), the next row at first.
+    out : (rows, 1 + size), with the next row first; times are written from row 1 on.
     """
     end = min(s.t, s.row_limit)
     if s.extras > 0.0:

@@ -245,10 +245,10 @@ def attempt(s: Embedded, p: Parameters, h: float) -> float:
 
 
 def error_at_onset(s: Embedded, p: Parameters, h: float, error: float) -> float:
-    """Return the error of a step h in tolerances, at scales by the motion of others.
+    """Return the error of a step h in tolerances, raised for components at their onset.
 
-    The tolerances are those of the step. They are raised if components at their onset
-    limit it.
+    Such components begin to move by the motion of others, see `onset`. Tolerances are
+    raised only if these components limit the step.
 
     error : the error in tolerances so far.
     """
@@ -263,7 +263,9 @@ def error_at_onset(s: Embedded, p: Parameters, h: float, error: float) -> float:
 
 
 def error_on_constraints(s: Embedded, p: Parameters, h: float, errors: Floats) -> float:
-    """Return the error of a step h in tolerances, without the part off the constraints.
+    """Return the error of a step h in tolerances, of motion on the constraints alone.
+
+    The part that projection onto the constraints removes does not count.
 
     errors : (2 size,), see `error_norm`.
     """

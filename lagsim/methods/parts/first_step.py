@@ -68,14 +68,13 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
 
 def start_moving(s: Control, k: Floats, instant: float, first: int) -> int:
-    """Move components at rest by an instant at the rates `spare`; return their number.
+    """Move components that were at rest so far, for the time `instant`.
 
-    This updates the state after the instant, in `work`, and the sizes to be expected,
-    `foreseen`: see `foresee`.
+    The rates are in `spare`. Update the state after that time, in `work`, and the sizes
+    in `foreseen`, see `foresee`. Return the number of components that begin to move.
 
     k : (size,), y' at the start.
-    instant : the length of the first instant.
-    first : the first of the components.
+    first : index of the first component that may move.
     """
     n, y, foreseen, z, slopes = s.n, s.y, s.foreseen, s.work, s.spare
     set_off = 0

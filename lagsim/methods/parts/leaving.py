@@ -128,7 +128,9 @@ def has_no_end(p: Parameters, k: int) -> bool:
 
 
 def zero_of(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
-    """Return the size up to which row k is 0 at the start of an arc; below 0: never.
+    """Return the size up to which row k counts as 0 at the start of an arc.
+
+    The result is negative if no value of the row counts as 0.
 
     A surface or a slip that leaves has a slack. With step control a condition that is
     false, and 0 to its rounding, is located where it becomes true, however soon. With
@@ -161,10 +163,11 @@ def bound_margins(
 ) -> None:
     """Compute the margins of the rows first ... last - 1 that leave 0.
 
-    The values at the start of the step are in `starts`. A value of which the margin is
-    new leaves if its rate moves it within the margin, any other while it is within. A
-    surface or a slip leaves as long as it has a slack. A false condition that is true
-    at the end of the step becomes true within.
+    The values at the start of the step are in `starts`. In the first step of an arc, a
+    value leaves 0 if its rate changes it by no more than the margin; in later steps,
+    while it is within the margin. Surfaces and slips leave as long as they have a
+    slack. A false condition that is true at the end of the step has no margin: it is
+    located in the step.
     """
     bound_errors(s, p)
     change_by_errors(kind, s, p, first, last)
@@ -190,10 +193,10 @@ def bound_margins(
 def change_within(
     kind: Static, s: SearchTable, k: int, before: float, after: float
 ) -> float:
-    """Return the size of row k that its margin must reach for the row to leave.
+    """Return the least margin with which row k still counts as leaving 0.
 
-    before, after : the value at the start of the step, and after a motion with the
-        rates of that time.
+    before, after : the value at the start of the step, and at its end by a motion with
+        the rates at the start.
     """
     if s.margins[k] != inf:
         return 0.0 if kind == EVENT and k < s.surfaces else abs(before)

@@ -1,4 +1,4 @@
-"""Interpolation of the rows of a step one by one, for methods that do no better."""
+"""Interpolation of the rows of a step one by one: the default `interpolate_rows`."""
 
 from __future__ import annotations
 

@@ -39,12 +39,15 @@ TURNS = 16
 
 
 def each_coordinate(p: Parameters) -> int:
-    """Return the length n of arrays with an entry per coordinate; 0 without loops."""
+    """Return the length n of arrays with an entry per coordinate.
+
+    It is 0 where the accelerations are solved without the loops of `program/dense`.
+    """
     return p.n if p.loops else 0
 
 
 def each_row(p: Parameters) -> int:
-    """Return the length m of arrays with an entry per row; 0 without loops."""
+    """Return the length m of arrays with an entry per row; 0 as `each_coordinate`."""
     return p.m if p.loops else 0
 
 

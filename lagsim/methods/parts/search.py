@@ -415,7 +415,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
 def add_margins(s: SearchTable, p: Parameters) -> None:
     """Add the margins of values that leave 0 to the slack, and to the leeway.
 
-    See `leaving`. In an arc a slack remains until it has been left.
+    See `leaving`. A surface keeps its slack in an arc until its value exceeds it.
     """
     if SWITCHES:
         for k in range(s.surfaces):

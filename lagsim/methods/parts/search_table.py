@@ -452,8 +452,9 @@ def variation(s: SearchTable, k: int) -> float:
 def lowest(way: float, s: SearchTable, k: int, half: int) -> float:
     """Return a lower bound of `way` times row k on its cubic in half of the stretch.
 
-    The cubic lies within the hull of a, a + A/3, b - B/3, b. Slopes are differences: an
-    extremum that seems to be at an end may be just inside.
+    With the values a, b at the ends of the half, and A, B the slopes there times its
+    length, the cubic lies within the hull of a, a + A/3, b - B/3, b. As slopes are
+    differences, an extremum that seems to be at an end may be just inside.
 
     way : 1 or -1.
     half : 0 before the middle point, 1 after it.

@@ -229,6 +229,8 @@ def slope(h: float, c: Floats, out: Floats) -> None:
 def extend(h: float, c: Floats, other: Floats, out: Floats) -> None:
     """Write the terms K to K + E of velocities in a step h to out (E + 1, n).
 
+    K is the order, and E the number of terms beyond it, see `native.graph.polynomials`.
+
     c, other : the series at both ends of the step, from the first velocity on.
     """
 
@@ -237,7 +239,7 @@ def extend(h: float, c: Floats, other: Floats, out: Floats) -> None:
 def lengthen(x: float, h: float, more: Floats, q: Floats, v: Floats) -> None:
     """Add terms beyond the order K at the fraction x of a step h, in place.
 
-    more : (E + 1, n), the terms K to K + E of velocities, see `extend`.
+    more : (E + 1, n), the terms K to K + E of velocities, as written by `extend`.
     q, v : positions and velocities (n,).
     """
 

@@ -3,7 +3,7 @@
 `f_rows(rows, p, out, count)` evaluates the function for up to LANES rows (t, y): each
 value is a vector with a lane for each row, and sines and cosines of an angle are those
 of all rows. Results have the bits of the function of one row, `f(t, y, p, out)`, which
-is written as well: it evaluates equal lanes.
+is written as well: it evaluates vectors with that row in every lane.
 
 Only functions of a few kinds of operations are written so, each of which is an
 instruction on vectors.
@@ -112,7 +112,7 @@ def suits(g: Graph, nodes: Sequence[int], size: int) -> bool:
 
 
 def with_fewer_angles(g: Graph, nodes: Sequence[int]) -> list[int]:
-    """Return equal nodes, with fewer angles whose sines and cosines are computed.
+    """Return nodes with equal values and fewer angles of sines and cosines.
 
     Sines and cosines of an angle a + b or a - b become products of the sines and
     cosines of a and b, where `nodes` contain functions of both.

@@ -1,7 +1,7 @@
 """Lines of LLVM IR for graph operations; sines and cosines of several angles at once.
 
-The C library's sine and cosine cost a large part of the time of a scene of rods or
-links. The function here evaluates the angles of a scene side by side in the lanes of
+The C library's sine and cosine cost a large part of the time of a model of rods or
+links. The function here evaluates the angles of a model side by side in the lanes of
 vector registers, with equal results on every system.
 
 An angle is reduced to its difference from the nearest multiple of pi/2, in two doubles,

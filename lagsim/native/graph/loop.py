@@ -252,7 +252,10 @@ def _sums(w: FunctionWriter, padded: int) -> tuple[str, str]:
 def _with_edges(
     g: Graph, r: Recurrence, edges: Sequence[int]
 ) -> tuple[list[int], list[int]]:
-    """Return the nodes of an order k, whose first and last terms are computed before.
+    """Return the nodes of one order k of the series.
+
+    The first and the last term of each sum of products are computed in advance, in the
+    code of the order before.
 
     r : the recurrence.
     edges : for each sum of products, a variable with its two terms a_1 b_(k-1) +

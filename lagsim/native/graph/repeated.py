@@ -209,7 +209,10 @@ class _Statements:
         return found
 
     def _kind(self, n: int) -> object:
-        """Return the kind of a value that a statement reads; equal kinds read alike."""
+        """Return the kind of a value that a statement reads, for its `form`.
+
+        Values of equal kinds are read by equal code: constants, or numbers of one array
+        """
         op = self.g.ops[n]
         if op == CONSTANT:
             return op
@@ -232,7 +235,10 @@ class _Statements:
         return Statement(root, form, leaves, nodes, self.stored.get(root, ()))
 
     def _read(self, n: int, *, top: bool = False) -> tuple[Form, list[int], list[int]]:
-        """Return form, leaves and nodes of the part of a statement below node n."""
+        """Return form, leaves and nodes of the part of a statement below node n.
+
+        top : whether n is the root of the statement, and so no leaf.
+        """
         g = self.g
         if not top and (n not in self.evaluated or n in self.inner):
             return (self._kind(n),), [n], []
@@ -287,7 +293,7 @@ class _Statements:
 
 
 def largest_family(names: Iterable[str]) -> int:
-    """Return the number of names that differ in their numbers only; the largest such.
+    """Return the size of the largest set of names that differ in numbers only.
 
     Examples
     --------

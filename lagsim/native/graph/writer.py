@@ -75,7 +75,7 @@ def evaluation_order(
 def _piece(count: int) -> int:
     """Return the length of the pieces of a function of `count` nodes.
 
-    Pieces are of equal lengths: a short last one would be a call more, for little.
+    Pieces are of equal lengths: a short last one would cost a call for few operations.
     """
     if count <= keys.WHOLE:
         return max(1, count)

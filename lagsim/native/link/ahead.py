@@ -1,8 +1,8 @@
-"""Second process, which draws pictures beside the first.
+"""Second process, which draws pictures while the first process does other work.
 
-Matplotlib works in one thread at a time. The second process sends its
-results through a pipe; the first process computes results that have not been sent, and
-all results where there is no second core or no `fork`.
+Matplotlib works in one thread at a time, so a thread would not do. The second process
+sends its results through a pipe; the first process computes results that have not been
+sent, and all results where there is no second core or no `fork`.
 """
 
 from __future__ import annotations
