@@ -1,8 +1,9 @@
 """Examination of the initial state: guesses, residuals, nearest admissible state.
 
-A relation, or its rate, is satisfied if its residual is at most SATISFIED times the
-largest of its terms and of |q_i dg/dq_i|, independent of the origin (see `verdict`), or
-if it is within the rounding error of the expressions that state the start.
+A relation g = 0, or its rate, is satisfied if its residual is at most SATISFIED times
+the largest of its terms and of |q_i dg/dq_i|, independent of the origin (see
+`verdict`), or if it is within the rounding error of the expressions that state the
+start.
 """
 
 from __future__ import annotations

@@ -371,6 +371,8 @@ def _of_gap(name: str, own: Sequence[RelationResiduals]) -> RelationResiduals:
 
     It is the verdict on the least piece that holds, else on the least closed piece,
     else on the least piece; its `position` is always that of the least piece.
+
+    own : the verdicts on the pieces.
     """
     least = min(own, key=lambda x: (not x.holds, not x.active, x.position.value))
     position = min((x.position for x in own), key=lambda x: x.value)

@@ -121,6 +121,12 @@ class Modes(Analysis):
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write the files of `lagsim modes`.
 
+        Parameters
+        ----------
+        folder : str or Path
+        plots : bool
+            Whether pictures are written, too.
+
         Raises
         ------
         InputError
@@ -202,6 +208,12 @@ class Equilibria(Analysis):
 
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write the files of `lagsim equilibrium`.
+
+        Parameters
+        ----------
+        folder : str or Path
+        plots : bool
+            Whether pictures are written, too.
 
         Raises
         ------

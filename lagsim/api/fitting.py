@@ -102,6 +102,12 @@ class Fitted(Analysis):
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write the files of `lagsim fit`.
 
+        Parameters
+        ----------
+        folder : str or Path
+        plots : bool
+            Whether pictures are written, too.
+
         Raises
         ------
         InputError

@@ -181,7 +181,7 @@ class Error(ErrorBar):
 
     @classmethod
     def of(cls, bar: ErrorBar, model: str, units: Mapping[str, str]) -> Error:
-        """Return an estimate with the name and the units of its model."""
+        """Return the estimate of an error bar, with the name and units of its model."""
         new = cls(*bar)
         new.model, new.units = model, units
         return new

@@ -116,6 +116,12 @@ class Sweep:
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write the files of `lagsim sweep`: sweep.csv, sweep.png, sweep.json.
 
+        Parameters
+        ----------
+        folder : str or Path
+        plots : bool
+            Whether sweep.png is written.
+
         Raises
         ------
         InputError

@@ -214,6 +214,10 @@ def run_all(
         Options of the runs by key of `simulation`.
     jobs : int or None
         The number of processes.
+    as_json : bool
+        Whether the results are printed as one JSON document.
+    quiet : bool
+        Whether no summary is printed.
 
     Raises
     ------

@@ -414,7 +414,7 @@ class _Beside:
     def _steps_near(self, parts: Sequence[int]) -> bool:
         """Whether an argument changes its sign at a slip too small for any run.
 
-        Such a change near slip 0 is recorded.
+        If the sign changes for the parameters of the file, `near` is set.
 
         parts : nodes of the argument in the four versions, see `_versions`.
         """

@@ -227,7 +227,7 @@ def div(x: Interval, y: Interval) -> Interval:
 def over_argument(rule: Callable[[Interval], Interval]) -> Callable[..., Interval]:
     """Return the rule that encloses f(x)/x.
 
-    rule : the one that encloses f(x).
+    rule : the rule that encloses f(x).
     """
     return lambda x: div(rule(x), x)
 

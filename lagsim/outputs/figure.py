@@ -1,6 +1,7 @@
 """Picture: a matplotlib Figure with title, legend and notes; curves, marks and maps.
 
-matplotlib's constrained layout places the panels, once for all formats.
+matplotlib's constrained layout places the panels, once for all formats. A `Pen` is a
+set of options of matplotlib: colour, line and marker of a curve.
 """
 
 from __future__ import annotations

@@ -76,7 +76,10 @@ class Body(NamedTuple):
         return float(self.corners[0, 0, 2]) if level else None
 
     def placed(self, rows: Sequence[int] | NDArray[np.intp]) -> Floats:
-        """Return the corners in the axes of the scene (rows, n, d)."""
+        """Return the corners in the axes of the scene, in some rows, (rows, n, d).
+
+        rows : the indices of these rows.
+        """
         corners = self.corners if len(self.corners) == 1 else self.corners[rows]
         placed: Floats = corners @ self.axes[rows].swapaxes(1, 2)
         return placed + self.at[rows][:, np.newaxis]

@@ -153,8 +153,8 @@ class Views:
     def _usable(self, scale: float) -> float:
         """Return a scale in data units per inch with a margin around the scene.
 
-        scale : that without a margin; 0 for a scene at rest, for which the result is
-            positive.
+        scale : the scale without a margin; 0 for a scene at rest, for which the result
+            is positive.
         """
         scale *= FREE
         return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0

@@ -286,7 +286,7 @@ def _with_quaternions(found: Formulation) -> Formulation:
 
 
 def _stabilised(equations: Equations) -> Equations:
-    """Return equations with Baumgarte's stabilising terms in b of each row."""
+    """Return equations with Baumgarte's stabilising terms in the right-hand sides."""
     g = equations.graph
     a = g.variable(GAIN)
     rows = []

@@ -335,13 +335,14 @@ def _check_straight(
     settings: Settings,
     choices: list[Choice],
 ) -> None:
-    """Refuse a method that needs y' as graph nodes, where loops solve for q''.
+    """Refuse a method that needs y' as graph nodes if loops of a kernel solve for q''.
 
     The method is also refused if its Taylor series would be too long; else the form of
     the series is appended to `choices`.
 
     name : the name of the method.
-    elimination : the solution for q'' on the graph; None where loops solve.
+    elimination : the solution for q'' on the graph; None where loops of a kernel solve
+        the equations numerically.
     """
     text = "its equations are solved by loops, not by straight-line code"
     hint = _HANDLED

@@ -315,7 +315,8 @@ def _volume(
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
     """Whether the model's functions are too long to compile, and run from tapes.
 
-    elimination : the solution for q'' and lambda; None where loops solve.
+    elimination : the solution for q'' and lambda on the graph; None where kernels solve
+        the equations numerically, by loops.
     """
     if equations.graph.of((ELEMENTS,)):
         return True
@@ -337,7 +338,8 @@ def many_slopes(
     """Whether tapes are needed since a method's derivatives are too many to compile.
 
     name : the name of the method.
-    elimination : the solution for q'' and lambda; None where loops solve.
+    elimination : the solution for q'' and lambda on the graph; None where kernels solve
+        the equations numerically, by loops.
     choices : the decision on the derivatives, with its reason, is appended.
     """
     n, m = len(equations.q), len(equations.rows)
@@ -368,7 +370,8 @@ def repeats(
     to compile. If so, the choice is appended to `choices`.
 
     name : the name of the method.
-    elimination : the solution for q'' and lambda; None where loops solve.
+    elimination : the solution for q'' and lambda on the graph; None where kernels solve
+        the equations numerically, by loops.
     """
     if elimination is None or STRAIGHT_ONLY.intersection(method(name).NEEDS):
         return False
@@ -526,10 +529,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _with_switches(
     equations: Equations, settings: Settings
 ) -> tuple[Equations, Switches]:
-    """Return the equations with forces at corners of equalities, and all switches.
+    """Return the equations, with forces of equalities at kinks added, and all switches.
 
-    settings : names the method; unless it locates events, only switches of the time
-        have sides.
+    settings : the settings, of which the method is used: if it does not locate events,
+        only switches of the time have sides.
     """
     located = locates(settings.method)
     known = settings.method != "auto"

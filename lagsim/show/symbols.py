@@ -47,7 +47,7 @@ LARGEST_DENOMINATOR = 16
 
 
 def symbol(name: str) -> Any:
-    """Return the real sympy symbol with this name, to the letter."""
+    """Return the real sympy symbol of a name, which is not parsed for subscripts."""
     return sp.Symbol(name, real=True)
 
 

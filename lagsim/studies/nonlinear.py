@@ -213,13 +213,19 @@ class _Surfaces:
         return 1.0 if above else -1.0
 
     def _on(self, above: Mapping[int, bool]) -> dict[str, float]:
-        """Return the values of mode variables on the given sides, by name."""
+        """Return the values of mode variables on the given sides, by name.
+
+        above : index of a surface -> True for its upper side.
+        """
         return {
             self.sides[k].variable: self._ends(k, above=x) for k, x in above.items()
         }
 
     def _reached(self, above: Mapping[int, bool]) -> bool:
-        """Whether small motions reach the given sides of all surfaces at once."""
+        """Whether small motions reach the given sides of all surfaces at once.
+
+        above : index of a surface -> True for its upper side.
+        """
         values = self._on(above)
         rows = np.array([self._gradient(k, values)[1] for k in above])
         lengths = np.linalg.norm(rows, axis=1)

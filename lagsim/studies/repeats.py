@@ -283,10 +283,14 @@ def second_session(
 
     Parameters
     ----------
+    other
+        The repeat.
     session, trajectory
         The run that failed the audit.
     finding
         The reason.
+    allowance
+        The budget of operations that is left.
     """
     way, before = other.session, session.plan
     longest = SHORTER * way.longest_step

@@ -165,8 +165,8 @@ class Forms:
     The functions compiled for the first variant serve all variants that they fit, with
     results equal in every bit to those of a separate run. If values need other
     functions (because another method suits these values, for example), the model is
-    read again, and its functions serve later runs, too. Other settings need no other
-    model.
+    read again, and its functions serve later runs, too. Other settings alone need no
+    second reading.
 
     Parameters
     ----------

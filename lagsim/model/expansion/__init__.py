@@ -440,6 +440,7 @@ class Expansion:
         """Whether a name is free for a family of a section; else a fault is reported.
 
         family : the family of that name as declared before.
+        section, key : the section, and the key that declares the name there.
         """
         if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"

@@ -812,7 +812,7 @@ class MemberReading:
 
 
 class HiddenReading(MemberReading):
-    """Evaluation of a hidden definition's text; the expression is stored already."""
+    """Reading of a hidden definition (see `trees`), from its stored expression."""
 
     __slots__ = ("_parsed",)
 

@@ -1,4 +1,7 @@
-"""Faults of a file, access to its mappings, lists and texts, and its sections."""
+"""Faults of a file, access to its mappings, lists and texts, and its sections.
+
+A function with the argument `faults` adds the faults that it finds to this list.
+"""
 
 from __future__ import annotations
 

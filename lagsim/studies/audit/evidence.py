@@ -1,6 +1,7 @@
 """Evidence on a run: residuals of constraints and energies, from its rows.
 
-A residual or an energy counts if it exceeds the rounding errors that the rows show.
+A residual or an energy counts if it exceeds the rounding errors that the rows show. The
+argument `run` of the functions is the evidence on the run, an `Evidence`.
 """
 
 from __future__ import annotations

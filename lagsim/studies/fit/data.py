@@ -244,9 +244,9 @@ def columns_of(model: Model) -> list[str]:
 
 
 def _measurable(model: Model) -> dict[str, str]:
-    """Return the names that a column of the data measures if it has that name.
+    """Return the quantities to which columns of data with their names are matched.
 
-    The result maps each name to its unit.
+    The result maps the name of each quantity to its unit.
     """
     every: list[Coordinate | FirstOrderState | Definition] = [*model.coordinates]
     every += [*model.states, *model.definitions]

@@ -144,6 +144,7 @@ def grid_of(
     """Return the grid of names and values, or points with `together`.
 
     given : values by name.
+    together : whether run k has value k of every name, in place of all combinations.
 
     Raises
     ------
