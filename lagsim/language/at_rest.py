@@ -552,6 +552,7 @@ class _Beside:
         part : node of the expression.
         point : values of other variables.
         speed : size of the slips.
+        i : number of the direction, of DIRECTIONS evenly spaced ones.
         """
         low, high = (2.0 * math.pi * (i + way) / DIRECTIONS for way in (-1, 1))
         for _ in range(48):

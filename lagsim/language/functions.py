@@ -635,9 +635,9 @@ POWERS = (
 
 
 def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
-    """Return the row of a function of `data` arrays of a table and of numbers.
+    """Return the row of a function of a table.
 
-    numbers : count of the numbers.
+    data, numbers : how many arguments are arrays of the table, and how many numbers.
     """
     kernel, arity = getattr(tables, f"table_{name}"), data + numbers
     kinds = ["ptr"] * data + ["double"] * numbers

@@ -52,7 +52,8 @@ class Body(NamedTuple):
     faces : list of list of int
         The corners of each face, counterclockwise as seen from outside.
     edges, seams : list
-        Edges of faces; seams are edges between flat parts of a round surface.
+        Edges of faces, each as its two corners and the two faces that meet in it (-1:
+        no face); seams are edges between flat parts of a round surface.
     moves : bool
         Whether the position, the axes or the corners change.
     radius : float

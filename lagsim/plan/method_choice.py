@@ -48,8 +48,8 @@ ANY = "dop853"
 def structure(equations: Equations) -> Structure:
     """Return the structure of `equations`: mass matrix, constraints, linearity.
 
-    The structure is decided from the expressions alone: one that only appears at some
-    values of the parameters is not found.
+    The structure is decided from the expressions alone: a property that holds only at
+    some values of the parameters is not found.
     """
     g, entries = equations.graph, equations.mass_nodes
     coupled = [together for _, together in equations.coupled]

@@ -1,6 +1,6 @@
 """A derivation as a LaTeX document, or as Markdown with formulas for notebooks.
 
-The document compiles as it is, and its blocks go into a paper.
+The document compiles as it is, and its equations can be copied into a paper.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A derivation as plain text: Unicode with dots, or ASCII in the model language.
 
-The outline, sections and their order, is that of LaTeX, too.
+A LaTeX document (`latex`) has the outline defined here: the sections and their order.
 """
 
 from __future__ import annotations

@@ -116,8 +116,8 @@ class Continuum:
     ) -> Iterator[tuple[float, float]]:
         """Generate, for each law in force, its limit and the size of its multiplier.
 
-        The size is |multiplier|; for a law of a pair it is the norm of both
-        multipliers. The limit is 0 for a multiplier without a limit.
+        The size is |multiplier|; for one of two laws that share a limit it is the norm
+        of both multipliers. The limit is 0 for a multiplier without a limit.
 
         known : multipliers by the names of the rows.
         """

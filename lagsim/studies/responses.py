@@ -4,7 +4,7 @@ Each parameter, each stated start value, and points of each table are changed sl
 one at a time, and the run of the changed model is compared with the golden. If the
 comparison passes, the change of the motion is compared with rounding errors: either the
 motion does not respond to the change (an amplitude cancels, for example), or the golden
-is blind to it.
+does not detect its response.
 """
 
 from __future__ import annotations

@@ -107,7 +107,9 @@ class Faults:
         return f"did you mean `{in_file(near)}`?" if near else ""
 
     def raise_if_any(self) -> None:
-        """Raise all faults in the order of the file, the command line's first.
+        """Raise the faults in the order of the file, the command line's first.
+
+        Of more than MAX_FAULTS faults the rest is only counted.
 
         Raises
         ------
@@ -487,7 +489,7 @@ RESERVED = tuple(name for name in _REFUSED["enum"] if name not in JOINING)
 
 
 def has_key(section: str, key: str) -> bool:
-    """Whether `key` may stand directly below a section."""
+    """Whether a section may have an entry with the key `key`."""
     return key in SECTIONS[section].get("properties", ())
 
 

@@ -278,7 +278,7 @@ class Energy:
     def sides(self, state: Floats) -> list[float]:
         """Return the side of each switch at a state, as a number.
 
-        Numbers of a switch differ between its sides.
+        A switch has a different number on each of its sides.
 
         state : (1 + 2 n,), time, coordinates and velocities.
         """

@@ -160,7 +160,7 @@ def _combinations(kernel: Floats, names: Sequence[str]) -> list[dict[str, float]
 
 
 def next_step_length(J: Floats, r: Floats, loss: str) -> float:
-    """Return the length, in residuals, of the next step by Gauss and Newton's method.
+    """Return the length, in residuals, of the next step of the Gauss-Newton method.
 
     It is the norm of J dx for the step dx: 1 for a step by a standard error, if
     residuals are in standard deviations. It is a measure of how far a fit is from its

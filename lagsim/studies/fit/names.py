@@ -211,7 +211,8 @@ def near_bounds(one: Varied) -> tuple[float, float]:
 def drawn_start(one: Varied, random: np.random.Generator) -> float:
     """Return a random start value of a varied name, for a fit from another start.
 
-    It is between the bounds, or from half to double of the value.
+    It is between the bounds. Where one of them is infinite, it differs from the start
+    value by a factor of at most SPREAD, or from a start value 0 by at most the scale.
     """
     part = float(random.uniform())
     if math.isfinite(one.low) and math.isfinite(one.high):
