@@ -3,8 +3,8 @@
 For links of length l at angles a_k, x_k' = x_{k-1}' + l cos(a_k) a_k' is the velocity
 of joint k, and likewise for the other positions. The mass matrix M of the angles is
 full, but the kinetic energy as a function of all x_k' and a_k' is a sum of a few
-squares per body. Chains are recognized on the graph, where
-definitions written with each other and sums shared by expressions are the same nodes.
+squares per body. Chains are recognized on the graph, where definitions written with
+each other and sums shared by expressions are the same nodes.
 
 The x_k' therefore stay unknowns beside the q_k', and L D L^T is computed from the tips
 of the chains inward (see `Factorisation`). The pivots are the articulated-body
@@ -17,8 +17,8 @@ equations are
     d/dt(dL/du) du/dq' + d/dt(dL/dq') - dL/dq = Q
 
 where each derivative of L treats u and q' as independent variables. As d/dt(du/dq') =
-du/dq, terms with the derivatives of du/dq', which occur twice and
-cancel, are never formed. For articulated bodies this is the bias force.
+du/dq, terms with the derivatives of du/dq', which occur twice and cancel, are never
+formed. At q'' = 0 the left-hand side is the bias force of articulated bodies.
 
 Sources: R. Featherstone, Rigid Body Dynamics Algorithms, chapters 5 and 7; A. Griewank
 and A. Walther, Evaluating Derivatives, chapter 9 (elimination on a graph of sums);

@@ -9,8 +9,8 @@ axis of its joint as coefficient, wherever it is in the tree: the energies of bo
 squares of the w_i and of velocities of points, which are sums along the tree, too, so
 that `chains` finds the articulated bodies. R' derived from R = R_p E, with E the
 rotation relative to p, would have nine sums for each frame, whose coefficients and
-roundoff bounds grow with the depth.
-The slope of R with respect to q is that of R' with respect to q'.
+roundoff bounds grow with the depth. The derivative of R with respect to q is that of R'
+with respect to q'.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms, sections 2.8 and 7.3.
 """

@@ -465,10 +465,10 @@ class _Pieces:
         return name, float(-off / by), 1 if by > 0.0 else -1
 
     def _exists(self, sides: Iterable[tuple[object, int]]) -> bool:
-        """Whether some state is on all of the sides of kinks, as far as is known.
+        """Whether some state is on all of these sides of kinks; True if unknown.
 
-        A piece that is selected at no state is not needed. Known are kinks at values of
-        one variable.
+        A piece that is selected at no state is not needed. Only kinks at values of a
+        single variable are examined.
         """
         ends: dict[str, tuple[float, float]] = {}
         for u, side in sides:

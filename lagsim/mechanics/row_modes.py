@@ -705,7 +705,8 @@ def _has_no_effective_mass(rows: ContactRows, E: Floats, held: list[int]) -> boo
     A force on such a contact does not separate it. Each contact is tested alone; sets
     of coupled contacts are tested by the ratio of determinants in `_solved_together`.
 
-    E : ndarray, shape (r, r), see `_expressed`. held : indices of the held rows.
+    E : (r, r), the multipliers of all rows per multiplier of held rows.
+    held : indices of the held rows.
     """
     D = rows.closed.D
     free = np.flatnonzero(rows.closed.table.equal)

@@ -111,7 +111,7 @@ class RowTable:
 
     @cached_property
     def discs(self) -> list[list[int]]:
-        """Pairs of indices, ascending: the rows of two slips, or two limited laws."""
+        """Pairs of indices of the rows of a disc: two slips, or two limited rows."""
         return [[k, j] for k, j in enumerate(self.pairs.tolist()) if j > k]
 
     @classmethod

@@ -734,11 +734,11 @@ def _sides(
 def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, float]:
     """Return the open interval of a table's cell numbers at which y' is continuous.
 
-    Derivatives up to this order are continuous at the knots of the interval. No event
-    occurs there: an impact, the end of a contact, or sliding along the knot needs a
-    jump. Sliding needs vector fields of both sides that point to the knot (Filippov),
-    but here both fields are equal: a motion crosses the knot at its rate, turns back
-    where it only touches, and stays at rest if at rest. (0, 0) for other functions.
+    At its knots the table has continuous derivatives up to the order in which y'
+    contains it (`orders`). No event occurs there: an impact, the end of a contact, or
+    sliding along the knot needs a jump. Sliding needs vector fields of both sides that
+    point to the knot (Filippov), but both are equal: a motion crosses the knot, turns
+    back where it only touches, or stays at rest. (0, 0) for other functions.
 
     discrete : the node of the cell's number.
     orders : cell -> the order of derivatives of the table in y'.

@@ -424,7 +424,8 @@ class Squares(Factorisation):
     def _alone(self, k: int) -> Vector:
         """Return the diagonal of the Schur complement of unknown k, times its pivot.
 
-        As i -> node, without cancellation. {} if k is in several groups.
+        The result maps other unknowns i to nodes, computed without cancellation; it is
+        empty if k is in several groups.
         """
         g, own = self.g, self.rows[k].get(k, self.g.zero)
         if len(self.groups_of[k]) != 1 or self.rows[k].keys() - {k}:
@@ -654,7 +655,7 @@ def _products(
 ) -> dict[int, Vector]:
     """Return weighted inner products of rows and columns that act on a common mass.
 
-    The result maps t of rows to t of columns to the node.
+    The result maps each key t of `rows` to a mapping: key of `columns` -> node.
 
     rows, columns : t -> mass u -> coefficient.
     weights : mass u -> node.

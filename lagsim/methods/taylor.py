@@ -268,7 +268,7 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
 
     The old series becomes the dense output.
 
-    stability_limited : whether the step may be held by stability.
+    stability_limited : whether stability, and not accuracy, may limit the step.
     """
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
@@ -564,8 +564,8 @@ def chosen_step(s: Taylor, c: Floats, t: float) -> float:
     """Return a step from t, with the series c there, whose error is within tolerance.
 
     If each of the last four terms is within its bound, and the terms decrease by e^2
-    from one to the next, so is the first omitted term. At most the length of the arc; 0
-    if a coefficient is not finite.
+    from one to the next, the first omitted term is within its bound, too. The result is
+    at most the length of the arc, and 0 if a coefficient is not finite.
     """
     size = s.size
     order = int(c[0])

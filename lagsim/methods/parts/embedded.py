@@ -101,7 +101,7 @@ class EmbeddedPair(NamedTuple):
 
     @property
     def last(self) -> int:
-        """Index s of the slope after the step: the number of stages of a step."""
+        """The number s of stages of a step, also the index of the slope after it."""
         return self.C.index(1.0, self.C.index(1.0) + 1)
 
     @property
@@ -428,7 +428,8 @@ def last_term(s: Embedded) -> float:
 def interpolate(s: Embedded, p: Parameters, x: float, out: Floats) -> None:
     """Write the state (size,) at the fraction x of the last step to out (II.6, (6.7)).
 
-    If the polynomial is uncertain, the state is computed by a step that ends there.
+    If the last term of the polynomial is too large (`uncertain`), the state is computed
+    by a step that ends there.
     """
     if PAIR.most_last < inf and s.uncertain > 0.0:
         step_to(s, p, x, out)

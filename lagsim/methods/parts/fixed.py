@@ -38,7 +38,9 @@ class Fixed(State):
 
 @external
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Compute the state `new` after a step h, and y' there; return DONE or a code.
+    """Compute the state `new` after a step h, and y' there.
+
+    Return DONE, or the code of a failure (see `state`).
 
     after : the time there, which is t + h but for rounding.
     """

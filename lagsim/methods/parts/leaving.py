@@ -123,7 +123,7 @@ def store_distances(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def has_no_end(p: Parameters, k: int) -> bool:
-    """Whether surface k, which the motion does not follow, ends no arc."""
+    """Whether surface k cannot end an arc: it is not followed and has no end levels."""
     return not (p.slides[k] != 0.0 or p.least[k] > -inf or p.most[k] < inf)
 
 
@@ -154,7 +154,7 @@ def zero_of(kind: Static, s: SearchTable, p: Parameters, k: int) -> float:
 
 
 def zero_of_condition(s: SearchTable, c: int) -> float:
-    """Return the size up to which condition c is 0, to its rounding."""
+    """Return the size up to which condition c counts as 0: its rounding or leeway."""
     return max(float(s.leeway[c]), float(s.zero[c]))
 
 

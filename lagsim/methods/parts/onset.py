@@ -2,8 +2,8 @@
 
 The range of a component so far is its scale, and at the front of a wave this range
 begins far below the ranges of neighbours: a chain at rest, struck at one end, would be
-integrated to the digits of displacements of 1e-100. An error there that is much smaller
-than the effect of the errors that neighbours may have is none.
+integrated to the digits of displacements of 1e-100. An error there does not matter if
+it is much smaller than the effect of the errors that neighbours may have.
 
 Where components that begin to move limit a step, and the others would not, the scale of
 a component becomes at least 1 % of its displacement by the motions of its neighbours,

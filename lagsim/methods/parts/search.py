@@ -297,8 +297,8 @@ def zero_at(s: SearchTable, p: Parameters, switch: float) -> float:
 def past_jump(s: SearchTable, p: Parameters, k: int, switch: float) -> float:
     """Return the first fraction past a jump of condition k to 0, or from 0.
 
-    At a kink it is the fraction of the switch. If the jump is in the step before or
-    after, by the values at the ends of the step, the result is inf.
+    At a kink it is the fraction of the switch. The result is inf if the values at the
+    ends of the step show that the jump belongs to the step before or after.
     """
     before, after = limit(s, p, k, switch, -1.0), limit(s, p, k, switch, 1.0)
     if not abs(after - before) > 2.0 * rounding_of(s, p, k, switch):

@@ -385,9 +385,11 @@ def distance_from_activity(s: SearchTable, k: int, at_point: Floats) -> float:
 
 
 def reuse_ends(s: SearchTable, first: int, count: int, h: float) -> None:
-    """Set `count` rows at the start of a step h to their values at the last end.
+    """Set `count` rows at the start of a step h to those at the end of the step before.
 
-    first : the first of the rows.
+    The slopes are converted to the length h.
+
+    first : the index of the first row.
     """
     part = h / s.end_step
     for k in range(first, first + count):
@@ -402,7 +404,7 @@ def store_ends(
 
     The rows and their slopes are read from `ends` (2 R,).
 
-    first : the first of the rows.
+    first : the index of the first row.
     """
     s.end_time, s.end_step = t, h
     for k in range(first, first + count):

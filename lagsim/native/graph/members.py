@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class MemberColumn(NamedTuple):
-    """Memory of a column of the table, in numbers from the results on.
+    """Memory of a column of the table; indices count doubles from the results on.
 
     Attributes
     ----------
