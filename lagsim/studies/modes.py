@@ -38,6 +38,10 @@ MANIFEST = "modes.json"
 FREQUENCIES, BESIDE = 600, 10.0
 # Offsets from each mode, in parts of its damping, and the least damping for these.
 AROUND, LEAST_DAMPING = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0), 1e-3
+# Peaks and valleys: the most, their least height over the surroundings, and the
+# relative error of their frequencies. With a smaller error an undamped valley would be
+# as deep as rounding, and the picture too high.
+MOST_PEAKS, LEAST_PEAK, PEAK_ERROR = 8, 1.2, 1e-5
 # Relative change of a parameter by which others that follow it are differentiated.
 STEP = 1e-4
 
@@ -245,8 +249,26 @@ class SmallMotions:
         low, high = between or (min(own) / BESIDE, max(own) * BESIDE)
         frequencies = self._frequencies(low, high)
         found = space.response(frequencies)
+        entries = [(outputs.index(y), inputs.index(x)) for x, y in pairs]
+        infinite = [
+            mode.frequency
+            for mode in self.modes
+            if abs(mode.damping_ratio) < LEAST_DAMPING
+        ]
+        more = np.array(
+            [
+                f
+                for entry in entries
+                for f in _extremes(space, frequencies, found, entry, infinite)
+            ]
+        )
+        more = self._off_poles(np.setdiff1d(more, frequencies))
+        places = np.searchsorted(frequencies, more)
+        found = np.insert(found, places, space.response(more), axis=0)
+        frequencies = np.insert(frequencies, places, more)
         columns = {
-            f"{x}:{y}": found[:, outputs.index(y), inputs.index(x)] for x, y in pairs
+            f"{x}:{y}": found[:, i, j]
+            for (x, y), (i, j) in zip(pairs, entries, strict=True)
         }
         return space, FrequencyResponse(frequencies, columns)
 
@@ -277,10 +299,14 @@ class SmallMotions:
             width = max(abs(mode.damping_ratio), LEAST_DAMPING)
             found.append(mode.frequency * (1.0 + width * np.array(AROUND)))
         frequencies = np.unique(np.concatenate(found))
-        frequencies = frequencies[(frequencies >= low) & (frequencies <= high)]
+        return self._off_poles(
+            frequencies[(frequencies >= low) & (frequencies <= high)]
+        )
+
+    def _off_poles(self, frequencies: Floats) -> Floats:
+        """Return the frequencies at which the response is finite."""
         poles = np.array([mode.eigenvalue for mode in self.modes])
         distances = np.abs(2j * math.pi * frequencies[:, None] - poles)
-        # Without the frequencies of undamped modes, where the response is infinite.
         return frequencies[np.all(distances > HALF_OF_DIGITS * np.abs(poles), axis=1)]
 
     @property
@@ -323,6 +349,72 @@ class SmallMotions:
         return own + [
             f"{name}.{part}" for name in self._shaped for part in ("re", "im")
         ]
+
+
+def peaks(values: Floats) -> list[int]:
+    """Return the indices of the largest maxima that stand out, the largest first.
+
+    values : (k,), logarithms of amplitudes; with the opposite sign for valleys.
+    """
+    inner = (values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])
+    tops = (np.flatnonzero(inner) + 1).tolist()
+    found = [k for k in tops if _stands_out(values, k) > math.log(LEAST_PEAK)]
+    return sorted(found, key=lambda k: -values[k])[:MOST_PEAKS]
+
+
+def _stands_out(values: Floats, k: int) -> float:
+    """Return how far a maximum is above the higher of the minima beside it.
+
+    values : (n,).
+    k : the index of the maximum.
+    """
+    higher = np.flatnonzero(values > values[k])
+    left = higher[higher < k].max(initial=0)
+    right = higher[higher > k].min(initial=len(values) - 1)
+    return float(
+        values[k] - max(values[left : k + 1].min(), values[k : right + 1].min())
+    )
+
+
+def logarithms(amplitudes: Floats) -> Floats:
+    """Return finite logarithms of amplitudes, which may be 0."""
+    return np.asarray(np.log(np.maximum(amplitudes, 1e-300)))
+
+
+def _extremes(
+    space: StateSpace,
+    frequencies: Floats,
+    found: Complexes,
+    entry: tuple[int, int],
+    infinite: Sequence[float],
+) -> Iterator[float]:
+    """Yield the frequencies of the peaks and valleys of an amplitude.
+
+    Their relative error is at most `PEAK_ERROR`.
+
+    frequencies : (k,).
+    found : (k, outputs, inputs), the response there.
+    entry : output and input.
+    infinite : frequencies of undamped modes, whose peaks are left out.
+    """
+    from scipy.optimize import minimize_scalar
+
+    logs = logarithms(np.abs(found[:, *entry]))
+    for sign in (-1.0, 1.0):
+
+        def height(f: float, sign: float = sign) -> float:
+            one = space.response(np.array([f]))[0, *entry]
+            return float(sign * logarithms(np.abs(one)))
+
+        for k in peaks(-sign * logs):
+            low, high = frequencies[k - 1], frequencies[k + 1]
+            if sign < 0.0 and any(low <= f <= high for f in infinite):
+                continue
+            near = {"xatol": PEAK_ERROR * low}
+            best = minimize_scalar(
+                height, bounds=(low, high), method="bounded", options=near
+            )
+            yield float(best.x)
 
 
 def tables(

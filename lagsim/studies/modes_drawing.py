@@ -34,6 +34,7 @@ from lagsim.outputs.stills import (
     film_at,
     stills,
 )
+from lagsim.studies.modes import logarithms, peaks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -51,8 +52,6 @@ FRAMES, CYCLES, SECONDS, MOST_PLAYED = 48, 4, 2.0, 12
 PHASES = np.array([0.0, np.pi])
 # Damping below which a peak is at the frequency of its mode.
 UNDAMPED = 1e-3
-# Peaks that are labelled: the most, and their least height over the surroundings.
-MOST_PEAKS, LEAST_PEAK = 8, 1.2
 AMPLITUDE, PHASE = 2.4, 1.3
 
 
@@ -192,29 +191,12 @@ def _peaks(
     f, amplitude : (k,), frequencies and amplitudes.
     undamped : frequencies of undamped modes.
     """
-    logs = np.log(np.maximum(amplitude, 1e-300))
+    logs = logarithms(amplitude)
     for values, below in ((logs, False), (-logs, True)):
-        inner = (values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])
-        tops = (np.flatnonzero(inner) + 1).tolist()
-        deep = [k for k in tops if _stands_out(values, k) > np.log(LEAST_PEAK)]
-        for k in sorted(deep, key=lambda k: -values[k])[:MOST_PEAKS]:
+        for k in peaks(values):
             own = (x for x in undamped if f[k - 1] <= x <= f[k + 1] and not below)
             label = f"{read_off(next(own, float(f[k])))} Hz"
             yield float(f[k]), float(amplitude[k]), label, below
-
-
-def _stands_out(values: Floats, k: int) -> float:
-    """Return how far a maximum is above the higher of the minima beside it.
-
-    values : (n,).
-    k : the index of the maximum.
-    """
-    higher = np.flatnonzero(values > values[k])
-    left = higher[higher < k].max(initial=0)
-    right = higher[higher > k].min(initial=len(values) - 1)
-    return float(
-        values[k] - max(values[left : k + 1].min(), values[k : right + 1].min())
-    )
 
 
 def page(small: SmallMotions) -> bytes:

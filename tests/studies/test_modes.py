@@ -234,6 +234,32 @@ def test_an_absorber_holds_its_mass_at_one_frequency():
     assert y == pytest.approx(-1 / 9, rel=1e-12)
 
 
+@pytest.mark.parametrize("damping", [0.02, 0.2, 0.4])
+def test_a_peak_of_the_response_is_exact(damping):
+    model = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 9*x^2/2, dissipation: 3*{damping}*x_dot^2}}
+forces: {{x: 0*t}}
+initial: {{x: 0}}
+"""
+    found = lagsim.modes(model, response=["x:x"]).response
+    k = np.argmax(found["x:x.amplitude"])
+    exact = 1 / (18 * damping * math.sqrt(1 - damping**2))
+    # The error of the frequency, 1e-5 of it, enters with its square over the damping's.
+    assert found["x:x.amplitude"][k] == pytest.approx(exact, rel=1e-6)
+    exact = 3 * math.sqrt(1 - 2 * damping**2) / (2 * math.pi)
+    assert found["frequency"][k] == pytest.approx(exact, rel=1e-5)
+
+
+def test_a_valley_of_the_response_is_at_the_frequency_of_the_absorber():
+    found = lagsim.modes(ABSORBER, response=["x:x"]).response
+    f, amplitude = found["frequency"], found["x:x.amplitude"]
+    inner = (amplitude[1:-1] < amplitude[:-2]) & (amplitude[1:-1] < amplitude[2:])
+    [valley] = np.flatnonzero(inner) + 1
+    exact = math.sqrt(9 / 0.3) / (2 * math.pi)
+    assert f[valley] == pytest.approx(exact, rel=1e-5)
+
+
 def test_the_ground_is_an_input_with_two_rates():
     found = lagsim.modes(GROUND, response=["ground:x", "ground:x_ddot"])
     f = found.response["frequency"]
