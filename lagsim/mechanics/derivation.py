@@ -1,6 +1,6 @@
 """Derivation of the equations of motion from the energies, as graph nodes.
 
-The terms are defined in `equations`.
+The symbols M, f, A, b and lambda are defined in `equations`.
 
 Reactions are computed by virtual separation: with a definition x as a coordinate of its
 own, held by the constraint x = r(q, t), the equation of x is

@@ -234,7 +234,7 @@ class Equations:
 
     @property
     def is_set(self) -> bool:
-        """Whether events change the energy, as its expression contains modes."""
+        """Whether events may change the energy: its expression contains modes."""
         modes = self.model.modes
         return bool(modes) and not modes.isdisjoint(self.graph.depends([self.energy]))
 

@@ -146,7 +146,7 @@ def without_rows(equations: Equations) -> Elimination:
 
 
 def collected_along(e: Equations) -> Collected:
-    """Return a rewriter of sums of products in which the motion's variables change."""
+    """Return a rewriter of sums of products; all variables of the motion vary in it."""
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 

@@ -128,9 +128,9 @@ def newtons_laws(e: Equations) -> NewtonsLaws | None:
 def _places(
     g: Graph, model: Model, flow: Flow, found: Chains
 ) -> dict[int, tuple[int, int]]:
-    """Return the sums that are rates of known positions.
+    """Return the sums that are rates of known positions, up to sign.
 
-    As sum -> (position, sign), nodes.
+    The result maps a sum to its position and the sign, 1 or -1, as nodes.
 
     found : the chains, whose sums they are.
     flow : the variables of the motion and their rates.
@@ -362,7 +362,7 @@ def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
 class Squares(Factorisation):
     """Factorisation of S, a sum of groups of squares.
 
-    Eliminating an unknown of one group alone yields a Schur complement in squares.
+    The Schur complement of an unknown that is in one group alone is a sum of squares.
 
     Parameters
     ----------

@@ -392,9 +392,9 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
 
 
 def accept(s: Radau, p: SparseNewton, h: float) -> None:
-    """Accept the new state after a step h; keep the polynomial through the slopes.
+    """Accept the new state after a step h; store the dense output of the step.
 
-    The polynomial is the dense output, through the slopes of the stages.
+    Its derivative interpolates the slopes at the start and at the stages.
     """
     size, slope, new = s.size, s.slope, s.new
     for i in range(size):

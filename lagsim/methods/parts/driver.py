@@ -127,9 +127,11 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 
 
 def show(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write the states of sections in the last step, then its rows, to out.
+    """Write the states of sections, then the output rows, of the last step.
 
-    Return 0 if a buffer is full before, else 1.
+    Return 0 if a buffer becomes full before all are written, else 1.
+
+    out : (rows, 1 + size), for the output rows.
 
     rows : the most rows that out has room for.
     """
@@ -246,10 +248,10 @@ def is_at_level(s: State, p: Parameters, passed: int) -> bool:
 
 
 def laws_unchanged(s: State, p: Parameters) -> bool:
-    """Whether all laws keep their modes after a jump of forces, clear of rounding.
+    """Whether all laws keep their modes after a jump of forces, by a clear margin.
 
-    Without such a margin, an open contact may be pushed together. Laws whose condition
-    `when` is false in this arc do not count.
+    The margin is larger than rounding; without it, the forces may press an open contact
+    together. Laws whose condition `when` is false in this arc do not count.
     """
     event_functions(s.t, s.y, p, s.values)
     for k in range(p.laws):

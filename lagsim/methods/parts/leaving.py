@@ -63,7 +63,7 @@ FAR = 2.0
 def find_leaving(kind: Static, s: SearchTable, p: Parameters) -> None:
     """Find the values of a kind that leave 0 in the last step, and their margins.
 
-    A value leaves no more if it exceeds its margin at the start of the step.
+    A value that exceeds its margin at the start of the step has left 0.
 
     kind : EVENT for surfaces, slips and conditions, CROSSING for sections.
     """

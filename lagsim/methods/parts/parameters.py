@@ -65,10 +65,11 @@ def each_watched(p: Parameters) -> int:
 
 
 def columns(p: Parameters) -> int:
-    """Return the length of `slopes`: dr/dy, ds/dy and the slopes of other rates.
+    """Return the length of `slopes`, the derivatives by the dynamic components of y.
 
-    The array has (n + m + states + works) rows, with a column for each dynamic
-    component of y.
+    The (n + m + states + works) rows are those of the residuals of the equations of
+    motion and of the constraint rows (see `program/dense.py`), then of the rates of
+    first-order states and works.
     """
     return (p.n + p.m + p.states + p.works) * p.dynamic.stop
 

@@ -252,9 +252,10 @@ class _Statements:
         return form, leaves, [*(a for part in parts for a in part[2]), n]
 
     def levels(self) -> dict[int, int] | None:
-        """Return the depth of each root and total in statements; None for a cycle.
+        """Return the depth in statements of each stored node; None for a cycle.
 
-        There is a cycle if the addends of a sum depend on parts of the sum.
+        Stored are the roots of statements, and the nodes of long sums. There is a cycle
+        if the addends of a sum depend on parts of the sum.
         """
         units = [([x.root], x.leaves) for x in self.all if x.nodes]
         units += [(x.made, x.leaves) for x in self.sums]

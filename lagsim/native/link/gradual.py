@@ -51,9 +51,9 @@ class GradualParts:
         ]
 
     def used(self, seconds: float) -> bool:
-        """Return whether the parts are to be optimised after more time in quick code.
+        """Count time in quick code; return whether it is now long enough to optimise.
 
-        They must then be linked anew, and their objects are compiled.
+        If so, `objects` has optimised code from now on, and must be linked again.
 
         seconds : further processor time in quick code.
         """
