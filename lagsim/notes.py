@@ -18,11 +18,13 @@ class Choice(NamedTuple):
 class Event(NamedTuple):
     """Event of a run at its time, with the constraint concerned, if any.
 
+    `kind` is the word for the event in documents, such as `impact` or `switch`.
     `conditioning` is the smallest singular value at a loss of rank; `switch` is the
     text of a switch of the state, approximately as in the file; `name` is the name of
-    an event of the file. An impact has the rates of its gap before and after, and
-    `energy`, the change of energy by all simultaneous impacts. An event of the file
-    that gives an impulse has the energy of all impulses at its time.
+    an event of the file. An impact has the rates of its gap before and after
+    (`rate_before`, `rate_after`), and `energy`, the change of energy by all
+    simultaneous impacts. An event of the file that gives an impulse has the energy of
+    all impulses at its time.
     """
 
     time: float

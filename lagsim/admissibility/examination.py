@@ -290,6 +290,11 @@ class _Judged(NamedTuple):
 class _Examiner:
     """Examination of one start: solves guesses, exact values and the nearest state.
 
+    Parameters
+    ----------
+    equations, time, rest
+        See `examine`.
+
     Attributes
     ----------
     stated : Point

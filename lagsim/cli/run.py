@@ -234,6 +234,10 @@ class Job:
 
     Parameters
     ----------
+    request : RunRequest
+        The options of the run.
+    folder : Path or None
+        The folder of the results; None for the default.
     documents : list or None
         The list to which the content of run.json is appended, in place of the printed
         summary; None to print the summary.

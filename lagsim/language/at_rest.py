@@ -317,6 +317,15 @@ class _Beside:
     """Decision of the switches of an expression at slip 0, and at small slips.
 
     The argument `part` of its methods is the node of a part of the expression.
+
+    Parameters
+    ----------
+    g, node
+        The graph, and the expression.
+    moving
+        Nodes of the expression that depend on velocities.
+    points, others
+        Test points with the parameters of the file, and with other values.
     """
 
     def __init__(

@@ -652,6 +652,15 @@ class Enclosures:
     The variables in `names`, by default t, run through one common interval,
     independently. A node that does not depend on these variables has the single value
     of `evaluate`.
+
+    Parameters
+    ----------
+    g, nodes
+        The graph, and the nodes to enclose.
+    values
+        Values of the other variables by name.
+    names
+        The variables that run through the interval.
     """
 
     def __init__(

@@ -305,7 +305,8 @@ _NOT, _COMPARES, _UNARY, _POWER = (
 class Pending:
     """Operator, parenthesis or call whose arguments are not complete yet.
 
-    `power` is its binding power.
+    `op` is the operation, `token` its place, `arity` the number of its
+    arguments so far, and `power` its binding power.
     """
 
     op: str  # an operation, "(" or "+" (unary plus)
@@ -317,6 +318,15 @@ class Pending:
 
 class Parser:
     """Parser of tokens into postfix, by precedence, with a stack of open operations.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    part : sequence of Token
+        Its tokens, or the tokens of a part of it.
+    tables
+        Names of the tables of the file, each with its number of arguments.
 
     Attributes
     ----------

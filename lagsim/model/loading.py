@@ -169,7 +169,10 @@ class _Open:
 
 
 class _Builder:
-    """Builder of YAML nodes from the parser's events, with a stack of collections."""
+    """Builder of YAML nodes from the events of the YAML parser.
+
+    A stack has the mappings and lists whose ends have not been reached.
+    """
 
     def __init__(self, source: SourceText, spoilt: set[tuple[int, int]]) -> None:
         self.source = source

@@ -59,6 +59,12 @@ class Settings(NamedTuple):
     retired : tuple of (str, str)
         Keys and names of a retired method or formulation, in place of which `auto` is
         set.
+    method, formulation : str
+        Names, or `auto`.
+    method_place, formulation_place : Place or None
+        Places of these names in the file.
+    rtol, atol : float or None
+        Tolerances of methods with error control.
     step : float or None
         Step of fixed-step methods.
     gain : float or None
@@ -443,9 +449,11 @@ class Section(NamedTuple):
 class Output(NamedTuple):
     """Definitions that become columns, extra plots, and optional columns.
 
-    `reactions` are the definitions with a column for their reactions; `event_marks` is
-    whether pictures mark events. `sensitivities` are the parameters and start values by
-    which columns are differentiated.
+    `columns` are the definitions with a column. `gauss` and `action` are whether there
+    are columns of Gauss's principle and of the action. `reactions` are the definitions
+    with a column for their reactions; `event_marks` is whether pictures mark events.
+    `sensitivities` are the parameters and start values by which columns are
+    differentiated.
     """
 
     columns: tuple[str, ...]
@@ -592,6 +600,7 @@ class Table(NamedTuple):
     """Function given by points, of the model file or of a `file` with this `sha256`.
 
     axes, pieces : see `language.tables`.
+    interpolation, outside : how values between, and beyond, the points are computed.
     """
 
     name: str

@@ -243,6 +243,12 @@ def evenly_spaced(names: Sequence[str], most: int) -> list[str]:
 class Panels:
     """A grid of panels, one for each group of columns.
 
+    Parameters
+    ----------
+    data : PlotData
+    groups : sequence of tuple of str
+        The names of the columns of each panel.
+
     Attributes
     ----------
     height : float

@@ -48,6 +48,15 @@ _COMPUTED = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 class Writer:
     """Writer of rows to a file, block by block; memory does not grow with their number.
 
+    Parameters
+    ----------
+    file : file object
+        Receives the bytes.
+    width : int
+        Number of columns of the table.
+    head : bytes
+        Bytes before the first row.
+
     Attributes
     ----------
     rows : int

@@ -89,6 +89,13 @@ OBLIQUE = np.array(((0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)))
 class Views:
     """The views of a scene with a legend of its points, shapes and links.
 
+    Parameters
+    ----------
+    data : PlotData
+    scene : Scene
+    model : Model, optional
+        Source of the shapes and strings, which are drawn if given.
+
     Attributes
     ----------
     height : float

@@ -199,6 +199,12 @@ class Attempts:
     ----------
     store : Store
         Receives the rows.
+    interrupt : Interrupt
+        Requests of an early end.
+    clock : Stopwatch
+        Measures the seconds of each stage.
+    error_bars : ErrorBars
+        When a run is repeated to estimate its error.
     replaces : bool
         Whether a second attempt, by other means, replaces a run that fails the audit.
     records : Records

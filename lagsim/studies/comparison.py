@@ -337,7 +337,10 @@ class Deviation(NamedTuple):
 
 
 class ComparedColumn(NamedTuple):
-    """Column in two runs: times, both values, and bound in each row, all (rows,)."""
+    """Column in two runs: in each row the time, both values, and their bound, (rows,).
+
+    The values are `golden` (first run) and `new` (second run).
+    """
 
     t: Floats
     golden: Floats

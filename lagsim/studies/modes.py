@@ -197,8 +197,8 @@ class SmallMotions:
     ) -> StateSpace:
         """Return the linear state space with these inputs and outputs.
 
-        inputs : names of coordinates on which forces act; by default of all forces.
-        outputs : by default all coordinates and velocities.
+        inputs : names of `inputs`; by default all entries of `forces`.
+        outputs : names of `outputs`; by default all coordinates and velocities.
 
         Raises
         ------

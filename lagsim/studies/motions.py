@@ -61,6 +61,8 @@ class SampledMotion:
         The number of all rows of the run.
     trial : Trial
         The run, without its rows.
+    plan : Plan
+        The plan of the run.
     """
 
     columns: tuple[str, ...]

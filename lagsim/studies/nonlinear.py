@@ -124,6 +124,13 @@ class _OnSides(NamedTuple):
 class _Surfaces:
     """Surfaces of switches on which a steady state lies.
 
+    Parameters
+    ----------
+    steady : Linearised
+        The state with its linearised motion.
+    errors : mapping of str to float
+        Error bounds of the state, of q'' and of multipliers, by name.
+
     Attributes
     ----------
     levels : dict of int to float

@@ -143,7 +143,15 @@ class Repeat(NamedTuple):
 
 
 class Allowance:
-    """Budget of operations that repeats and second attempts of a run have left."""
+    """Budget of operations that repeats and second attempts of a run have left.
+
+    Parameters
+    ----------
+    system : System
+        The compiled system.
+    trajectory : Trajectory
+        The first run, on whose cost the budget depends.
+    """
 
     def __init__(self, system: System, trajectory: Trajectory) -> None:
         arcs = ARC * trajectory.statistics.arcs

@@ -199,7 +199,18 @@ def _table(changes: _Changes, table: Table) -> Document:
 
 
 class _Changes:
-    """Changes of single numbers of a model: each is run, and compared with a golden."""
+    """Changes of single numbers of a model: each is run, and compared with a golden.
+
+    Parameters
+    ----------
+    case : Case
+        The case of the golden run.
+    golden : Golden
+    base : SampledMotion
+        The motion from which the golden was made.
+    compiled : Compiled
+        Compiled functions of the model.
+    """
 
     def __init__(
         self, case: Case, golden: Golden, base: SampledMotion, compiled: Compiled

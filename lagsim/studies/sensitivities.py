@@ -179,6 +179,8 @@ class _Runs:
 
     Attributes
     ----------
+    study : Sensitivities
+        Makes the runs.
     name : str
     value : float
         The value of the name in the file.

@@ -178,6 +178,8 @@ class LinearisedState(NamedTuple):
 
     Attributes
     ----------
+    t : float
+        The time of the state.
     eigenvalues : ndarray, shape (k,)
         The eigenvalues, in 1/s.
     shapes : ndarray, shape (n + l, k)

@@ -176,6 +176,15 @@ class Drawn(NamedTuple):
 class Bodies(SectionReader):
     """Bodies of a file: their energies, and their shapes for the scene.
 
+    Parameters
+    ----------
+    x : Expansion
+        The expansion of the file.
+    section : Node or None
+        The section `bodies`.
+    gravity : Node or None
+        The vector of gravity.
+
     Attributes
     ----------
     drawn : list of Drawn

@@ -257,8 +257,9 @@ def scalar_items(nodes: Iterable[Node], label: str, faults: Faults) -> Iterator[
 class Fields:
     """Mapping of the file with its known and unknown keys; `label` is its name.
 
-    `found` has the entries with known keys, by key; `sound` is False where the node is
-    no mapping.
+    `place` is its place, and `faults` the list to which faults are added.
+    `found` has the entries with known keys, by key, `unknown` the other entries;
+    `sound` is False where the node is no mapping.
     """
 
     label: str

@@ -34,6 +34,8 @@ class Sheet(NamedTuple):
 
     Attributes
     ----------
+    rows : list of SheetLine
+        The lines that are neither empty nor comments.
     separator : str
         The separator of cells.
     comma : bool

@@ -256,7 +256,14 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
 
 
 class Energy:
-    """An energy as a function of the state, and the switches that it contains."""
+    """An energy as a function of the state, and the switches that it contains.
+
+    Parameters
+    ----------
+    equations : Equations
+    energy : int
+        The node of the energy.
+    """
 
     def __init__(self, equations: Equations, energy: int) -> None:
         g = equations.graph

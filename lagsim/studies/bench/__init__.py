@@ -71,6 +71,11 @@ def with_method(
 class Own:
     """Solver: a method of lagsim in a formulation.
 
+    Parameters
+    ----------
+    case, method, formulation, rtol
+        See `with_method`.
+
     Attributes
     ----------
     setting : str
@@ -230,6 +235,8 @@ class Scipy:
     own : Own
         The solver of lagsim whose right-hand side is used, and by which columns are
         computed.
+    method : str
+        Name of the solver in scipy, such as `DOP853`.
     rows : ndarray, shape (k, columns)
         Rows of a known solution. Output is computed at their times, and atol is rtol
         times the largest absolute values of the components of y, as in lagsim.

@@ -119,6 +119,15 @@ class MapCell(NamedTuple):
 class Subject:
     """Model at given parameters, with its eigenvalues, for runs at any method and step.
 
+    Parameters
+    ----------
+    case : Case
+        The model at these parameters, with its start.
+    interrupt : Interrupt, optional
+        Requests of an early end.
+    compiled : Compiled, optional
+        Compiled functions of the model, which are used if they fit.
+
     Attributes
     ----------
     energy : float

@@ -646,6 +646,12 @@ class PrecisionCurve:
     ----------
     values, chosen : sequence of float
         All settings, and the settings that `auto` selects, which are always solved.
+    reference : Reference
+        The solution that errors are measured against.
+    errors : list of float
+        Errors of the settings solved so far.
+    given_up : int
+        Number of solves that have exceeded their time limit.
     """
 
     solver: Solver

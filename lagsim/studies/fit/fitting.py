@@ -143,8 +143,15 @@ class Found:
         Model less data, in the units of the columns.
     noise : ndarray, shape (m,)
         Standard deviation of each column, given or estimated.
+    outcome : str
+        Whether the fit converged, or why it ended.
     estimate : Estimate or None
         The uncertainties; None after an interrupt.
+    bounded : dict of str to str
+        Names at a bound: label -> `lower` or `upper`.
+    starts, reached : int
+        Number of starts, and of starts that led to `x`.
+    cautions : list of Caution
     """
 
     x: Floats

@@ -127,7 +127,7 @@ class Task(NamedTuple):
 
     Attributes
     ----------
-    values, times, centre
+    setup, values, times, centre
         See `Recording`.
     name : Varied
     how : dict

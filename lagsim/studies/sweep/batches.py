@@ -168,6 +168,15 @@ def refusal_of_rows(session: Session, bars: ErrorBars) -> str:
 class Batch:
     """Runs of a sweep with equal compiled functions, many at once.
 
+    Parameters
+    ----------
+    session : Session
+        The compiled session of the first run.
+    work : SweepInput
+        The input of the sweep.
+    columns : int
+        Number of columns of the sweep.
+
     Attributes
     ----------
     refusal : str
@@ -570,6 +579,13 @@ class Judge:
 
     A run is plain if its audit has no finding, and its error is so small that neither
     the horizon nor the motion of coordinates at rest matters.
+
+    Parameters
+    ----------
+    session : Session
+        A compiled session of the model.
+    bars : ErrorBars
+        When runs have an error bar.
     """
 
     def __init__(self, session: Session, bars: ErrorBars) -> None:

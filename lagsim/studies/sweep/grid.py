@@ -310,6 +310,9 @@ class SweepRows:
 
     Attributes
     ----------
+    model : Model
+    work : SweepInput
+        The input of all runs.
     rows : dict of int to SweepRow
         Rows by the index of the run.
     columns : tuple of str

@@ -50,6 +50,11 @@ COLLECTED = 50
 class Runs:
     """Runs of a sweep in one process.
 
+    Parameters
+    ----------
+    work : SweepInput
+        The input of the sweep.
+
     Attributes
     ----------
     columns : tuple of str

@@ -62,7 +62,15 @@ SYNC_SECONDS = 1.0
 
 
 class Journal:
-    """File of the rows of an incomplete sweep, to which rows are appended."""
+    """File of the rows of an incomplete sweep, to which rows are appended.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    found : SweepRows
+        The sweep to which the rows belong.
+    """
 
     def __init__(self, path: Path, found: SweepRows) -> None:
         self.path = path
