@@ -340,8 +340,8 @@ class Switches:
         """Return the expressions of all surfaces, for use in an arc.
 
         In the expression of a surface on which the motion depends, other switches have
-        the branches of the arc. No arc ends at a surface that is only shown: its
-        expression has other steps as in conditions.
+        the branches of the arc. No arc ends at a surface with `Side.shown`: switches in
+        its expression have the values that they have in conditions, see `at_levels`.
         """
         frozen = self.freeze([x.node for x in self.sides if not x.shown])
         return frozen + self.at_levels([x.node for x in self.sides if x.shown])

@@ -293,8 +293,8 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 def conclude(s: Gauss, h: float) -> None:
     """Compute positions, momenta and works after the step h from the stages.
 
-    The velocities of the new state become those of the last stage: the first guess of
-    `solve_velocities`.
+    The velocities of the new state are set to those of the last stage, as a first guess
+    for `solve_velocities`.
     """
     n, new, compensation = s.n, s.new, s.compensation
     stages, works, lost = s.stages, new[s.quadratures], compensation[s.quadratures]

@@ -1,8 +1,8 @@
 """A function of the graph at several rows at once, in the lanes of vectors.
 
 `f_rows(rows, p, out, count)` evaluates the function for up to LANES rows (t, y): each
-value is a vector with a lane for each row, and sines and cosines of an angle are those
-of all rows. Results have the bits of the function of one row, `f(t, y, p, out)`, which
+value is a vector with a lane for each row, and sines and cosines are computed for all
+rows at once. Results have the bits of the function of one row, `f(t, y, p, out)`, which
 is written as well: it evaluates vectors with that row in every lane.
 
 Only functions of a few kinds of operations are written so, each of which is an

@@ -70,11 +70,11 @@ def beyond(order: int) -> int:
 
 
 def weights(order: int) -> list[list[float]]:
-    """Return the weights (E, 2 E) of coefficients at both ends in those beyond K.
+    """Return weights (E, 2 E) that yield coefficients beyond K from those at both ends.
 
-    Row i gives the coefficient K + 1 + i at the first end, by those of the orders K - E
-    + 1, ..., K at the first end, then at the other one; coefficient k is multiplied by
-    h^k.
+    Row i yields coefficient K + 1 + i at the first end of a step h: it has the weights
+    of the coefficients of orders K - E + 1, ..., K at the first end, then at the other
+    end. Every coefficient k is multiplied by h^k.
 
     order : K.
 
