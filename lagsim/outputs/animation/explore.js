@@ -48,6 +48,8 @@ async function compute() {
 
 function take(found, values) {
   motion = found;
+  // The columns of the graphs may be those of another model: `redraw` chooses again.
+  drawn = "";
   settings = values;
   exact = null;
   version++;
@@ -361,7 +363,8 @@ class Graph {
   constructor(canvas) {
     this.canvas = canvas;
     this.still = document.createElement("canvas");
-    new ResizeObserver(() => { if (motion) { this.draw(); this.cursor(state.t); } }).observe(canvas);
+    // Before the first drawing no columns are chosen.
+    new ResizeObserver(() => { if (drawn) { this.draw(); this.cursor(state.t); } }).observe(canvas);
   }
 
   draw() {

@@ -14,6 +14,7 @@ import pytest
 import lagsim
 from tests.outputs.browser import RefusedError, Tab, needs_browser
 from tests.patience import PATIENCE
+from tests.studies.explore.test_explorer import OSCILLATOR
 from tests.support import MODELS, ROOT
 
 pytestmark = [needs_browser, pytest.mark.slow]
@@ -186,6 +187,18 @@ def test_a_saved_file_shows_its_new_motion_and_its_faults(tab, tmp_path):
         tab.wait("!document.body.dataset.error")
         # Settings that still exist are kept.
         assert "theta=0.4" in tab.run("location.hash")
+
+
+def test_graphs_follow_a_coordinate_that_is_renamed_in_the_file(tab, tmp_path):
+    path = tmp_path / "edited.yaml"
+    path.write_text(OSCILLATOR)
+    with served(path) as (_, address):
+        tab.open(address)
+        tab.run("lagsim.advance(1)")
+        path.write_text(re.sub(r"\bx(?=\b|_)", "z", OSCILLATOR))
+        tab.wait("JSON.parse(document.body.dataset.state).z")
+        tab.wait("document.querySelector('#chosen').textContent.startsWith('z')")
+        assert not tab.messages
 
 
 def test_a_page_plays_when_it_opens_unless_motion_is_to_be_reduced(tab):
