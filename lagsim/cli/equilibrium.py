@@ -187,6 +187,8 @@ def _summary(document: Document, files: str) -> str:
             f"{x['kind']} at {name} = {x['value']:.9g}" for x in document["points"]
         )
         more += titled_rows("points", points)
+        if document["skipped"]:
+            more.append(("skipped", "rests in corners and in continuous families"))
     if document["free"]:
         more.append(("free", ", ".join(document["free"])))
     if document["continuum"]:

@@ -635,11 +635,13 @@ class Search:
         yield from self.others(starts)
 
     def _remaining(self, starts: int) -> str:
-        """Return the text that no rest was found, with the forces that remain.
+        """Return the text that no rest was found, with the rates that remain.
 
         starts : the number of other starts that were tried.
         """
         verdicts = judge_rest(self._point, judge_laws(self._point, self.setting.off))
+        verdicts += _judged_states(self._point)
+        verdicts = [v for v in verdicts if not v.satisfied] or verdicts
         left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
         text = "no position of rest was found, from the start"
         text += f" and from {starts} others" if starts else ""

@@ -134,3 +134,13 @@ def test_an_energy_of_rounding_is_0_in_the_report(lagsim, write):
     path = write(MOVING.replace("1 + t", "0").replace("x: 0}", "x: 1e-70}"))
     called = lagsim("equilibrium", path, "--no-plots", "--starts", "0", code=0)
     assert "1  stable  0         0       x 0" in called.out
+
+
+@pytest.mark.parametrize("potential", ["abs(x)", "x^2/2"])
+def test_branches_that_are_not_followed_are_reported(lagsim, write, potential):
+    text = "name: b\nparameters: {k: 1}\ncoordinates: {x: {}}\ninitial: {x: 1}\n"
+    path = write(f"{text}energy: {{kinetic: x_dot^2/2, potential: k*{potential}}}\n")
+    options = "--vary", "k=0.5:2", "--no-plots", "--starts", "2"
+    out = lagsim("equilibrium", path, *options, code=0).out
+    corner = "  skipped   rests in corners and in continuous families\n"
+    assert (corner in out) is (potential == "abs(x)")

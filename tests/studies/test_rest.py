@@ -261,6 +261,19 @@ initial: {x: 0}
         lagsim.equilibrium(text, starts=2)
 
 
+def test_no_rest_is_an_error_with_the_rates_of_states():
+    # The shaft is at rest, and the current begins to grow by u/L.
+    text = """
+coordinates: {phi: {}}
+states: {i: {rate: (6 - 2*i - phi_dot)/3}}
+energy: {kinetic: phi_dot^2/2, potential: 0}
+forces: {phi: i}
+initial: {phi: 0, i: 0}
+"""
+    with refused("no-rest", "others: i_dot = 2 remain"):
+        lagsim.equilibrium(text, starts=2)
+
+
 def test_states_come_to_rest():
     text = """
 coordinates: {x: {}}
