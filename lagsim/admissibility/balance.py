@@ -73,7 +73,7 @@ class Rest(Relations):
         The rows of the active laws, which hold beside the equalities.
     free : tuple of sequence of int
         Indices of the positions, and of the first-order states, that are guesses.
-    pinned : mapping of str to int
+    pinned : mapping of str to int, optional
         The surfaces on which the state is held. Key: name of the variable, an unknown,
         of the share of the upper side. Value: the node that is zero on the surface.
     """
@@ -174,9 +174,9 @@ class Rest(Relations):
     def metric(self) -> Floats:
         """Metric (k, k) in which changes of the unknowns are measured.
 
-        For positions it is M. The metric of any other unknown is diagonal: the square
-        of the displacement that a unit of this unknown causes, estimated from the
-        stiffness at the start.
+        The metric of positions is the mass matrix M. The metric of any other unknown is
+        diagonal: the square of the displacement that a unit of this unknown causes,
+        estimated from the stiffness at the start.
         """
         point, k = self.point, len(self.positions)
         M = point.mass_entries(self.positions).dense(k, k)

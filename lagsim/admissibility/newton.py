@@ -126,8 +126,8 @@ class Relations:
     def _second(self) -> list[tuple[int, int, int, int]]:
         """The second derivatives of r that do not vanish identically.
 
-        Each as (index of the relation, indices of two unknowns, node of the
-        derivative).
+        Each item has the index of the relation, the indices of two unknowns, and the
+        node of the derivative.
         """
         g, found = self.point.g, []
         place = {g.variable(x): k for k, x in enumerate(self.names)}

@@ -55,7 +55,7 @@ class Point:
     ----------
     equations : Equations
     state : Instant
-    errors : mapping of str to float
+    errors : mapping of str to float, optional
         Bounds of the rounding errors of values. Other parameters that are not integers
         have been rounded to doubles, and other values are exact.
 
@@ -90,9 +90,10 @@ class Point:
         t: float | None = None,
         s: Floats | None = None,
     ) -> Point:
-        """Return the equations at another state, or with other errors.
+        """Return the point of these equations at another state, or with other errors.
 
-        Arguments that are not given, `sizes` and `multipliers` are those of this point.
+        Values that are not given, and `sizes` and `multipliers`, are taken from this
+        point.
         """
         state = Instant(
             self.t if t is None else t,
@@ -105,7 +106,10 @@ class Point:
         return other
 
     def of(self, equations: Equations) -> Point:
-        """Return other equations at this state, with its errors and multipliers."""
+        """Return the point of other equations at this state.
+
+        Errors and multipliers are taken from this point.
+        """
         other = Point(equations, self.state, self.errors)
         other._sizes, other.multipliers = self._sizes, self.multipliers
         return other

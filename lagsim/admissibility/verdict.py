@@ -407,7 +407,8 @@ def _against_levers(
 ) -> list[Residual]:
     """Return the differences of nodes from target values, with scales, as residuals.
 
-    The scale of a residual is the largest of |value| and |q_i dg/dq_i|.
+    The scale of the residual of a node g is the largest of |g| and, over the
+    coordinates q_i, of |q_i dg/dq_i|.
 
     targets : pairs (node, value).
     """

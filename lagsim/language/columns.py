@@ -157,7 +157,7 @@ def is_of_kind(name: str, *kinds: ColumnKind) -> bool:
 def base(name: str) -> str:
     """Return the owner's name in the name of a column, as `rod` for `lambda_rod`.
 
-    For other columns: the column's name.
+    Other columns have no owner: the result is the name of the column.
     """
     found = parsed(name)
     return name if found is None else found[1] or name

@@ -160,7 +160,8 @@ class _Reverse:
     ) -> Iterable[tuple[int, int]]:
         """Return the contributions of node n to the adjoints of its arguments.
 
-        As pairs of nodes: an argument, and the contribution to its adjoint.
+        The contributions are pairs of nodes: an argument, and the addend of its
+        adjoint.
 
         weight : the adjoint of n.
         of_sums : the adjoint of each component of a vector of sums.

@@ -383,7 +383,7 @@ class Elements:
     def without_value(self, arguments: Sequence[float]) -> int | None:
         """Return the first member with a term or slope that is not finite; else None.
 
-        Only for elements whose outputs are TOTAL.
+        All outputs of the elements must be TOTAL.
 
         arguments : values of the arguments.
         """

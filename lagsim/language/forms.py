@@ -136,7 +136,7 @@ class Turning(Products[Atom]):
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
         """Return the sines, then the cosines, in the product with the code `product`.
 
-        Each as its function ("sin" or "cos"), angle and exponent.
+        Each item has the function ("sin" or "cos"), the angle and the exponent.
         """
         raise NotImplementedError
 

@@ -151,8 +151,8 @@ def drawn_here(data: PlotData, model: Model) -> Iterator[Made]:
 def artist(model: Model) -> Iterator[Draw]:
     """Context manager: start a second process for drawing; return a draw function.
 
-    Only for a process whose single task is a command, since the second process is a
-    fork.
+    It may be used only in a process whose single task is a command, since the second
+    process is a fork.
     """
     helper = None
     if ahead.is_possible():

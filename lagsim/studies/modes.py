@@ -84,6 +84,12 @@ class FrequencyResponse(NamedTuple):
 class SmallMotions:
     """Small motions of a model about a steady state.
 
+    Parameters
+    ----------
+    model : Model
+    at : str
+        `rest` for the nearest rest, `start` for the start of the model.
+
     Attributes
     ----------
     setting : Setting

@@ -466,8 +466,9 @@ class Search:
     def extent(self) -> float:
         """Return the length scale of the search, in the unit of the coordinates.
 
-        It is the largest less the smallest component of all points of the scene, or
-        without a scene twice the largest start coordinate; 1 if both are 0.
+        It is the largest less the smallest component of all points of the scene, or, if
+        that is 0, twice the largest |coordinate| of the start that is no angle; 1 if
+        both are 0.
         """
         point, model = self._point, self.setting.model
         nodes = [x for parts in model.scene.points.values() for x in parts]

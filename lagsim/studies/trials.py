@@ -94,6 +94,13 @@ STATED = Variant()
 class Form:
     """Equations of a model for some structure, with the sessions compiled for these.
 
+    Parameters
+    ----------
+    texts : mapping of str to str
+        Expressions of values by name.
+    options, caller
+        See `Forms`.
+
     Attributes
     ----------
     structure : dict of str to str

@@ -100,6 +100,8 @@ class Expansion:
 
     Parameters
     ----------
+    gathers
+        Whether long sums may become elements, see `language.elements`.
     root
         Root node of the file.
     instead

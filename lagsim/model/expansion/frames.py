@@ -128,6 +128,11 @@ class SectionReader:
     """Reader of values in the sections of frames and bodies.
 
     Its methods report a fault, and then raise an ExpressionError without a message.
+
+    Parameters
+    ----------
+    x : Expansion
+        The expansion of the file.
     """
 
     def __init__(self, x: Expansion) -> None:
@@ -221,6 +226,13 @@ class SectionReader:
 
 class FrameReader(SectionReader):
     """Frames of a file; each is created on its first use.
+
+    Parameters
+    ----------
+    x : Expansion
+        The expansion of the file.
+    section : Node or None
+        The section `frames`.
 
     Attributes
     ----------

@@ -175,6 +175,21 @@ class File:
     The graph and its expressions, built of names alone, are shared with the other
     bindings of the file; only the numbers are evaluated again.
 
+    Parameters
+    ----------
+    root : Node
+        The root YAML node of the file.
+    file : str
+        The name of the file in messages.
+    faults : Faults
+        Receives the faults.
+    graph : Graph
+        The graph on which expressions are built.
+    overrides, options
+        See `read`.
+    gathers : bool
+        Whether long sums may become elements, see `language.elements`.
+
     Attributes
     ----------
     x : Expressions
@@ -536,7 +551,8 @@ class File:
     def _numbers(self) -> dict[str, Node]:
         """Return the YAML nodes of the values of parameters, modes and start values.
 
-        By name. Expressions that replace those of the file are included.
+        The result maps each name to its node; expressions that replace the expressions
+        of the file are included.
         """
         starts = entries_of(self.top.value("initial"))
         own = (*self.parameters, *self.modes, *starts)

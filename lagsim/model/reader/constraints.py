@@ -216,7 +216,15 @@ _NO_BOUND = _Bound("limit")
 
 
 class _ConstraintReader:
-    """Reader of one constraint: its relation and its law."""
+    """Reader of one constraint: its relation and its law.
+
+    Parameters
+    ----------
+    key, node
+        The name of the constraint, and its value in the file.
+    x : Expressions
+        Expressions of the file.
+    """
 
     def __init__(self, key: Scalar, node: Node, x: Expressions) -> None:
         self.key, self.x, self.label = key, x, f"the constraint `{key.text}`"

@@ -84,7 +84,17 @@ def read_tables(
 
 
 class _TableReader:
-    """Reader of one table."""
+    """Reader of one table.
+
+    Parameters
+    ----------
+    key, node
+        The name of the table, and its value in the file.
+    x : Expressions
+        Expressions of the file.
+    file : str
+        Path of the model file.
+    """
 
     def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
         self.name, self.place, self.x, self.file = key.text, key.place, x, file

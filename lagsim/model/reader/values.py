@@ -126,6 +126,13 @@ class Definitions:
     """Reader of definitions: parses them, then builds their graph nodes by levels.
 
     Definitions of level OUTPUT are built after the energies.
+
+    Parameters
+    ----------
+    given : list of Entry
+        The entries of the section `definitions`.
+    x : Expressions
+        Expressions of the file.
     """
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:

@@ -202,7 +202,7 @@ def film(
     events : sequence of Event
     horizon : float
         Time past which the motion is no forecast.
-    units : dict of str to str
+    units : mapping of str to str, optional
         Units of columns.
     notes : sequence of str
         Texts below the controls of the page.

@@ -127,7 +127,8 @@ class Carriers:
     def _moving(self) -> dict[str, list[dict[int, int]]]:
         """Return dr/dq of the points that depend on q and on no velocity, by point.
 
-        A mapping for each component of r: index of a coordinate -> node.
+        The derivatives of each component of r are a mapping: index of a coordinate ->
+        node.
         """
         e, g = self._e, self._e.graph
         index = {g.variable(name): j for j, name in enumerate(e.q)}

@@ -506,6 +506,11 @@ def measure(
 class _Map:
     """Runs of a map of stability.
 
+    Parameters
+    ----------
+    case, options, interrupt, progress
+        See `measure`.
+
     Attributes
     ----------
     fixed, adaptive : list of str

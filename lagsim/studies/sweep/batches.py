@@ -273,7 +273,7 @@ class Batch:
     def _plain(self, numbers: Sequence[int]) -> Values:
         """Return parameters, starts and swept values of some runs, see `_judged`.
 
-        For models in which no expression depends on the swept names.
+        The method serves models in which no expression depends on the swept names.
 
         numbers : indices of the runs.
         """
@@ -293,9 +293,9 @@ class Batch:
     def _followed(self, numbers: Sequence[int]) -> Values:
         """Return parameters, starts and swept values of some runs, see `_judged`.
 
-        For models with expressions that depend on the swept names: the model is bound
-        to the values of each run; nan if that fails, or if the run may begin at another
-        state on the constraints.
+        The method serves models with expressions that depend on the swept names: the
+        model is bound to the values of each run; nan if that fails, or if the run may
+        begin at another state on the constraints.
 
         numbers : indices of the runs.
         """
@@ -415,7 +415,7 @@ class Ends(NamedTuple):
 class Ensemble:
     """Runs of a session, with other parameters and starts, in one kernel memory.
 
-    Only for sessions for which `refusal` returns "".
+    It can be used only for sessions for which `refusal` returns "".
 
     Attributes
     ----------
