@@ -6,6 +6,7 @@ import ctypes
 import math
 import struct
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import keys, tapes
+from lagsim.native.graph import keys, straight_line, tapes
 from lagsim.native.graph.keys import Layout, Manner
 from lagsim.native.graph.lines import number
 from lagsim.native.graph.straight_line import Code, generate
@@ -206,6 +207,36 @@ def test_pieces_and_tapes_give_the_same_bits(
         assert bits(once.at(VALUES, name)) == bits(code.at(VALUES, name))
     expected = evaluate(g, functions["f"], VALUES)
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("tape", [False, True])
+def test_nodes_of_several_long_functions_are_written_once(
+    tape: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    g = Graph()
+    nodes = long_functions(g)["f"]
+    # A product that one function needs alone, and a sum of another.
+    products = [g.call("mul", a, b) for a, b in pairwise(nodes[:90])]
+    sums = [g.call("add", x, nodes[0]) for x in products]
+    halves = {
+        "f": [*nodes[: len(nodes) // 2], *products],
+        "h": [*nodes, *products],
+        "k": sums,
+    }
+    monkeypatch.setattr(keys, "PIECE", 50)
+    monkeypatch.setattr(straight_line, "LONG_TAPE", 1)
+    rare = ("k",) if tape else ()
+    write = partial(generate, manner=Manner(once=("f", "h", "k"), rare=rare))
+    together = Compiled(g, halves, write)
+    ir = together.code.ir
+    assert ("tape.k" in ir) == tape
+    assert body(ir, "common.0")
+    apart = [write(g, {name: made}, LAYOUT).ir for name, made in halves.items()]
+    # Of the three functions the longest has nearly all nodes.
+    assert ir.count("fmul") < 1.3 * max(x.count("fmul") for x in apart)
+    for name, made in halves.items():
+        own = Compiled(g, {name: made})
+        assert bits(together.at(VALUES, name)) == bits(own.at(VALUES, name))
 
 
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))

@@ -10,16 +10,86 @@ A Taylor series is written out if it is short, see `orders`, else as a `loop`.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from lagsim.native.graph import keys, loop, orders, repeated, tapes
 from lagsim.native.graph.lanes import LaneWriter
 from lagsim.native.graph.lines import Code, fixed_nodes
-from lagsim.native.graph.writer import LONG, FunctionWriter
+from lagsim.native.graph.writer import LONG, FunctionWriter, Place
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Functions, Layout, Manner
+
+# Least number of common nodes of several functions that become a function of their own.
+# Fewer nodes are evaluated in each function: a call would take as much code.
+FEW_COMMON = 48
+
+
+class CommonNodes:
+    """Functions that evaluate the nodes which several long functions share.
+
+    The nodes that are used by one set of functions, and by no other function, form a
+    class; each class becomes a function of its own, which the others call first and
+    which stores its values in p. Every function that uses a node also uses its
+    operands, so that the classes with more users come first.
+
+    Only functions that are called at most once in a step share code: stored values cost
+    the derivative of an arm of seven joints 20 % of its time. The page that a browser
+    runs for the bicycle has 244 kB in place of 272 kB.
+
+    Attributes
+    ----------
+    writers : list of FunctionWriter
+        The code of each class.
+    places : dict of node to place
+        Where the classes store the values of nodes.
+    """
+
+    def __init__(
+        self,
+        g: Graph,
+        layout: Layout,
+        first: int,
+        functions: Mapping[str, Sequence[int]],
+        known: Mapping[int, Place],
+    ) -> None:
+        users = dict[int, frozenset[str]]()
+        for name, roots in functions.items():
+            own = frozenset([name])
+            for n in g.cone(roots, known):
+                if g.args[n] and n not in known:
+                    users[n] = users.get(n, frozenset()) | own
+        counts = Counter(users.values())
+        self._classes = [
+            x for x, count in counts.items() if len(x) > 1 and count >= FEW_COMMON
+        ]
+        self._classes.sort(key=len, reverse=True)
+        used = {n for roots in functions.values() for n in roots}
+        used |= {
+            a for n, own in users.items() for a in g.args[n] if users.get(a) != own
+        }
+        self.places: dict[int, Place] = {}
+        self.writers = []
+        made = {x: sorted(n for n in used if users.get(n) == x) for x in self._classes}
+        total = sum(map(len, made.values()))
+        for k, nodes in enumerate(made.values()):
+            writer = FunctionWriter(g, layout, first + total)
+            self.writers.append(writer)
+            at = first + len(self.places)
+            stores = [(n, ("p", at + i)) for i, n in enumerate(nodes)]
+            writer.function(
+                f"common.{k}", stores, {**known, **self.places}, linkage="internal ",
+                longest=1,
+            )  # fmt: skip
+            self.places |= stores
+
+    def calls(self, name: str) -> list[str]:
+        """Return the names of the shared functions that the function `name` calls."""
+        return [f"common.{k}" for k, x in enumerate(self._classes) if name in x]
 
 
 def _longest(name: str, manner: Manner) -> int:
@@ -76,6 +146,17 @@ def generate(
     ):
         writers[0].function("prepare", [*places.items()], {})
     blank = dict(manner.blank)
+    long = {
+        name: [*nodes]
+        for name, nodes in functions.items()
+        if not isinstance(nodes, keys.Loop)
+        and name in (*manner.once, *manner.rare)
+        and name not in manner.together
+        and len(g.cone(nodes, places)) > _longest(name, manner) * keys.PIECE
+    }
+    common = CommonNodes(g, layout, scratch, {**long, **interpreted}, places)
+    writers += common.writers
+    scratch += len(common.places)
     for name, nodes in functions.items():
         if name in manner.together and not isinstance(nodes, keys.Loop):
             lanes = LaneWriter(g, layout, scratch)
@@ -95,21 +176,25 @@ def generate(
         elif nodes.count(g.zero) > FEW_ZEROS:
             cleared = len(nodes)
             stores = [store for store in stores if store[0] != g.zero]
-        longest = _longest(name, manner)
+        longest, first = _longest(name, manner), common.calls(name)
+        known = {**places, **common.places} if first else places
         together = 1 if name in (*manner.once, *manner.rare) else SEVERAL
-        looped = several and not writer.contract and repeated.function(
+        looped = several and not writer.contract and not first and repeated.function(
             writer, name, stores, places, cleared=cleared, longest=longest,
             together=together,
         )  # fmt: skip
         if not looped:
-            writer.function(name, stores, places, cleared=cleared, longest=longest)
+            writer.function(
+                name, stores, known, cleared=cleared, longest=longest, first=first
+            )
     size = max(writer.scratch + writer.scratch_used for writer in writers)
     declared = set().union(*(x.declared for x in writers))
     lines = [line for x in writers for line in x.lines]
     if interpreted:
-        stored = {n: k for n, (_, k) in places.items()}
+        stored = {n: k for n, (_, k) in {**places, **common.places}.items()}
+        calls = {name: common.calls(name) for name in interpreted}
         more, tape, size = tapes.tape_functions(
-            g, interpreted, layout._replace(size=size), stored
+            g, interpreted, layout._replace(size=size), stored, calls
         )
         declared |= more
         lines += tape

@@ -120,6 +120,7 @@ def tape_functions(
     functions: Mapping[str, Sequence[int]],
     layout: Layout,
     known: Mapping[int, int],
+    calls: Mapping[str, Sequence[str]],
 ) -> tuple[set[str], list[str], int]:
     """Return declarations, lines and required length of p of functions on tapes.
 
@@ -134,9 +135,11 @@ def tape_functions(
     layout : Layout
     known : mapping of int to int
         Nodes with values in p: node -> index.
+    calls : mapping of str to sequence of str
+        Functions that each function calls first, which store the known values.
     """
     tapes = _Tapes(g, layout._replace(fixed=frozenset()), functions, known)
-    lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}")
+    lines = tapes.functions(functions, f"{tapes.state}\n{tapes.filled}", calls)
     declared, interpreter = tapes.interpreter()
     return declared, [*lines, *interpreter], tapes.size
 
@@ -259,17 +262,22 @@ class _Tapes:
         self.table = f"@numbers = private constant {table}"
 
     def functions(
-        self, functions: Mapping[str, Sequence[int]], before: str
+        self,
+        functions: Mapping[str, Sequence[int]],
+        before: str,
+        calls: Mapping[str, Sequence[str]] = {},
     ) -> list[str]:
         """Return the IR of the functions.
 
         before : code that each function executes first.
+        calls : functions that each function calls before that code.
         """
         lines = []
         for k, (name, made) in enumerate(functions.items()):
             places = self.places(made)
             count = sum(places[-1][1:]) if places else 0
-            text = "\n".join([clearing(count), before])
+            called = [f"call void @{x}({SIGNATURE})" for x in calls.get(name, ())]
+            text = "\n".join([*called, clearing(count), before])
             lines += _function(name, self.tape(k, made), text)
         return lines
 

@@ -153,6 +153,7 @@ class FunctionWriter(Lines):
         linkage: str = "",
         cleared: int = 0,
         longest: int = LONG,
+        first: Sequence[str] = (),
         vectors: Sequence[tuple[Sequence[int], Place]] = (),
     ) -> None:
         """Write the function `name`.
@@ -172,6 +173,8 @@ class FunctionWriter(Lines):
         longest : int
             Number of pieces (of PIECE nodes) from which on a function is compiled
             without optimisation; up to WHOLE nodes it is always optimised.
+        first : sequence of str
+            Functions that are called first.
         vectors : sequence of (nodes, place)
             Nodes whose values are stored side by side, as one vector of TOGETHER, with
             zeros behind. A later load of the vector then need not wait for its parts.
@@ -190,7 +193,7 @@ class FunctionWriter(Lines):
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         whole = _by_piece(vectors, home, len(pieces), at_end)
         passed = self._passed(pieces, places)
-        alone = len(pieces) == 1
+        alone = len(pieces) == 1 and not first
         names = [name] if alone else [f"{name}.{i}" for i in range(len(pieces))]
         for piece_name, piece, side in zip(names, pieces, whole, strict=True):
             kind = linkage if piece_name == name else "internal "
@@ -203,7 +206,7 @@ class FunctionWriter(Lines):
         if not alone:
             self.lines.append(f"define {linkage}void @{name}({signature}) {{")
             self.clear(cleared)
-            self.lines += [f"call void @{p}({signature})" for p in names]
+            self.lines += [f"call void @{p}({signature})" for p in (*first, *names)]
             self.lines += ["ret void", "}"]
 
     def values(
