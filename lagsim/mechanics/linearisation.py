@@ -361,9 +361,11 @@ class Linearisation:
         return found.reshape(x.slopes.shape)
 
     def term_errors(self, x: Slopes, errors: Mapping[str, float]) -> list[Floats]:
-        """Return bounds of the rounding errors of M, A, f, b and s', flat.
+        """Return bounds of the errors of M, A, f, b and s', each as a flat array.
 
-        x, errors : see `noise`.
+        x : the equations and their derivatives at the state.
+        errors : error bounds of variables, by name; other variables have the rounding
+            error of their value.
         """
         n, m = self.n, self.m
         found = self._errors(self._terms, x, errors)

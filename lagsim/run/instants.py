@@ -31,9 +31,7 @@ def width(settings: Settings, time: float) -> float:
 
 
 def is_same(settings: Settings, time: float, other: float) -> bool:
-    """Whether two times belong to one instant.
-
-    Both differ by at most `width`.
+    """Whether two times belong to one instant: they differ by at most `width`.
 
     settings : the settings of the run.
     """

@@ -70,7 +70,10 @@ class Statement(NamedTuple):
 
 
 class Repeated(NamedTuple):
-    """Statements of equal form, which one loop evaluates."""
+    """Statements of equal form, which one loop evaluates.
+
+    members : the statements, in the order in which the loop evaluates them.
+    """
 
     members: list[Statement]
 
@@ -211,7 +214,8 @@ class _Statements:
     def _kind(self, n: int) -> object:
         """Return the kind of a value that a statement reads, for its `form`.
 
-        Values of equal kinds are read by equal code: constants, or numbers of one array
+        Values of equal kinds are read by equal code: constants, or numbers of one
+        array.
         """
         op = self.g.ops[n]
         if op == CONSTANT:
