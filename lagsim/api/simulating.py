@@ -620,7 +620,7 @@ class Result:
         ----------
         folder : str or Path
         plots : bool
-            Write pictures.
+            Whether pictures are written, too.
         table : {"csv", "npz", "parquet"}
             The format of the table.
         units : bool

@@ -120,7 +120,7 @@ class Sweep:
         ----------
         folder : str or Path
         plots : bool
-            Whether sweep.png is written.
+            Whether pictures are written, too.
 
         Raises
         ------
