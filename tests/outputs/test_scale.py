@@ -208,6 +208,7 @@ def test_many_rows_within_a_short_time_make_no_spike():
     assert not spread_scale((t, values)).linear
 
 
+@pytest.mark.slow
 def test_labels_of_scales_fit_above_small_panels():
     # 5 panels abreast have space for no label, 3 for a short one.
     for count, short in ((40, 0), (24, 24)):

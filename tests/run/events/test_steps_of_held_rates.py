@@ -44,6 +44,7 @@ def run(*parts, **words):
     return lagsim.simulate(lagsim.load(text), error_bar="never")
 
 
+@pytest.mark.slow  # a case takes up to 5 s
 @pytest.mark.parametrize("by", [LIMIT, FORCE], ids=["limit", "force"])
 @pytest.mark.parametrize("name", SLIPS)
 @pytest.mark.parametrize("falls", [True, False], ids=["falls", "rises"])

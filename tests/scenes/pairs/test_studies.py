@@ -99,6 +99,7 @@ def test_a_page_plays_the_motion(name, lagsim, write):
     assert rate[:, 1] == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow  # a case takes up to 11 s
 @pytest.mark.parametrize("name", each(13))
 def test_the_reference_of_a_chart_is_the_closed_form(name):
     model = read(coupled(name), "model.yaml")
