@@ -23,7 +23,8 @@ from lagsim.admissibility.verdict import CAUTION, accelerations, verdicts_on
 from lagsim.language.derivatives import slopes
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.mechanics.constraints import constraint_row
-from lagsim.mechanics.switches import mixed, model_switches
+from lagsim.mechanics.switch_search import model_switches
+from lagsim.mechanics.switches import mixed
 from lagsim.tolerances import RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from lagsim.mechanics.corners import corners, with_pushes
 from lagsim.mechanics.ldl import BUDGET, dense_operations, elimination_of
 from lagsim.mechanics.partition import Partition, partition_of
 from lagsim.mechanics.reduction import augmented, with_lengths
-from lagsim.mechanics.switches import model_switches
+from lagsim.mechanics.switch_search import model_switches
 from lagsim.methods import Structure, method
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.notes import Choice

@@ -21,7 +21,7 @@ from lagsim.language.derivatives import gradient
 from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.surfaces import expression_text
-from lagsim.mechanics.switches import model_switches
+from lagsim.mechanics.switch_search import model_switches
 from lagsim.notes import Caution
 from lagsim.tolerances import COMPUTED_ZERO, RESIDUAL_ROUNDOFF
 

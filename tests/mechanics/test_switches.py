@@ -10,7 +10,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.surfaces import expression_text
-from lagsim.mechanics.switches import find_switches
+from lagsim.mechanics.switch_search import find_switches
 
 MOVING = ("x", "x_dot")
 

@@ -7,10 +7,9 @@ import pytest
 
 from benchmarks.rod_chain import rod_chain
 from lagsim.mechanics.ldl import BUDGET
-from lagsim.mechanics.switches import values_by_majority
 from lagsim.native.graph import tapes
 from lagsim.program.system import System
-from lagsim.run.events.breaks import Values
+from lagsim.run.events.breaks import Values, values_by_majority
 from lagsim.run.observers import Keep
 from tests.support import SHIPPED, case_of, ready, run
 

@@ -51,11 +51,10 @@ from lagsim.language.functions import CHOOSING, OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
 from lagsim.language.tables import cell_of, knots_between
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
-from lagsim.mechanics.switches import values_by_majority
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -642,3 +641,26 @@ class _Locator:
         if repr(self.discrete(hi)) == repr(self.discrete(lo)):
             return []
         return [first_change(self.discrete, lo, hi)]
+
+
+def values_by_majority(
+    value: Callable[[float], Sequence[float]], start: float, end: float
+) -> list[float]:
+    """Return the values of step functions on an interval in which none of them steps.
+
+    Each value is that of at least two of three samples in (start, end), so that a value
+    that a function has at a single instant, like sign(0), is not returned.
+
+    value : t -> the values of all functions.
+    """
+    samples = [
+        [float(x) for x in value(start + part * (end - start))]
+        for part in (0.381966, 0.5, 0.723607)
+    ]
+    return [
+        a if _same(a, b) or _same(a, c) else b for a, b, c in zip(*samples, strict=True)
+    ]
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (math.isnan(a) and math.isnan(b))

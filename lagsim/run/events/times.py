@@ -17,13 +17,18 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.tables import at_ends, is_smooth
-from lagsim.mechanics.switches import values_by_majority
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import pass_knots
 from lagsim.methods.parts.search_table import distance
 from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
-from lagsim.run.events.breaks import NEIGHBOURS, TimedTable, Values, break_times
+from lagsim.run.events.breaks import (
+    NEIGHBOURS,
+    TimedTable,
+    Values,
+    break_times,
+    values_by_majority,
+)
 from lagsim.run.instants import width
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 

@@ -15,7 +15,7 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
 from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
-from lagsim.mechanics.switches import find_switches
+from lagsim.mechanics.switch_search import find_switches
 from lagsim.run.events import times
 from lagsim.run.events.breaks import _NEW, Division, break_times
 from lagsim.run.trajectory import Outcome
