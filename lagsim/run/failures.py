@@ -23,6 +23,7 @@ import numpy as np
 from lagsim.codes.known import STEP_AT_STABILITY_BOUND, UNSETTLED_IMPULSES
 from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
+from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.tables import ended
 from lagsim.mechanics.surfaces import expression_text
@@ -41,7 +42,7 @@ from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import BROKEN_CONSTRAINT, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.methods.parts.driver import State
@@ -182,29 +183,74 @@ def _fastest(arc: Arc) -> str:
     return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
 
 
-def end_of_table(arc: Arc) -> Ending | None:
+def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
     """Return the ending if a table without extrapolation is past its last point.
 
-    None if no table is.
+    None if no table is, or if such tables have no effect at this time.
+
+    arc : the arc; its modes are those in force.
+    given : nodes to which the search is limited, of bounds and restitutions at an
+        impact. By default: all but restitutions, and bounds of laws that do not act.
     """
     g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
     cells = [
-        (g.args[x.discrete], p.flat[arc.system.place(x.variable)])
+        (x.variable, g.args[x.discrete], p.flat[arc.system.place(x.variable)])
         for x in switches.modes
     ]
     cells += [
-        ((s.node,), math.ceil(v))
+        (s.variable, (s.node,), math.ceil(v))
         for s, v in zip(switches.sides, p.side, strict=False)
         if s.whole
     ]
-    for args, cell in cells:
+    past = {}
+    for variable, args, cell in cells:
         found = ended(g, args[0], cell) if args else None
         if found is not None:
-            table, knot = found
-            of = expression_text(g, *table.args)
-            about = f"`{table.name}` ends at {knot:.9g}, which `{of}` has reached,"
-            return Ending(Outcome.TABLE_ENDS, about)
+            past[g.variable(variable)] = found
+    if not past:
+        return None
+    effective = {*_effective(arc, given)}
+    if not given:  # and tables on which output and conditions alone depend
+        effective |= past.keys() - {*g.cone(switches.freeze(arc.equations.of_motion))}
+    for n in sorted(past.keys() & effective):
+        table, knot = past[n]
+        of = expression_text(g, *table.args)
+        about = f"`{table.name}` ends at {knot:.9g}, which `{of}` has reached,"
+        return Ending(Outcome.TABLE_ENDS, about)
     return None
+
+
+def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
+    """Return the nodes of the motion that have an effect in the modes in force.
+
+    Where these modes decide a condition, the branch not taken has no effect. Nodes on
+    which the motion does not depend are not included.
+
+    given : see `end_of_table`.
+    """
+    e, p, system = arc.equations, arc.system.p, arc.system
+    g = e.graph
+    roots = [*given]
+    if not given:
+        of_laws = sum(len(law.given) for law in e.laws)
+        roots = e.of_motion[: len(e.of_motion) - of_laws]
+        acting = [
+            x for x, mode in zip(e.laws, p.law_mode, strict=True) if mode != kept.OFF
+        ]
+        roots += [n for law in acting for n in (law.bound, law.static)]
+    names = [x.variable for x in system.switches.modes]
+    names += [x.variable for x in system.switches.sides]
+    decided = {name: float(p.flat[system.place(name)]) for name in names}
+    waiting = system.switches.freeze(roots)
+    seen = set(waiting)
+    for n in waiting:  # the list grows during the loop
+        args = g.args[n]
+        if g.ops[n] == "if" and decided.keys() >= g.depends(args[:1]):
+            [condition] = evaluate(g, args[:1], decided)
+            args = (args[0], args[1] if condition else args[2])
+        waiting += {*args} - seen
+        seen.update(args)
+    return waiting
 
 
 # A projected state satisfies its constraints to rounding. Constraints count as never

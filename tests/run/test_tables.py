@@ -455,6 +455,63 @@ def test_a_run_ends_with_its_table(how):
     assert whole.error.relative < 1e-12
 
 
+@pytest.mark.parametrize("method", ["dop853", "radau", "taylor"])
+@pytest.mark.parametrize("end", [4.5, 5])
+def test_a_table_in_the_branch_not_taken_does_not_end_the_run(end, method):
+    points = {"f": {"points": [[0, 1], [4, 0.9], [5, 0.5]]}}
+    given = 3.8 + (0.7 if end == 5 else 0.4)  # the integral of f up to `end`
+    start = {"x": 0, "x_dot": 1}
+    text = scene(points, {"x": f"if(x < {end}, f(x), 0)"}, start, duration=6)
+    found = simulate(load(text), method=method)
+    assert found.complete
+    assert found["x_dot"][-1] == pytest.approx(math.sqrt(1 + 2 * given), abs=1e-10)
+    text = scene(points, {"x": f"if(t < {end}, f(t), 0)"}, start, duration=6)
+    found = simulate(load(text), method=method)
+    assert found.complete
+    assert found["x_dot"][-1] == pytest.approx(1 + given, abs=1e-10)
+    again = f"if(x < {end}, f(x), if(x < 6, 0, f(x)))"
+    found = simulate(
+        load(scene(points, {"x": again}, start, duration=9)), method=method
+    )
+    assert "`f` ends at 5, which `x` has reached" in found.record["reason"]
+    assert found.t[-1] < 9
+    assert found["x"][-1] == pytest.approx(6, abs=0.05)
+
+
+def test_a_table_of_friction_ends_no_run_in_flight():
+    floor = {"relation": "y >= 0", "restitution": 0, "friction": "f(slip_speed)"}
+    text = scene(
+        {"f": {"points": [[0, 0.1], [5, 0.3]]}}, {"x": 8}, {"x": 0, "y": 5},
+        potential="10*y", constraints={"floor": floor | {"slip": "x_dot"}},
+    )  # fmt: skip
+    found = simulate(load(text), duration=0.9)
+    assert found.complete
+    assert found["x"][-1] == pytest.approx(4 * 0.9**2, abs=1e-12)
+    found = simulate(load(text), duration=2)
+    assert found.record["failure"]["code"] == "table-ends"
+    assert found.t[-1] == pytest.approx(1, abs=2.1e-3)
+
+
+@pytest.mark.parametrize("outside", ["error", "hold"])
+def test_a_table_of_restitution_is_compared_at_impacts_only(outside):
+    points = [[0, 1], [4, 0.9], [20, 0.5]]
+    floor = {"relation": "y >= 0", "restitution": "f(approach_speed)"}
+
+    def falling(height):
+        return simulate(load(scene(
+            {"f": {"points": points, "outside": outside}}, {}, {"y": height},
+            potential="10*y", duration=3, constraints={"floor": floor},
+        )))  # fmt: skip
+
+    found = falling(5)  # 10 m/s, then 7.5 m/s
+    assert found.complete
+    assert happened(found, "impact") == pytest.approx([1.0, 2.5], abs=1e-12)
+    found = falling(25)
+    assert found.complete == (outside == "hold")
+    if not found.complete:
+        assert "`f` ends at 20" in found.record["reason"]
+
+
 @pytest.mark.parametrize("every", [0.4, 0.5])
 def test_an_event_at_the_end_of_a_run_where_a_table_ends(every):
     found = simulate(scene(

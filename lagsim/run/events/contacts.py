@@ -48,6 +48,7 @@ from lagsim.run.events.law_modes import (
 )
 from lagsim.run.events.records import LawsAt, LawState
 from lagsim.run.events.sliders import select_sliding
+from lagsim.run.failures import end_of_table
 from lagsim.run.trajectory import (
     Decision,
     Ending,
@@ -286,12 +287,15 @@ class Contacts(Source):
         closed_laws = [k for k, on in enumerate(closed) if on]
         if self.sliders:
             closed_laws = sorted({*closed_laws, *self.sliders})
+        striking = [k for k in self.striking if closed[k]]
+        struck = [k for k in striking if here.strikes(k)]
+        if struck and self._leaves_tables(arc, closed_laws, struck, found):
+            return found
         # Whether the bound of a law decreases depends on sides that are decided later.
         if wrong := here.out_of_range(closed_laws, laws.closed if decided else ()):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
-        striking = [k for k in self.striking if closed[k]]
-        if struck := [k for k in striking if here.strikes(k)]:
+        if struck:
             # The impact may engage a freewheel.
             free = [k for k in self.freewheels if here.in_force[k]]
             reached = here.reached({*struck, *ends}, {*striking, *free})
@@ -423,6 +427,19 @@ class Contacts(Source):
         parts = np.where(table.gapped, part, SATISFIED)
         off = (table.gapped | table.equal) & closed & here.is_off(parts)
         return [self.laws[k].name for k in np.flatnonzero(off).tolist()]
+
+    def _leaves_tables(
+        self, arc: Arc, closed: list[int], struck: list[int], found: StateAfter
+    ) -> bool:
+        """Whether a table of a law is past its end at an impact, which ends the run.
+
+        found : receives the ending.
+        """
+        if arc.system.switches.sides:
+            given = [n for k in closed for n in arc.system.laws[k].given[:2]]
+            given += [n for k in struck for n in arc.system.laws[k].given[2:]]
+            found.ending = end_of_table(arc, given)
+        return found.ending is not None
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Return the end time of each series of bounces that ends with this impact.
