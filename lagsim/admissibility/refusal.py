@@ -284,10 +284,14 @@ def _hint(point: Point, node: int) -> str:
     if op.startswith("table."):
         return BEYOND.format(written(g, node).name)
     values = point.array(args)
-    if op in ("sqrt", "log", "log10") and values[0] < 0.0:
-        return f"start, or guess, where {expression_text(g, args[0])} is positive"
-    if op == "div" and values[1] == 0.0:
-        return f"start, or guess, where {expression_text(g, args[1])} is not 0"
+    if not g.depends([node]):
+        return "it has no finite value at any state: correct the expression"
+    divided = op == "div" and values[1] == 0.0
+    if divided or (op in ("sqrt", "log", "log10") and values[0] < 0.0):
+        of, why = (args[1], "not 0") if divided else (args[0], "positive")
+        given = g.depends([of]) <= {x.name for x in point.e.model.parameters}
+        how = "choose parameters with which" if given else "start, or guess, where"
+        return f"{how} {expression_text(g, of)} is {why}"
     return NO_VALUE
 
 

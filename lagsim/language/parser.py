@@ -588,8 +588,9 @@ def _sides(
 
     The right side is None for a bare expression.
     """
-    depth, at = 0, []
+    depth, at, joined = 0, [], False
     for i, token in enumerate(found):
+        joined |= depth == 0 and token.text in ("and", "or")
         depth += (token.kind == "open") - (token.kind == "close")
         if depth == 0 and token.text in ("=", "<=", ">="):
             at.append(i)
@@ -598,7 +599,8 @@ def _sides(
             raise token.fault(text, f"write `{token.text}=`")
     if len(at) > 1:
         text = "a relation has one `=`, `<=` or `>=`"
-        raise found[at[1]].fault(text, "write two constraints")
+        hint = "a condition is one relation, such as if(x >= 0 and y >= 0, 1, 0) >= 1"
+        raise found[at[1]].fault(text, hint if joined else "write two constraints")
     if not at:
         return found, None, "="
     middle = found[at[0]]

@@ -115,6 +115,9 @@ def test_a_parameter_that_nothing_names():
         "`spare.1` and 2 other members of `spare` are given and used nowhere"
     )
     assert warned(more="k: 1, spare: 2", seen="k + spare") == []
+    # A mode that an event sets is a column.
+    recorder = "modes: {seen_at: 0}\nevents: {e: {at: x <= 0, set: {seen_at: t}}}\n"
+    assert warned(scene=SCENE + recorder) == []
     # It is named, though something else was said instead of it.
     instead = {"options": {"duration": "1"}}
     assert warned(instead, more="k: 1, T: 2", duration="T") == []
@@ -182,6 +185,21 @@ def test_what_is_not_finite_is_told_once_in_its_place(given, line, told):
     assert told in text
     assert "direction" not in hint or "slope" in told  # nothing of velocities
     assert "1/x^2" not in told or hint == "start, or guess, where x^2 is not 0"
+
+
+@pytest.mark.parametrize(
+    ("force", "advice"),
+    [("x/m", "choose parameters with which m is not 0"),
+     ("sqrt(m - 1)", "choose parameters with which m - 1 is positive"),
+     ("1/(y - y0)", "start, or guess, where y - y0 is not 0"),
+     ("1/0", "correct the expression"), ("y*log(-1)", "correct the expression")],
+)  # fmt: skip
+def test_the_advice_names_the_values_that_decide(force, advice):
+    text = filled(FAULTY, SOUND | {"force": force}) + "parameters: {m: 0, y0: 1}\n"
+    with pytest.raises(InputError) as raised:
+        check(read(text, "model.yaml"))
+    [problem] = raised.value.problems
+    assert advice in problem.hint
 
 
 def test_two_of_them_are_told_apart():

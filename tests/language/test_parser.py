@@ -177,6 +177,7 @@ def test_relations():
         ("x > 1", 2, "a relation is not strict", "write `>=`"),
         ("x = y = 1", 6, "a relation has one", "two constraints"),
         ("0 <= x <= 1", 7, "a relation has one", "two constraints"),
+        ("x <= 1 and y >= 0", 13, "a relation has one", "1, 0) >= 1"),
         ("= 1", 0, "found nothing", ""), ("x =", 3, "found nothing", ""),
         ("", 0, "found nothing", ""), ("(x = 1)", 3, "`=` has no meaning here", ""),
         ("(x <= 1)", 1, "a comparison is allowed only in `if`", ""),

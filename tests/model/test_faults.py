@@ -88,7 +88,7 @@ missing-key | `at` | output: {sections: {⟪c⟫: {direction: up}}}
 both-given | `at`; `every` | output: {sections: {⟪c⟫: {at: x = 0, every: 1}}}
 both-given | every; direction | output: {sections: {c: {every: 1, ⟪direction⟫: up}}}
 not-an-equality |  | output: {sections: {c: {⟪at⟫: x >= 0}}}
-no-coordinate |  | output: {sections: {c: {at: ⟪t = 1⟫}}}
+no-coordinate | `every` | output: {sections: {c: {at: ⟪t = 1⟫}}}
 unknown-name | `both` | output: {sections: {c: {at: x, direction: ⟪left⟫}}}
 unknown-name | `z` | output: {sections: {c: {at: x, plot: [x, ⟪z⟫]}}}
 wrong-count | 1 | output: {sections: {c: {at: x, ⟪plot⟫: [x]}}}

@@ -347,13 +347,14 @@ class File:
         x.read = []
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
         named = made.scope.used | self.structural() if made else words_below(self.node)
+        recorded = {mode for event in events for mode, _ in event.sets}  # columns
         return Model(
             name=self.name,
             file=self.file,
             sha256=sha256,
             graph=x.graph,
             parameters=parameters,
-            unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
+            unused=tuple(p for p in (*x.known, *x.modes) if p not in named | recorded),
             events=events,
             gimbals=tuple(
                 Gimbal(frame, x.build(lock), tuple(map(x.build, angles)))

@@ -269,9 +269,10 @@ def read_relation(
     if not named(gap, moving, x):
         text = f"{label} depends on no coordinate and no velocity"
         hint = _AT_A_TIME if modes else ""
-        hint = (
-            "a time to stop at is `end` or `duration`" if label == "`until`" else hint
-        )
+        if label == "`until`":
+            hint = "a time to stop at is `end` or `duration`"
+        elif "section" in label:
+            hint = "a section with rows at regular times has `every`"
         x.faults.add(NO_COORDINATE, text, scalar, hint)
         return None, equality
     text = " ".join(scalar.text.split())

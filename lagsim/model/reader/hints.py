@@ -51,6 +51,7 @@ _NO_FUNCTIONS = (
      "an impulse is given by an event: `events: {kick: {at: ..., impulse: {...}}}`"),
     (re.compile(r"(?i)(interp(1d?|2d?|olate)?|lookup|spline|tabulated)"),
      "a curve is given in `tables`, and called by its name"),
+    (re.compile("sum"), "a sum over a family is written sum(i = 1..n, x(i))"),
     (re.compile("dot|cross|unit"),
      "its arguments are vectors, vec(a, b) or vec(a, b, c), and this file has none"),
     (re.compile("(un)?rotate|omega(_space)?"),
@@ -210,6 +211,7 @@ def _fraction(found: re.Match[str]) -> str:
 
 # Each pattern is searched around the fault: the match, and its correction.
 _SPELLINGS: list[tuple[str, Meant]] = [
+    (r"\bif\(([^(),]+[<>][^(),]*),([^(),]+)\)", "write if({0},{1}, 0)"),
     (quantities.SEPARATED, lambda found: quantities.separated(found[0])),
     (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
     (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
@@ -237,8 +239,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r":=", "write `=`"),
     (_EXPONENT, "write {0}e{1}{2}"),
     (r"^\s*(.+?)\s+(?:when|where|if)\s+(.+)$", "write if({1}, {0}, 0)"),
-    (r"=<", "write `<=` for `=<`"),
-    (r"=>", "write `>=` for `=>`"),
+    (r"=<", "write `<=` for `=<`"), (r"=>", "write `>=` for `=>`"),
     (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
     (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
     (r"([\w.]+)(?:\s+(?:mod|rem)\s+|\s*%\s*)([\w.]+)",
@@ -276,8 +277,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"[“”„‘’‚]", "an expression contains no quotes"),
     (r"[\u200b-\u200f\u2060\ufeff]", "delete it: it is invisible"),
     (r"(?<!&)&(?!&)|\bAND\b", "write `and`"),
-    (r"\bOR\b", "write `or`"),
-    (r"\.([*/^])", "write `{0}` for `.{0}`"),
+    (r"\bOR\b", "write `or`"), (r"\.([*/^])", "write `{0}` for `.{0}`"),
     (r"~(?=\s*[-+]?[\d.])", "leave `~` out"),
     (r";", "write `,`: it is between arguments"),
     (r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
@@ -658,6 +658,8 @@ def of_function(
     until = end + (call.end() if call else 0)
     if meant := _meant_by_call(name, argument, moving):
         return offset, until, meant
+    if argument in ("0", "t0", "t=0") and _moves(name, moving):
+        return offset, until, f"give the start value of {name} a name in `parameters`"
     if _is_known(name, known) or name.casefold() in _NUMBERS:
         plain = name if name in known else name.casefold()
         if argument in ("", "t"):
