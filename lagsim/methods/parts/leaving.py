@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.control import pseudorandom
 from lagsim.methods.parts.parameters import SLIDING, Parameters
 from lagsim.methods.parts.search_table import (
+    BETWEEN,
     CROSSING,
     EVENT,
     SearchTable,
@@ -56,8 +57,10 @@ SWITCHES = True
 RATED = True
 
 # Size of the change of each component, relative to its error, at which margins are
-# found: at least the error, since the pseudorandom part is 1/2 or more.
+# found: at least the error, since the pseudorandom part is 1/2 or more. The value there
+# is compared with the value at this part of the change.
 FAR = 2.0
+CLOSE = 2.0**-6
 
 
 def find_leaving(kind: Static, s: SearchTable, p: Parameters) -> None:
@@ -171,15 +174,11 @@ def bound_margins(
     """
     bound_errors(s, p)
     change_by_errors(kind, s, p, first, last)
-    before, most = s.starts, s.middles
-    interpolate(s, p, 0.0, s.work)
-    for i in range(s.size):
-        s.work[i] += s.step_h * s.spare[i]
-    evaluate_values(kind, s, p, s.step_t + s.step_h)
+    change_by_rates(kind, s, p, first, last)
+    most, off = s.middles, s.ends
     for k in range(first, last):
-        off = change_within(kind, s, k, before[k], s.values[k])
         if s.margins[k] >= 0.0:
-            s.margins[k] = most[k] if off <= most[k] else -1.0
+            s.margins[k] = most[k] if off[k] <= most[k] else -1.0
             if SWITCHES and k < p.surfaces and kind == EVENT and has_no_end(p, k):
                 p.slack[k] = max(p.slack[k], s.margins[k])
     if UNTIL and kind == EVENT:
@@ -190,12 +189,34 @@ def bound_margins(
                 s.margins[s.surfaces + c] = -1.0
 
 
+def change_by_rates(
+    kind: Static, s: SearchTable, p: Parameters, first: int, last: int
+) -> None:
+    """Store the least margins of rows first ... last - 1 that leave 0 in `ends`.
+
+    The rows are evaluated within the step and at its end, by a motion with the rates at
+    the start: at the end alone a periodic row may have its value at the start.
+    """
+    before, off = s.starts, s.ends
+    for k in range(first, last):
+        off[k] = 0.0
+    h = BETWEEN * s.step_h
+    for _ in range(2):
+        interpolate(s, p, 0.0, s.work)
+        for i in range(s.size):
+            s.work[i] += h * s.spare[i]
+        evaluate_values(kind, s, p, s.step_t + h)
+        for k in range(first, last):
+            off[k] = max(off[k], change_within(kind, s, k, before[k], s.values[k]))
+        h = s.step_h
+
+
 def change_within(
     kind: Static, s: SearchTable, k: int, before: float, after: float
 ) -> float:
     """Return the least margin with which row k still counts as leaving 0.
 
-    before, after : the value at the start of the step, and at its end by a motion with
+    before, after : the value at the start of the step, and after it by a motion with
         the rates at the start.
     """
     if s.margins[k] != inf:
@@ -212,22 +233,36 @@ def change_by_errors(
     """Store the largest changes of rows first ... last - 1 by errors in `middles`.
 
     Each row is evaluated at two states that differ from the state at the start of the
-    step by at least `step_errors` in each component.
+    step by at least `step_errors` in each component. Its value there is compared with
+    that at a closer state on the same side: a jump of the row at the start of the step
+    is no error.
     """
-    before, most = s.starts, s.middles
+    most, close = s.middles, s.ends
     for k in range(first, last):
         most[k] = 0.0
     for way in range(2):
-        interpolate(s, p, 0.0, s.work)
-        for i in range(s.size):
-            part = pseudorandom(i, way) - 0.5
-            part += 0.5 if part > 0.0 else -0.5
-            s.work[i] += FAR * part * s.step_errors[i]
+        move_by_errors(s, p, CLOSE * FAR, way)
+        evaluate_values(kind, s, p, s.step_t)
+        close[first:last] = s.values[first:last]
+        move_by_errors(s, p, FAR, way)
         evaluate_values(kind, s, p, s.step_t)
         for k in range(first, last):
-            off = abs(s.values[k] - before[k])
+            off = abs(s.values[k] - close[k])
             if off < OVERFLOW:
                 most[k] = max(most[k], off)
+
+
+def move_by_errors(s: SearchTable, p: Parameters, size: float, way: int) -> None:
+    """Write the state at the start of the step, changed by errors, to `work`.
+
+    size : the largest change of each component, in units of its error.
+    way : 0 or 1, the direction.
+    """
+    interpolate(s, p, 0.0, s.work)
+    for i in range(s.size):
+        part = pseudorandom(i, way) - 0.5
+        part += 0.5 if part > 0.0 else -0.5
+        s.work[i] += size * part * s.step_errors[i]
 
 
 def bound_errors(s: SearchTable, p: Parameters) -> None:

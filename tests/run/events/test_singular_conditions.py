@@ -118,3 +118,35 @@ def test_two_events_act_at_one_jump():
     found = run(model.replace("Q0", "0.5").replace("7,", "2,"))
     events = [(e.name, e.time) for e in found.trajectory.events if e.kind == "event"]
     assert events == [("a", 0.5), ("b", 0.5), ("a", 1.5), ("b", 1.5)]
+
+
+# Conditions that are true while floor(q) is even (odd), each a sum of steps.
+EVEN = [
+    "floor(q) - 2*floor(q/2) = 0",
+    "mod(floor(q), 2) = 0",
+    "2*floor(q/2) - floor(q) >= 0",
+    "1 - sign(sin(pi*q)) = 0",
+    "sign(sin(pi*q)) >= 1",
+]
+ODD = ["floor(q) - 2*floor(q/2) = 1", "mod(floor(q), 2) = 1", "sign(sin(pi*q)) + 1 = 0"]
+
+
+@pytest.mark.parametrize(
+    "method", ["auto", "dop853", "dopri5", "radau", "taylor", "rk4", "kahan-li8"]
+)
+@pytest.mark.parametrize("speed", [-2, -1, 1])
+@pytest.mark.parametrize("condition", [*EVEN, *ODD])
+def test_a_sum_of_steps_acts_each_time(condition, speed, method):
+    # At speed -2 the first step of an arc, 0.5, is from one jump to the next.
+    fixed = method in {"rk4", "kahan-li8"}
+    used = f", method: {method}" + (", step: 0.25" if fixed else "")
+    start = 4.5 if speed < 0 else 0.5
+    model = MOVING.replace("CONDITION", condition).replace("Q0", str(start))
+    model = model.replace("q_dot: 1,", f"q_dot: {speed},").replace("7,", "4.8,")
+    found = run(model.replace("output_step: 0.5", "output_step: 0.5" + used))
+    events = [e.time for e in found.trajectory.events if e.kind == "event"]
+    # Upwards floor(q) becomes even at even places, downwards at odd ones.
+    first = (condition in EVEN) == (speed < 0)
+    places = [q for q in range(-6, 6) if q % 2 == first]
+    times = sorted((q - start) / speed for q in places)
+    assert events == pytest.approx([t for t in times if 0 < t < 4.8], abs=1e-12)
