@@ -101,7 +101,7 @@ def kernels(system: System) -> Iterator[ProgramPart]:
         yield kernel_part([dense.jacobian])
     if system.watched:
         motion = [sliding.derivative, sliding.observe]
-        ends = [sliding.event_functions, sliding.project_sliding]
+        ends = [sliding.event_functions, sliding.project_sliding, sliding.departures]
         yield kernel_part([*motion, *ends], statics)
     if system.model.tables:
         yield kernel_part(tables.KERNELS)
@@ -712,6 +712,7 @@ class Runner:
         self._advance = self.engine.function("advance", *ADVANCE)
         if self.system.watched > 0:
             self._project = self.engine.function("project_sliding", *PROJECTION)
+            self._departures = self.engine.function("departures", *FUNCTION)
         self._tabulate = self.engine.function("tabulate", *TABULATE)
         self.at_instants = {
             name: self.engine.function(name, *kind)
@@ -787,6 +788,22 @@ class Runner:
     def event_functions(self, t: float, y: Floats) -> Floats:
         """Return the event functions (watched,) of surfaces, then of laws."""
         return self.function("event_functions", self.system.watched)(t, y)
+
+    def departures(
+        self, t: float, y: Floats, levels: Floats, clear: Floats, step: float
+    ) -> Floats:
+        """Return how far short steps lead each expression from its level (surfaces,).
+
+        levels, clear : see `sliding.departures`.
+        step : the first step.
+        """
+        count = self.system.surfaces
+        out = np.zeros(3 * count + 1 + 6 * self.system.size)
+        out[count : 2 * count], out[2 * count : 3 * count] = levels, clear
+        out[3 * count] = step
+        y = np.array(y, dtype=float, order="C")
+        self._departures(t, address(y), self.system.p.address, address(out))
+        return out[:count]
 
     def project_sliding(self, t: float, y: Floats) -> None:
         """Project y, in place, onto the surfaces that the motion slides along."""

@@ -459,7 +459,7 @@ def shown_sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     now : the record after all modes of the motion are selected.
     by : the parts of the run that decide.
     """
-    if by.shown is None or by.shown.are_away(now.arc):
+    if by.shown is None or by.shown.are_decided(now.arc):
         return now
     with TrialModes(now.arc) as trial:
         surfaces = by.shown.select(now.arc, now.surfaces)

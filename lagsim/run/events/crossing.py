@@ -635,7 +635,7 @@ class Crossing:
             modes.arc.system.m
         ):  # rows may hold the motion, to the rounding of their forces
             clear = max(clear, modes.drifts()[k])
-        way = modes.leads(k, clear)
+        way = modes.leads({k: clear})[k]
         if along.any():
             modes.carried, modes.watched = {}, []
             modes.restore(*former)

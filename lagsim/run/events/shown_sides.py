@@ -16,6 +16,7 @@ is therefore given
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,10 +71,19 @@ class ShownSides(Source):
         self._memory: kept.Parameters | None = None
         self._modes: tuple[Floats, ...] = ()
 
-    def are_away(self, arc: Arc) -> bool:
-        """Whether all shown surfaces are off their levels, on their present sides.
+    @cached_property
+    def autonomous(self) -> bool:
+        """Whether neither the motion nor an expression of a surface depends on t."""
+        equations = self.modes.arc.equations
+        nodes = [*equations.of_accelerations, *(x.node for x in self.modes.sides)]
+        return "t" not in equations.graph.depends(nodes)
 
-        Their values are compared with bounds of an earlier instant, far above rounding.
+    def are_decided(self, arc: Arc) -> bool:
+        """Whether no side of a shown surface need be selected.
+
+        Each shown surface is off its levels and on its present side, or at its level
+        while the motion rests: y' is 0, and nothing depends on t. Values are compared
+        with bounds of an earlier instant, far above rounding.
         """
         p = arc.system.p
         if p is not self._memory:
@@ -83,8 +93,15 @@ class ShownSides(Source):
             return False
         slack, slides, side, least = self._modes
         values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
+        rests = False
         for k, is_whole, far in self.far:
             x = float(values[k])
+            if slides[k] == kept.LEVEL:
+                level = round(x) if is_whole else 0.0
+                if least[k] != level or not abs(x - level) <= slack[k]:
+                    return False
+                rests = True
+                continue
             if is_whole:
                 below = math.floor(x)
                 off, now = min(x - below, below + 1.0 - x), float(below)
@@ -93,7 +110,7 @@ class ShownSides(Source):
             away = off > far and side[k] == now and least[k] == -math.inf
             if not away or slack[k] != 0.0 or slides[k] != 0.0:
                 return False
-        return True
+        return not rests or (self.autonomous and not arc.rates(arc.t, arc.y).any())
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to settle where a shown surface has left its level."""
@@ -200,26 +217,27 @@ class ShownSides(Source):
         keeps = arc.system.m > 0 or arc.system.p.sliding > 0.0
         clear = np.abs(rates) > weak
         moved = clear & (by_state > HALF_OF_DIGITS * np.abs(rates))
-        held = np.zeros(modes.count, dtype=bool)
-        if keeps or not moved[on].all():
-            held = self._held(arc, values, least)
         drifts = modes.drifts() if keeps else np.zeros(modes.count)
+        apart = np.maximum(CLEAR_OF_ROUNDING * least, drifts)
+        slow = {k: apart[k] for k in on if not clear[k]}
+        ways = np.where(clear, rates, modes.leads(slow) if slow else 0.0)
+        off = np.abs(values - modes.levels)
+        beyond = off > np.maximum(least, slack)
+        leaves = beyond | (ways != 0.0)
+        if leaves[on].any() and (keeps or not moved[on].all()):
+            held = self._held(arc, values, least)
+            ways[held], beyond[held] = 0.0, False
         noise = self._noise(arc, rows)
         for k in on:
-            off = abs(values[k] - modes.levels[k])
-            way = 0.0
-            if not held[k]:
-                if off > max(least[k], slack[k]):
-                    modes.set_by_value(k, values[k])
-                    slack[k] = 0.0
-                    continue
-                most = max(CLEAR_OF_ROUNDING * least[k], drifts[k])
-                way = rates[k] if clear[k] else modes.leads(k, most)
-            own = max(least[k], math.ulp(0.0), 2.0 * off, noise[k])
-            if off > slack[k] > 0.0:  # the terms that cancel have become larger
-                own = max(own, GROWS * off)
-            if way != 0.0:
-                modes.set_mode(k, modes.levels[k], ABOVE if way > 0.0 else BELOW)
+            if beyond[k]:
+                modes.set_by_value(k, values[k])
+                slack[k] = 0.0
+                continue
+            own = max(least[k], math.ulp(0.0), 2.0 * off[k], noise[k])
+            if off[k] > slack[k] > 0.0:  # the terms that cancel have become larger
+                own = max(own, GROWS * off[k])
+            if ways[k] != 0.0:
+                modes.set_mode(k, modes.levels[k], ABOVE if ways[k] > 0.0 else BELOW)
                 slack[k] = own
             else:
                 slack[k] = max(own + drifts[k], slack[k])

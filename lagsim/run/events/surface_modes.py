@@ -23,10 +23,8 @@ BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # on its level, which is no boundary here: the expression is constant
 REDUNDANT = 4  # on its level because other surfaces are: its share is constant
 KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
-# First step in parts of the run, ratio of successive steps, largest number of steps.
+# First step of `leads` in parts of the run.
 FIRST = 2.0**-44
-LONGER = 4.0
-MOST = 22
 # Number of directions in which a state is changed to compute the effect of rounding.
 DIRECTIONS = 3
 # Change of a state, relative to its ranges, from which constancy is tested.
@@ -371,32 +369,18 @@ class SurfaceModes:
         later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
         return arc.y + part * shift, later
 
-    def leads(self, k: int, clear: float) -> float:
-        """Return how far short steps lead away from the level of surface k, or 0.
+    def leads(self, clear: Mapping[int, float]) -> Floats:
+        """Return how far short steps lead surfaces away from their levels (K,), or 0.
 
-        The step grows until the expression of the surface differs from its level by
-        more than `clear`; 0 if it does not.
+        The steps grow until the expression of each surface differs from its level by
+        more than its value in `clear`; 0 if it does not, and for all other surfaces.
+
+        clear : by index, the distances of the surfaces that are examined.
         """
-        arc, rates, t, y, level = (
-            self.arc,
-            self.arc.rates,
-            self.arc.t,
-            self.arc.y,
-            self.levels[k],
-        )
+        arc, least = self.arc, np.full(self.count, math.inf)
+        least[[*clear]] = [*clear.values()]
         step = FIRST * arc.settings.duration
-        for _ in range(MOST):
-            # The classical Runge-Kutta method.
-            a = rates(t, y)
-            b = rates(t + 0.5 * step, y + 0.5 * step * a)
-            c = rates(t + 0.5 * step, y + 0.5 * step * b)
-            d = rates(t + step, y + step * c)
-            after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-            found = float(self.values(t + step, after)[k] - level)
-            if abs(found) > clear:
-                return found
-            step *= LONGER
-        return 0.0
+        return arc.runner.departures(arc.t, arc.y, self.levels, least, step)
 
     def decisive(self) -> Floats:
         """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
