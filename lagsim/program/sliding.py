@@ -22,7 +22,7 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
-from math import floor, inf, sqrt
+from math import floor, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import (
@@ -47,10 +47,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 LAWS = True
-
-# Largest number of steps of `departures`, and the ratio of successive steps.
-MOST_STEPS = 22
-LONGER = 4.0
 
 # Rates y' (size,) and lambda (m,) with each surface on its side.
 field = of_model("field")
@@ -236,52 +232,6 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
         y[p.dynamic] = p.former[p.dynamic]
-
-
-def departures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store how far short steps from (t, y) lead each expression from its level.
-
-    The steps are classical Runge-Kutta steps from the same state. The first is followed
-    by longer ones until each expression has left its level clearly; the result of an
-    expression that never does is 0.
-
-    out : the results (surfaces,); the levels (surfaces,); the distances from which on
-        an expression has left its level clearly (surfaces,), inf for expressions that
-        are not examined; the first step; then working memory (6 size,).
-    """
-    count = p.surfaces
-    size = p.size
-    clear = out[2 * count :]
-    work = out[3 * count + 1 :]
-    rates = work[size:]
-    step = out[3 * count]
-    left = 0
-    for k in range(count):
-        out[k] = 0.0
-        if clear[k] < inf:
-            left += 1
-    # y' at the state, which all steps share, and the stages of a step.
-    derivative(t, y, p, work[5 * size :])
-    for _trial in range(MOST_STEPS):
-        if left == 0:
-            return
-        rates[:size] = work[5 * size : 6 * size]
-        for stage in range(1, 4):
-            part = step if stage == 3 else 0.5 * step
-            for i in range(size):
-                work[i] = y[i] + part * rates[(stage - 1) * size + i]
-            derivative(t + part, work, p, rates[stage * size :])
-        for i in range(size):
-            inner = 2.0 * rates[size + i] + 2.0 * rates[2 * size + i]
-            outer = rates[i] + rates[3 * size + i]
-            work[i] = y[i] + step / 6.0 * (outer + inner)
-        surfaces(t + step, work, p, p.rows)
-        for k in range(count):
-            off = p.rows[k] - out[count + k]
-            if out[k] == 0.0 and abs(off) > clear[k]:
-                out[k] = off
-                left -= 1
-        step *= LONGER
 
 
 def store_gradient_norms(p: Parameters) -> None:

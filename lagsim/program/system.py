@@ -31,7 +31,7 @@ from lagsim.native.link.engine import Engine, target
 from lagsim.native.link.gradual import GradualParts
 from lagsim.plan.formulation import GAIN, evaluation_cost
 from lagsim.plan.method_choice import coupled
-from lagsim.program import dense, kernel_parts, laws, sliding
+from lagsim.program import dense, departures, kernel_parts, laws, sliding
 from lagsim.program.functions import (
     AFTER_FREEZING,
     functions,
@@ -101,8 +101,10 @@ def kernels(system: System) -> Iterator[ProgramPart]:
         yield kernel_part([dense.jacobian])
     if system.watched:
         motion = [sliding.derivative, sliding.observe]
-        ends = [sliding.event_functions, sliding.project_sliding, sliding.departures]
+        ends = [sliding.event_functions, sliding.project_sliding]
         yield kernel_part([*motion, *ends], statics)
+    if system.surfaces:
+        yield kernel_part(departures.KERNELS)
     if system.model.tables:
         yield kernel_part(tables.KERNELS)
 
@@ -712,7 +714,11 @@ class Runner:
         self._advance = self.engine.function("advance", *ADVANCE)
         if self.system.watched > 0:
             self._project = self.engine.function("project_sliding", *PROJECTION)
-            self._departures = self.engine.function("departures", *FUNCTION)
+        if self.system.surfaces > 0:
+            self._at_levels = {
+                kernel.__name__: self.engine.function(kernel.__name__, *FUNCTION)
+                for kernel in departures.KERNELS
+            }
         self._tabulate = self.engine.function("tabulate", *TABULATE)
         self.at_instants = {
             name: self.engine.function(name, *kind)
@@ -789,21 +795,22 @@ class Runner:
         """Return the event functions (watched,) of surfaces, then of laws."""
         return self.function("event_functions", self.system.watched)(t, y)
 
-    def departures(
-        self, t: float, y: Floats, levels: Floats, clear: Floats, step: float
+    def at_levels(
+        self, kernel: str, results: int, t: float, y: Floats, *given: Floats
     ) -> Floats:
-        """Return how far short steps lead each expression from its level (surfaces,).
+        """Return `results` numbers of each surface (results, K) by a kernel.
 
-        levels, clear : see `sliding.departures`.
-        step : the first step.
+        kernel : the name of a kernel of `departures`.
+        given : the arrays that the kernel reads, in their order.
         """
-        count = self.system.surfaces
-        out = np.zeros(3 * count + 1 + 6 * self.system.size)
-        out[count : 2 * count], out[2 * count : 3 * count] = levels, clear
-        out[3 * count] = step
+        count, size = self.system.surfaces, self.system.size
+        known = np.concatenate(given)
+        last = results * count + len(known)
+        out = np.zeros(last + 6 * size + 2 * count + 4)
+        out[results * count : last] = known
         y = np.array(y, dtype=float, order="C")
-        self._departures(t, address(y), self.system.p.address, address(out))
-        return out[:count]
+        self._at_levels[kernel](t, address(y), self.system.p.address, address(out))
+        return out[: results * count].reshape(results, count)
 
     def project_sliding(self, t: float, y: Floats) -> None:
         """Project y, in place, onto the surfaces that the motion slides along."""

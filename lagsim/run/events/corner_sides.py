@@ -121,15 +121,15 @@ class CornerSides:
         """
         arc, modes, on = self.arc, self.modes, self.arc.system.switches.bends
         levels = {k: x for k, x in levels.items() if k in on}
-        rows, values = modes.rows(self._y), modes.values(arc.t, self._y)
-        near = RESIDUAL_ROUNDOFF * modes.sizes(rows)
+        values = modes.values(arc.t, self._y)
+        near = RESIDUAL_ROUNDOFF * modes.sizes(self._y)
         for k in on:
             level = modes.level(k, float(values[k]))
             is_at = abs(values[k] - level) <= near[k] or modes.kind[k] in AT_LEVEL
             if k not in levels and is_at:
                 levels[k] = level
         self.corners = {k: levels[k] for k in modes.order if k in levels}
-        lengths = np.linalg.norm(rows.J, axis=1)
+        lengths = np.linalg.norm(modes.rows(self._y).J, axis=1)
         off = [
             abs(values[k] - x) / (lengths[k] or 1.0)
             for k, x in self.corners.items()

@@ -301,7 +301,7 @@ class Crossing:
         modes.write()
         self.values = modes.values(arc.t, arc.y)
         self.rows = modes.rows()
-        self.sizes = modes.sizes(self.rows)
+        self.sizes = modes.sizes()
         self.stale.clear()
         self.levels = self._levels()
         if 0 < len(self.levels) < len(modes.order):

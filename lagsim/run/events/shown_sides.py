@@ -29,15 +29,12 @@ from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
-    SOLUTION_ROUNDOFF,
-    VALUE_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.records import SurfacesAt
-    from lagsim.run.events.surface_modes import Rows
 
 # Newton steps by which displaced states are projected onto the rows in force.
 PROJECTIONS = 3
@@ -125,7 +122,7 @@ class ShownSides(Source):
         """Put each shown surface that the state is on at its level, to rounding."""
         modes = self.modes
         modes.begin(arc)
-        near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
+        near = RESIDUAL_ROUNDOFF * modes.sizes()
         for k, value in enumerate(modes.values(arc.t, arc.y).tolist()):
             if not modes.shown[k]:
                 continue
@@ -147,14 +144,18 @@ class ShownSides(Source):
         modes.begin(arc, surfaces.selected)
         p, shown = modes.p, modes.shown_order
         slack = p.slack[: modes.count].copy()
-        rows, values = modes.rows(), modes.values(arc.t, arc.y)
+        values = modes.values(arc.t, arc.y)
         whole = np.where(modes.whole, np.round(values), 0.0)
-        off = np.abs(values - whole)
-        far = self._may_be_rounding(rows)
+        off, sizes, slopes = np.abs(values - whole), *modes.term_sizes()
+        far = HALF_OF_DIGITS * sizes
+        if arc.system.m:
+            far += BY_ROWS * np.max(arc.magnitudes, initial=0.0) * slopes
         self.far = [(k, bool(modes.whole[k]), float(far[k])) for k in shown]
         self.then = 2.0 * arc.magnitudes
         near = (off <= far) | (off <= slack)
-        least, decided = None, set[int]()
+        is_any = near[shown].any()
+        least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if is_any else sizes)
+        decided = set[int]()
         before = modes.value.copy(), modes.kind.copy(), slack.copy()
         for k in shown:
             free = modes.kind[k] == 0.0
@@ -163,57 +164,37 @@ class ShownSides(Source):
                 slack[k] = 0.0
             elif free and off[k] <= slack[k] > 0.0 and k not in surfaces.shown:
                 continue
+            elif free and off[k] > max(least[k], slack[k]):
+                modes.set_by_value(k, values[k])
+                slack[k] = 0.0
             else:
-                if least is None:
-                    least = RESIDUAL_ROUNDOFF * modes.sizes(rows)
-                if free and off[k] > max(least[k], slack[k]):
-                    modes.set_by_value(k, values[k])
-                    slack[k] = 0.0
-                else:
-                    decided.add(k)
-                    modes.set_mode(k, float(whole[k]), LEVEL)
+                decided.add(k)
+                modes.set_mode(k, float(whole[k]), LEVEL)
         if decided:
-            assert least is not None
-            modes.write()
-            self._decide(arc, rows, sorted(decided), values, least, slack)
-        now = modes.value, modes.kind, slack
-        ends_are_known = bool(np.all((p.least < p.most) | (modes.kind != 0.0)))
-        if not decided and ends_are_known and all(map(np.array_equal, before, now)):
-            return surfaces
+            if modes.shown_nested:
+                modes.write()
+            self._decide(arc, sorted(decided), values, least, slack)
+        if not decided and bool(np.all((p.least < p.most) | (modes.kind != 0.0))):
+            now = modes.value, modes.kind, slack
+            if all(map(np.array_equal, before, now)):
+                return surfaces
         modes.watched = [k for k in modes.watched if not modes.shown[k]]
         modes.watched += [k for k in shown if modes.kind[k] == kept.LEVEL]
         modes.write()
         modes.store(slack=slack)
         return surfaces._replace(shown=surfaces.shown | decided)
 
-    def _may_be_rounding(self, rows: Rows) -> Floats:
-        """Return bounds (K,) up to which values of the expressions may be rounding.
-
-        The bounds are well above the rounding.
-
-        rows : the rows of all surfaces.
-        """
-        modes, arc = self.modes, self.modes.arc
-        terms = modes.changes_by_slopes(rows, arc.magnitudes)
-        found = HALF_OF_DIGITS * np.maximum(rows.scales, terms)
-        if arc.system.m:
-            largest = np.max(arc.magnitudes, initial=0.0)
-            found += BY_ROWS * largest * np.sum(np.abs(rows.J), axis=1)
-        return np.asarray(found)
-
     def _decide(
-        self, arc: Arc, rows: Rows, on: list[int], values: Floats, least: Floats,
-        slack: Floats,
-    ) -> None:  # fmt: skip
+        self, arc: Arc, on: list[int], values: Floats, least: Floats, slack: Floats
+    ) -> None:
         """Select the sides of the surfaces `on`, which are at their levels.
 
-        rows : the rows of all surfaces.
-        values : their expressions (K,).
+        values : the expressions of all surfaces (K,).
         least : the rounding of all expressions (K,).
         slack : the slack of each surface (K,), changed in place.
         """
         modes = self.modes
-        rates, weak, by_state = self._forced(arc, rows)
+        rates, weak, by_state, reach = modes.deciding_rates()
         keeps = arc.system.m > 0 or arc.system.p.sliding > 0.0
         clear = np.abs(rates) > weak
         moved = clear & (by_state > HALF_OF_DIGITS * np.abs(rates))
@@ -227,7 +208,9 @@ class ShownSides(Source):
         if leaves[on].any() and (keeps or not moved[on].all()):
             held = self._held(arc, values, least)
             ways[held], beyond[held] = 0.0, False
-        noise = self._noise(arc, rows)
+        # Changes of the expressions by errors within the tolerance.
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        noise = NOISE * arc.state.rtol * np.where(modes.on_rates, 1.0, step) * reach
         for k in on:
             if beyond[k]:
                 modes.set_by_value(k, values[k])
@@ -241,32 +224,6 @@ class ShownSides(Source):
                 slack[k] = own
             else:
                 slack[k] = max(own + drifts[k], slack[k])
-
-    def _forced(self, arc: Arc, rows: Rows) -> tuple[Floats, Floats, Floats]:
-        """Return the rates (K,) that decide the sides of surfaces, and their rounding.
-
-        They are the rates of the expressions; where these are 0, and for expressions of
-        velocities, their derivatives by the forces. The third result is the magnitude
-        of the part of each rate that the motion of the state causes, without the part
-        of the time t.
-
-        rows : the rows of all surfaces.
-        """
-        modes, n, driven = self.modes, arc.system.n, arc.state.driven
-        J, v, a = np.abs(rows.J), arc.y[driven], arc.rates(arc.t, arc.y)[driven]
-        terms = J @ arc.magnitudes[driven] + np.abs(rows.rates - rows.J @ v)
-        slow = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * terms
-        moves = ~modes.on_rates & (np.abs(rows.rates) > slow)
-        forced = np.nan_to_num(rows.J @ a - rows.b)
-        weak = SOLUTION_ROUNDOFF * np.nan_to_num(J @ np.abs(a) + np.abs(rows.b))
-        bounds = np.nan_to_num(
-            np.abs(arc.runner.function("rounding")(arc.t, arc.y)[:n])
-        )
-        weak += CLEAR_OF_ROUNDING * VALUE_ROUNDOFF * (J[:, :n] @ bounds)
-        by_state = np.where(moves, np.abs(rows.J @ v), np.abs(rows.J @ a))
-        return (
-            np.where(moves, rows.rates, forced), np.where(moves, slow, weak), by_state,
-        )  # fmt: skip
 
     def _held(self, arc: Arc, values: Floats, least: Floats) -> Flags:
         """Return a mask (K,) of the expressions that constraints keep at their values.
@@ -304,13 +261,3 @@ class ShownSides(Source):
         least = np.maximum(least, RESIDUAL_ROUNDOFF * rows.scales)
         most = np.maximum(HALF_OF_DIGITS * terms, CLEAR_OF_ROUNDING * least)
         return np.asarray(np.abs(modes.values(t, y) - values) <= most)
-
-    def _noise(self, arc: Arc, rows: Rows) -> Floats:
-        """Return changes (K,) of expressions by errors within the tolerance.
-
-        rows : the rows of all surfaces.
-        """
-        speeds = np.abs(rows.J) @ arc.ranges_to(arc.y)[arc.state.driven]
-        step = arc.t - arc.state.step_t if arc.steps else 0.0
-        times = np.where(self.modes.on_rates, 1.0, step)
-        return np.asarray(NOISE * arc.state.rtol * times * speeds)

@@ -137,6 +137,7 @@ class SurfaceModes:
         self.order = [k for k in order if not self.shown[k]]
         self.shown_order = [k for k in order if self.shown[k]]
         self.nested = any(self.depends[k] for k in self.order)
+        self.shown_nested = any(self.depends[k] for k in self.shown_order)
         self.begin(arc)
 
     def begin(self, arc: Arc, selected: Selected | None = None) -> None:
@@ -379,8 +380,29 @@ class SurfaceModes:
         """
         arc, least = self.arc, np.full(self.count, math.inf)
         least[[*clear]] = [*clear.values()]
-        step = FIRST * arc.settings.duration
-        return arc.runner.departures(arc.t, arc.y, self.levels, least, step)
+        step = np.array([FIRST * arc.settings.duration])
+        given = self.levels, least, step
+        (found,) = arc.runner.at_levels("departures", 1, arc.t, arc.y, *given)
+        return np.asarray(found)
+
+    def deciding_rates(self) -> Floats:
+        """Return the results (4, K) of the kernel `departures.deciding_rates` now."""
+        arc = self.arc
+        given = self.on_rates, arc.magnitudes, arc.ranges
+        return arc.runner.at_levels("deciding_rates", 4, arc.t, arc.y, *given)
+
+    def term_sizes(self, y: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return magnitudes of terms (K,) and sums of slopes (K,) at y (size,).
+
+        They are the results of the kernel `departures.term_sizes`.
+
+        y : by default the state reached.
+        """
+        arc = self.arc
+        given = self.on_rates, arc.magnitudes
+        y = arc.y if y is None else y
+        sizes, slopes = arc.runner.at_levels("term_sizes", 2, arc.t, y, *given)
+        return sizes, slopes
 
     def decisive(self) -> Floats:
         """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
@@ -563,21 +585,22 @@ class SurfaceModes:
             a = self.arc.rates(self.arc.t if t is None else t, y)[self.arc.state.driven]
         return np.asarray(rows.J @ a - rows.b)
 
-    def sizes(self, rows: Rows) -> Floats:
+    def sizes(self, y: Floats | None = None) -> Floats:
         """Return the magnitude of each surface's terms (K,), at the sizes so far.
 
-        The magnitude is at least the change by rounding of the state, divided by the
-        unit of rounding, since slopes may vanish. Equalities transmit the rounding of
-        one coordinate to others: on a rod u - x = 1e5 the coordinate x has the rounding
-        of 1e5, however small it is.
+        Equalities transmit the rounding of one coordinate to others: on a rod
+        u - x = 1e5 the coordinate x has the rounding of 1e5, however small it is.
 
-        rows : the rows of the surfaces at the state.
+        y : the state (size,) of the terms, by default the state reached.
         """
-        terms = self.changes_by_slopes(rows, self.arc.magnitudes)
-        moved = self._largest_changes(
-            [*self.nearby_states(), *self._nearby_admissible_states()]
-        )
-        return np.fmax(np.maximum(rows.scales, terms), moved / RESIDUAL_ROUNDOFF)
+        return self.including_rows(self.term_sizes(y)[0])
+
+    def including_rows(self, sizes: Floats) -> Floats:
+        """Return the magnitudes (K,) `sizes`, increased by the rounding along rows."""
+        if not self.arc.system.m:
+            return sizes
+        moved = self._largest_changes(self._nearby_admissible_states())
+        return np.asarray(np.fmax(sizes, moved / RESIDUAL_ROUNDOFF))
 
     def _nearby_admissible_states(self) -> list[Floats]:
         """Return nearby states (size,) that satisfy the rows in force to rounding.

@@ -177,7 +177,7 @@ class Switching(Source):
         if not np.any(rates):
             return False
         modes.begin(arc)
-        near = RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
+        near = RESIDUAL_ROUNDOFF * modes.sizes()
         if surfaces.located >= 0:
             near[surfaces.located] = max(near[surfaces.located], surfaces.off)
         return bool(np.any(rates & (modes.off_levels() <= near)))
@@ -321,7 +321,7 @@ class Switching(Source):
         for after in sides.pieces(jump, selected=True):
             y[:] = after
         stopped = {*sides.stopped}
-        sizes, magnitudes = modes.sizes(modes.rows(y)), arc.magnitudes[arc.velocities]
+        sizes, magnitudes = modes.sizes(y), arc.magnitudes[arc.velocities]
         while True:
             rows = modes.rows(y)
             ways = np.array([modes.way(k, x) for k, x in enumerate(modes.levels)])
@@ -603,7 +603,7 @@ class Switching(Source):
         """
         modes = self.modes
         most = REGULAR * modes.changes(within)
-        most += RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())
+        most += RESIDUAL_ROUNDOFF * modes.sizes()
         near: list[int] = np.flatnonzero(
             (modes.off_levels() <= most) & ~modes.shown
         ).tolist()
@@ -688,7 +688,7 @@ class Switching(Source):
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
-        return bool(off <= 8.0 * RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())[k])
+        return bool(off <= 8.0 * RESIDUAL_ROUNDOFF * modes.sizes()[k])
 
 
 def corners_met(arc: Arc, levels: Collection[int]) -> list[int]:

@@ -1,0 +1,173 @@
+"""Kernels that decide where the motion leads from the levels of surfaces.
+
+The expression of a surface at its level differs from the level by rounding alone, which
+the magnitude of its terms bounds. Its side is decided by its rate, where this exceeds
+the rounding of the rate, else by short steps of the motion.
+"""
+
+from __future__ import annotations
+
+from math import floor, inf
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import derivative, rounding, surface_rows, surfaces
+from lagsim.program.sliding import extent, product
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    VALUE_ROUNDOFF,
+)
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+# Largest number of steps of `departures`, and the ratio of successive steps.
+MOST_STEPS = 22
+LONGER = 4.0
+# Number of directions in which a state is changed to compute the effect of rounding.
+DIRECTIONS = 3
+
+
+def departures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store how far short steps from (t, y) lead each expression from its level.
+
+    The steps are classical Runge-Kutta steps from the same state. The first is followed
+    by longer ones until each expression has left its level clearly; the result of an
+    expression that never does is 0.
+
+    out : the results (surfaces,); the levels (surfaces,); the distances from which on
+        an expression has left its level clearly (surfaces,), inf for expressions that
+        are not examined; the first step; then working memory (6 size,).
+    """
+    count = p.surfaces
+    size = p.size
+    clear = out[2 * count :]
+    work = out[3 * count + 1 :]
+    rates = work[size:]
+    first = work[5 * size :]
+    step = out[3 * count]
+    left = 0
+    for k in range(count):
+        out[k] = 0.0
+        if clear[k] < inf:
+            left += 1
+    derivative(t, y, p, first)
+    for _trial in range(MOST_STEPS):
+        if left == 0:
+            return
+        rates[:size] = first[:size]
+        for stage in range(1, 4):
+            part = step if stage == 3 else 0.5 * step
+            for i in range(size):
+                work[i] = y[i] + part * rates[(stage - 1) * size + i]
+            derivative(t + part, work, p, rates[stage * size :])
+        for i in range(size):
+            inner = 2.0 * rates[size + i] + 2.0 * rates[2 * size + i]
+            outer = rates[i] + rates[3 * size + i]
+            work[i] = y[i] + step / 6.0 * (outer + inner)
+        surfaces(t + step, work, p, p.rows)
+        for k in range(count):
+            off = p.rows[k] - out[count + k]
+            if out[k] == 0.0 and abs(off) > clear[k]:
+                out[k] = off
+                left -= 1
+        step *= LONGER
+
+
+def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the magnitude of the terms of each surface's expression.
+
+    A magnitude is at least the change of the expression by rounding of the state,
+    divided by the unit of rounding, since slopes may vanish.
+
+    out : the magnitudes (surfaces,); the sums of the magnitudes of the slopes
+        (surfaces,); then what is given: whether an expression contains rates that jump
+        (surfaces,), and the largest magnitudes of the components so far (size,); and
+        working memory (size + 2 surfaces,).
+    """
+    count = p.surfaces
+    size = p.size
+    on_rates = out[2 * count :]
+    sizes = out[3 * count :]
+    work = sizes[size:]
+    here = work[size:]
+    nearby = here[count:]
+    # The magnitudes of positions in place of those of velocities.
+    work[: p.n] = sizes[p.positions]
+    for i in range(p.velocities.stop, p.dynamic.stop):
+        work[i - p.driven.start] = sizes[i]
+    surface_rows(t, y, p, p.rows)
+    for k in range(count):
+        out[count + k] = 0.0
+        for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
+            out[count + k] += abs(p.J[e])
+        terms = extent(k, p, work)
+        if on_rates[k] > 0.0:
+            terms = extent(k, p, sizes[p.driven])
+        out[k] = max(p.surface_scales[k], terms)
+    surfaces(t, y, p, here)
+    period = 1.0
+    for _direction in range(DIRECTIONS):
+        for i in range(size):
+            step = RESIDUAL_ROUNDOFF * sizes[i]
+            odd = floor(i / period) - 2.0 * floor(i / (2.0 * period))
+            work[i] = y[i] - step if odd > 0.0 else y[i] + step
+        period *= 2.0
+        surfaces(t, work, p, nearby)
+        for k in range(count):
+            change = abs(nearby[k] - here[k]) / RESIDUAL_ROUNDOFF
+            out[k] = max(out[k], or_zero(change))
+
+
+def deciding_rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the rates that decide on which side of its level each expression will be.
+
+    They are the rates of the expressions; where these are 0, and for expressions of
+    velocities, their derivatives by the forces.
+
+    out : the rates (surfaces,); bounds of their rounding (surfaces,); the magnitude of
+        the part of each rate that the motion of the state causes, without the part of
+        the time t (surfaces,); the sums of the magnitudes of slopes times ranges
+        (surfaces,); then what is given: whether an expression contains rates that jump
+        (surfaces,), the largest magnitudes (size,) and the ranges (size,) of the
+        components so far; and working memory (3 size + 4,).
+    """
+    count = p.surfaces
+    size = p.size
+    on_rates = out[4 * count :]
+    sizes = out[5 * count :]
+    ranges = sizes[size:]
+    a = ranges[size:]
+    bounds = a[size:]
+    derivative(t, y, p, a)
+    rounding(t, y, p, bounds)
+    for i in range(p.dynamic.stop - p.driven.start):
+        bounds[i] = or_zero(abs(bounds[i])) if i < p.n else 0.0
+    surface_rows(t, y, p, p.rows)
+    for k in range(count):
+        by_motion = product(k, p, y[p.driven])
+        slow = extent(k, p, sizes[p.driven]) + abs(p.rates[k] - by_motion)
+        slow *= CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF
+        if on_rates[k] == 0.0 and abs(p.rates[k]) > slow:
+            out[k] = p.rates[k]
+            out[count + k] = slow
+            out[2 * count + k] = abs(by_motion)
+        else:
+            by_forces = product(k, p, a[p.driven])
+            weak = or_zero(extent(k, p, a[p.driven]) + abs(p.required[k]))
+            weak *= SOLUTION_ROUNDOFF
+            weak += CLEAR_OF_ROUNDING * VALUE_ROUNDOFF * extent(k, p, bounds)
+            out[k] = or_zero(by_forces - p.required[k])
+            out[count + k] = weak
+            out[2 * count + k] = abs(by_forces)
+        out[3 * count + k] = extent(k, p, ranges[p.driven])
+
+
+def or_zero(x: float) -> float:
+    """Return x, or 0 where it is not a number."""
+    return x if x == x else 0.0
+
+
+KERNELS = [departures, term_sizes, deciding_rates]
