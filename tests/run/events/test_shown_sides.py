@@ -94,3 +94,33 @@ def test_a_combination_that_a_constraint_releases_leaves_its_step():
     at, start = "sign(10*(x - 3) - 3*(y - 7)) >= 0.5", "x: 3, y: 7, x_dot: 0, y_dot: 0"
     assert acts("1", "0", row, at, start) == pytest.approx([0.2], abs=1e-9)
     assert acts("-1", "0", row, at, start) == []
+
+
+# Forces that begin at t = 0.75 with the fourth act, the first of which is at 0.
+PUSHES = {
+    "force": ("n*(n - 1)*(n - 2)*(n - 3)", ""),
+    "force of t": ("n*(n - 1)*(n - 2)*(n - 3)*(t - 0.75)^3", ""),
+    "force by a state": ("s", "states: {s: {rate: n*(n - 1)*(n - 2)*(n - 3)}}"),
+}
+
+
+@pytest.mark.parametrize("argument", ["x", "x_dot"])
+@pytest.mark.parametrize("push", PUSHES)
+def test_a_body_at_rest_acts_at_the_instant_of_its_push(push, argument):
+    force, states = PUSHES[push]
+    found = lagsim.simulate(
+        f"""
+coordinates: {{x: {{}}}}
+{states}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: "{force}"}}
+modes: {{n: 0, k: 0}}
+events:
+  e: {{at: "sign({argument}) >= 0.5", set: {{k: k + 1}}}}
+  c: {{every: 0.25, set: {{n: n + 1}}}}
+initial: {{x: 0, x_dot: 0{", s: 0" if states else ""}}}
+simulation: {{duration: 1.4, output_step: 0.05}}
+""",
+        error_bar="never",
+    )
+    assert [e.time for e in found.events if e.name == "e"] == [0.75]
