@@ -43,6 +43,7 @@ from lagsim.run.failures import (
 from lagsim.run.instant import InstantRecord
 from lagsim.run.instants import instant, is_same, width
 from lagsim.run.interrupt import Horizon
+from lagsim.run.progress import Progress
 from lagsim.run.settle import (
     Deciders,
     due_before,
@@ -214,6 +215,8 @@ Kind = TypeVar("Kind", bound=Source)
 # instant.
 LOCATED = (at.EVENT_FOUND, at.SWITCH_FOUND)
 INSTANTS = (at.DONE, *LOCATED)
+# Codes at which no arc ends.
+WITHIN = (at.BLOCK_FULL, at.PAUSED)
 SETTLE = Decision(turn=Turn.SETTLE)
 # Offset of a state from a surface, as a part of the range of each component and in
 # units in its last place: invisible in a picture, and larger than rounding.
@@ -275,6 +278,7 @@ class Run:
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
+        self._progress = Progress()
         # The first row with a state that is not finite; the row is not written.
         self.cut: Floats | None = None
 
@@ -447,6 +451,10 @@ class Run:
         Return the ending if the run ends, else None.
         """
         arc = self.arc
+        if code not in WITHIN:
+            stuck = self._progress.ending(arc, code)
+            if stuck is not None:
+                return stuck
         if (
             code == at.EVENT_FOUND
             and len(arc.state.orientation) > 1
@@ -455,7 +463,7 @@ class Run:
             return None
         if code in LOCATED:
             self._set_instant(code)
-        if self.sections is not None and code not in (at.BLOCK_FULL, at.PAUSED):
+        if self.sections is not None and code not in WITHIN:
             arc.runner.update_relations(arc.state)
         decision = self._decision(code)
         located = NOWHERE if decision is None else decision.located

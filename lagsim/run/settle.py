@@ -583,8 +583,11 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
     with TrialModes(now.arc) as trial:
-        due = by.transitions.due(now.arc, rests)
-    return carried_out(now, GO_ON, modes=trial.found, due=due, stored_truth=True)
+        due = by.transitions.due(now.arc, rests, now.acts.waited)
+    acts = now.acts._replace(waited=now.acts.waited | due.waiting)
+    return carried_out(
+        now, GO_ON, modes=trial.found, due=due, acts=acts, stored_truth=True
+    )
 
 
 def started(arc: Arc, by: Deciders) -> InstantRecord:

@@ -75,7 +75,8 @@ _MODULES = (
     "run.events.constraints", "run.events.contacts", "run.events.surface_modes",
     "run.events.accumulation", "run.events.records", "run.events.sections",
     "run.events.switching", "run.events.times", "run.events.transitions",
-    "run.failures", "run.instant", "run.interrupt", "run.settle", "run.trajectory",
+    "run.failures", "run.instant", "run.interrupt", "run.progress", "run.settle",
+    "run.trajectory",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
 )  # fmt: skip
 CLASSES = frozenset(

@@ -166,15 +166,6 @@ class Truth:
         found: list[int] = np.flatnonzero(was_true & (now != 0.0)).tolist()
         return found
 
-    def jumped(self, candidates: Iterable[int]) -> frozenset[int]:
-        """Return the conditions among `candidates` whose values have jumped past 0.
-
-        Their values exceed the rounding of 0, although the motion has just changed the
-        truth of the conditions.
-        """
-        state = self.state
-        return frozenset(k for k in candidates if abs(state.worth[k]) > state.zero[k])
-
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.
 

@@ -89,12 +89,17 @@ class ActsAt(NamedTuple):
         shows that acts and impacts form a cycle. Empty in models without impulses.
     is_over : bool
         Whether `until` has come true.
+    waited : frozenset of int
+        Conditions whose truth was decided after the laws and surfaces of this instant.
+        They do not wait again if the motion satisfies them once more, without time
+        passing since: rounding leaves a step in them on its former side.
     """
 
     counts: tuple[int, ...] = ()
     rounds: tuple[Round, ...] = ()
     visits: tuple[Visit, ...] = ()
     is_over: bool = False
+    waited: frozenset[int] = frozenset()
 
 
 NO_ACTS = ActsAt()

@@ -110,11 +110,14 @@ class Transitions(Source):
         """Return the time of the next act of periodic event k."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
-    def due(self, arc: Arc, comes_to_rest: Callable[[Arc], bool]) -> Due:
+    def due(
+        self, arc: Arc, comes_to_rest: Callable[[Arc], bool], waited: frozenset[int]
+    ) -> Due:
         """Return the events that are due at the state just before the instant.
 
         comes_to_rest : function of the arc, whether a law or a surface may hold a rate
             at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
+        waited : conditions that have waited at this instant for its laws and surfaces.
         """
         limit = arc.t + width(arc.settings, arc.t)
         periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= limit)
@@ -124,8 +127,7 @@ class Transitions(Source):
         truth.decide_before(int(arc.state.event) - 1)
         satisfied = frozenset(truth.satisfied())
         # A rate that ends at 0 may be past 0 by rounding.
-        changed = {*satisfied, *truth.falsified()}
-        waiting = truth.jumped(changed) | self.stepping & changed
+        waiting = self.stepping & {*satisfied, *truth.falsified()} - waited
         if not waiting or not comes_to_rest(arc):
             return Due(periodic, satisfied)
         truth.wait(waiting)

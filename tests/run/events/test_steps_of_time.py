@@ -1,0 +1,68 @@
+"""Conditions with steps of t, on bodies that laws or forces hold at rest meanwhile."""
+
+import pytest
+
+import lagsim
+from lagsim.run.events.records import NOTHING
+from lagsim.run.events.transitions import Transitions
+from lagsim.run.trajectory import Outcome
+from tests.support import run
+
+# A mass of 1 kg slides at 0.875 m/s under 1.25 N of friction, and rests from 0.7 s on.
+HOLDS = {
+    "static": "constraints: {rub: {relation: x_dot = 0, limit: {static: 1.8, dynamic: "
+    "1.25}}}",
+    "limit": "constraints: {rub: {relation: x_dot = 0, limit: 1.25}}",
+    "force": "forces: {x: -1.25*sign(x_dot)}",
+    "relation": "constraints: {hold: {relation: x_dot = 0, when: t >= 0.7}}\n"
+    "forces: {x: 'if(t < 0.7, -1.25, 0)'}",
+}
+# Conditions that become true where U rises through 0, if x_dot is 0 then.
+STEPS = (
+    "sign(U) + x_dot >= 0.3", "sign(U) + sign(x_dot) >= 0.5 + x_dot",
+    "if(U > 0, 1, -1) - x_dot^2 >= 0.9", "x_dot - heaviside(U) <= -0.5",
+    "sign(U*exp(x_dot)) >= 0.3 + x_dot",
+)  # fmt: skip
+ARGUMENTS = {1.4375: "0.5*t - 0.71875", 0.97: "3.1*t - 3.007", 1.3: "t/3 - 1.3/3"}
+
+
+def scene(holds, condition, step, method="auto"):
+    fixed = ", step: 0.01" if method == "rk4" else ""
+    return (
+        "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
+        "modes: {n: 0}\ninitial: {x: 999.5, x_dot: 0.875}\n"
+        f"{holds}\nevents: {{act: {{at: '{condition}', set: {{n: n + 1}}}}}}\n"
+        f"simulation: {{duration: 2, output_step: {step}, method: {method}{fixed}}}\n"
+    )
+
+
+@pytest.mark.parametrize("holds", HOLDS)
+@pytest.mark.parametrize("time", ARGUMENTS)
+@pytest.mark.parametrize("condition", STEPS)
+@pytest.mark.parametrize("has_row", [True, False], ids=["row", "between"])
+def test_a_step_of_the_time_acts_once_on_a_body_at_rest(
+    holds, time, condition, has_row
+):
+    condition = condition.replace("U", ARGUMENTS[time])
+    text = scene(HOLDS[holds], condition, time if has_row else 0.123)
+    result = lagsim.simulate(text, error_bar="never")
+    acts = [e.time for e in result.events if e.name == "act"]
+    assert acts == pytest.approx([time], abs=1e-13)
+
+
+@pytest.mark.parametrize("method", ["radau", "dop853", "rk4"])
+@pytest.mark.parametrize("holds", ["static", "force"])
+def test_a_step_of_the_time_acts_once_by_each_method(method, holds):
+    condition = "sign(0.5*t - 0.71875) + x_dot >= 0.3"
+    text = scene(HOLDS[holds], condition, 0.0625, method)
+    result = lagsim.simulate(text, error_bar="never")
+    assert [e.time for e in result.events if e.name == "act"] == pytest.approx([1.4375])
+
+
+def test_a_run_without_progress_ends_with_the_name_of_the_condition(monkeypatch):
+    # The condition is located again and again, and its event never acts.
+    monkeypatch.setattr(Transitions, "due", lambda *_: NOTHING)
+    found = run(scene(HOLDS["limit"], "x >= 999.6", 0.1)).trajectory
+    assert found.outcome is Outcome.EVENTS_CHATTER
+    assert "`act`" in found.reason
+    assert found.statistics.arcs < 500
