@@ -110,6 +110,12 @@ class MassAndRows:
         return np.abs(self.delassus.D)
 
     @cached_property
+    def inverse_slopes(self) -> Floats:
+        """The sizes (L, n) of the least change of q that changes each law by 1."""
+        squares = (self.slopes * self.slopes).sum(axis=1)[:, None]
+        return np.asarray(self.slopes / np.where(squares > 0.0, squares, 1.0))
+
+    @cached_property
     def spread(self) -> Floats:
         """The sizes (n, L) of the accelerations of coordinates per multiplier."""
         return np.abs(self.delassus.response)
@@ -409,16 +415,17 @@ class Kinematics:
         change of the component by its magnitude changes the row by the size of these
         terms. For positions, rows of velocities do not count.
         """
-        sizes, slopes = self.magnitudes.copy(), self.shape.slopes
-        squares = (slopes * slopes).sum(axis=1)[:, None]
-        per = slopes / np.where(squares > 0.0, squares, 1.0)
-        position_scales, rate_scales = self.scales
-        position_scales = np.where(self.arc.system.holonomic_laws, position_scales, 0.0)
+        sizes, (position_scales, rate_scales) = self.magnitudes.copy(), self.scales
+        holonomic = self.arc.system.holonomic_laws
         for level, scales in zip(
-            self.levels, (position_scales, rate_scales), strict=True
+            self.levels,
+            (np.where(holonomic, position_scales, 0.0), rate_scales),
+            strict=True,
         ):
-            part = sizes[level]
-            np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
+            if scales.any():
+                part = sizes[level]
+                least = scales[:, None] * self.shape.inverse_slopes
+                np.maximum(part, least.max(axis=0), out=part)
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -495,8 +502,10 @@ class Kinematics:
         mode, table = self.arc.system.p.law_mode, self.table
         holds = (self.gaps <= self.slack) | (mode == kept.HELD)
         closed = holds | (mode == kept.REDUNDANT) | ~table.one_sided
-        closed &= self.in_force
-        closed[[*self.grazing, *self.arc.system.sliders]] = False
+        if self.arc.system.has_times:
+            closed &= self.in_force
+        if off := [*self.grazing, *self.arc.system.sliders]:
+            closed[off] = False
         if table.has_slips:
             closed[table.slips] = closed[table.normals[table.slips]]
         found: list[bool] = closed.tolist()
