@@ -19,6 +19,7 @@ from lagsim.language.elements import payload, sums
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
+from lagsim.language.tables import is_smooth
 from lagsim.mechanics.surfaces import WHOLE, surfaces
 from lagsim.methods.parts.search_table import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
@@ -120,9 +121,10 @@ def _steps(
 ) -> list[Indicator]:
     """Return two indicators, for u and -u, of each argument u of a switch in `nodes`.
 
-    A switch is a function with a jump or a kink; arguments that do not depend on the
-    variables `state` are left out. While the motion stays at the level of a switch, its
-    argument counts as far from the level, since its sign is rounding.
+    A switch is a function with a jump or a kink, such as a linear table; arguments that
+    do not depend on the variables `state` are left out. While the motion stays at the
+    level of a switch, its argument counts as far from the level, since its sign is
+    rounding.
 
     held : see `indicators`.
     """
@@ -136,7 +138,7 @@ def _steps(
             continue
         for surface in surfaces(g, n if plain else g.call(row.decided_by, *g.args[n])):
             u = surface.node
-            if g.ops[u] == "table.knot" or g.depends([u]).isdisjoint(state):
+            if g.depends([u]).isdisjoint(state) or is_smooth(g, surface.discrete):
                 continue
             if surface.op in WHOLE:
                 u = g.call("sin", g.call("mul", g.constant(math.pi), u))

@@ -62,6 +62,8 @@ CONSTRAINED = True
 SWITCHES = True
 LOCALIZED = True
 
+# First fraction of a step at which a section is compared that the motion leaves.
+FIRST = NEXT * BESIDE / POINTS
 # At the end of a run on a section, the relation at the distance AGO is half of its
 # value at twice the distance if it is crossed, a quarter if it is touched.
 AGO = 2.0**-10
@@ -200,9 +202,16 @@ def exit_fraction(s: Crossings, p: Parameters, j: int, half: int) -> float:
     return to the section very soon, the start of an arc is sampled densely.
     """
     compute_bands(s, p)
-    near = x = float(s.places[half + 1])
-    if s.places[half] == 0.0 and s.step_t == s.arc_start:
-        near = NEXT * BESIDE / POINTS
+    x = float(s.places[half + 1])
+    begins = s.places[half] == 0.0 and s.step_t == s.arc_start
+    return left_within(s, p, j, FIRST if begins else x, x)
+
+
+def left_within(s: Crossings, p: Parameters, j: int, near: float, x: float) -> float:
+    """Return the first of some fractions at which section j is off its band, or inf.
+
+    The fractions increase geometrically from `near` to x.
+    """
     while True:
         near = min(near, x)
         value = value_at(CROSSING, s, p, relations(s) + j, near)
@@ -271,6 +280,8 @@ def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> floa
         elif is_past(s, p, j, s.beyond[j], side):
             cross(s, p, j, root)
             past = root
+            if root == 0.0:  # it has waited; the row has another sign from here on
+                past = min(left_within(s, p, j, FIRST, s.beyond[j]), s.beyond[j])
         elif s.beyond[j] == x and s.waits[j] == 0.0:
             at_root = root_of(s, p, j, root)
             state_at(s, p, at_root, s.point)
