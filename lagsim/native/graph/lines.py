@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.language.tables import Data
@@ -156,7 +156,7 @@ class Lines:
         self.contract = contract
         self.lines: list[str] = []
         self.declared: set[str] = set()
-        self._fresh = self._blocks = 0
+        self._fresh = 0
 
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
         """Write an operation on values, and return the name of its value.
@@ -224,62 +224,6 @@ class Lines:
         kind = f"private constant [{8 * len(data.numbers)} x i8]"
         self.declared.add(f'@data.{data.digest} = {kind} c"{text}", align 8')
         return f"@data.{data.digest}"
-
-    def loop(self, count: int, body: Callable[[str], None], step: int = 1) -> None:
-        """Write a loop over k = 0, step, 2 step, ..., below count, a multiple of step.
-
-        body : function of the name of k, which writes the code of one pass.
-        """
-
-        def passed(k: str, _total: str) -> str:
-            body(k)
-            return ""
-
-        if count:
-            self.loop_with(count, "", passed, step)
-
-    def loop_with(
-        self, count: int, total: str, body: Callable[[str, str], str], step: int = 1
-    ) -> str:
-        """Write a loop as `loop` does, with count > 0, that carries a value.
-
-        Return the name of the value after the loop.
-
-        total : name of the value before the loop; "" for a loop without a value.
-        body : function of the names of k and of the value, which writes the code of one
-            pass, and returns the name of the next value.
-        """
-        self._blocks += 1
-        b = self._blocks
-        before, head = f"before{b}", f"head{b}"
-        start = len(self.lines)
-        after = body(f"%k{b}", f"%total{b}")
-        code, self.lines = self.lines[start:], self.lines[:start]
-        carried = f"%total{b} = phi double [{total}, %{before}], [{after}, %{head}]"
-        self.lines += [
-            f"br label %{before}",
-            f"{before}:",
-            f"br label %{head}",
-            f"{head}:",
-            f"%k{b} = phi i64 [0, %{before}], [%next{b}, %{head}]",
-            *([carried] if total else []),
-            *code,
-            f"%next{b} = add i64 %k{b}, {step}",
-            f"%more{b} = icmp slt i64 %next{b}, {count}",
-            f"br i1 %more{b}, label %{head}, label %after{b}",
-            f"after{b}:",
-        ]
-        return after
-
-    def constant(self, data: bytes) -> str:
-        """Declare a constant array of bytes, and return its name."""
-        import hashlib
-
-        name = f"@members.{hashlib.sha256(data).hexdigest()}"
-        text = "\\" + data.hex("\\")
-        kind = f"private constant [{len(data)} x i8]"
-        self.declared.add(f'{name} = {kind} c"{text}", align 8')
-        return name
 
     def line(self, text: str) -> str:
         """Write the instruction `text`, and return the name of its value."""

@@ -22,7 +22,7 @@ from lagsim.language.graph import CONSTANT, TRUTH
 from lagsim.native.graph.lines import Lines, exponent_of, number
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Ints
     from lagsim.language.elements import Elements, Slot
@@ -114,6 +114,7 @@ class MembersFunction(Lines):
         super().__init__()
         self.of, self.columns = of, columns(of)
         self.name = name_of(of)
+        self._blocks = 0
         self.declared.add("declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)")
         where = self.line("load i32, ptr %at")
         self.results = self.line(f"getelementptr double, ptr %p, i32 {where}")
@@ -123,7 +124,7 @@ class MembersFunction(Lines):
         )
         for column in self.columns.values():
             self._read(column)
-        self.loop(of.members, self._member)
+        self._loop(of.members, self._member)
         for column in self.columns.values():
             self._add_up(column)
         self.lines = [
@@ -133,9 +134,44 @@ class MembersFunction(Lines):
             "}",
         ]
 
+    def _loop(self, count: int, body: Callable[[str], None]) -> None:
+        """Write a loop over k = 0 ... count - 1.
+
+        body : function of the name of k, which writes the code of one pass.
+        """
+        if not count:
+            return
+        self._blocks += 1
+        b = self._blocks
+        before, head = f"before{b}", f"head{b}"
+        self.lines += [
+            f"br label %{before}",
+            f"{before}:",
+            f"br label %{head}",
+            f"{head}:",
+            f"%k{b} = phi i64 [0, %{before}], [%next{b}, %{head}]",
+        ]
+        body(f"%k{b}")
+        self.lines += [
+            f"%next{b} = add i64 %k{b}, 1",
+            f"%more{b} = icmp slt i64 %next{b}, {count}",
+            f"br i1 %more{b}, label %{head}, label %after{b}",
+            f"after{b}:",
+        ]
+
     def _table(self, numbers: Ints) -> str:
         """Declare `numbers` as an array of integers of 32 bits; return its name."""
-        return self.constant(np.ascontiguousarray(numbers, np.int32).tobytes())
+        return self._constant(np.ascontiguousarray(numbers, np.int32).tobytes())
+
+    def _constant(self, data: bytes) -> str:
+        """Declare a constant array of bytes, and return its name."""
+        import hashlib
+
+        name = f"@members.{hashlib.sha256(data).hexdigest()}"
+        text = "\\" + data.hex("\\")
+        kind = f"private constant [{len(data)} x i8]"
+        self.declared.add(f'{name} = {kind} c"{text}", align 8')
+        return name
 
     def _whole(self, table: str, k: str) -> str:
         """Write code that loads number k of a table of integers; return its name."""
@@ -182,7 +218,7 @@ class MembersFunction(Lines):
             slot = self.of.slots[k]
             numbers = len(slot.numbers) > 0
             data = (
-                self.constant(np.ascontiguousarray(slot.numbers, float).tobytes())
+                self._constant(np.ascontiguousarray(slot.numbers, float).tobytes())
                 if numbers
                 else self._table(1 + np.asarray(slot.places))
             )
@@ -200,7 +236,7 @@ class MembersFunction(Lines):
                 self.lines.append(f"store double {value}, ptr {place}")
 
         if sources:
-            self.loop(column.length, copied)
+            self._loop(column.length, copied)
 
     def _wide(self, index: str) -> str:
         return self.line(f"sext i32 {index} to i64")
@@ -272,7 +308,7 @@ class MembersFunction(Lines):
         positions = self.of.table[:, slot.column]
         if len(slot.numbers):
             numbers = np.ascontiguousarray(slot.numbers[positions], float)
-            return self._load(self.constant(numbers.tobytes()), m)
+            return self._load(self._constant(numbers.tobytes()), m)
         place = self._whole(self._table(slot.places[positions]), m)
         after = self.line("getelementptr i32, ptr %at, i64 1")
         return self._load("%p", self._wide(self._whole(after, self._wide(place))))
@@ -318,7 +354,7 @@ class MembersFunction(Lines):
                 self._add(value, self.results, place)
 
         if added:
-            self.loop(column.length, scattered)
+            self._loop(column.length, scattered)
 
 
 def written(elements: Sequence[Elements]) -> tuple[set[str], list[str]]:

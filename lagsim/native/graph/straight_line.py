@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from lagsim.native.graph import keys, loop, orders, repeated, tapes
+from lagsim.native.graph import keys, loop, orders, tapes
 from lagsim.native.graph.lanes import LaneWriter
 from lagsim.native.graph.lines import Code, fixed_nodes
 from lagsim.native.graph.writer import LONG, FunctionWriter, Place
@@ -102,9 +102,6 @@ def _longest(name: str, manner: Manner) -> int:
     return 1 if name in (*manner.once, *manner.rare) else LONG
 
 
-# Members of a pass of a loop, in functions that are called in each stage of a step.
-SEVERAL = 4
-
 # If more results of a function are identically zero, all results are cleared at once,
 # since each single store takes time to compile.
 FEW_ZEROS = 100
@@ -129,22 +126,17 @@ def generate(
         Names of functions whose code is special; long ones among `manner.rare` become
         tapes.
     """
-    several = repeated.largest_family([*layout.y, *layout.p]) >= repeated.LEAST
     interpreted = {
         name: made
         for name, made in keys.nodes_of(functions).items()
         if name in manner.rare and len(g.cone(made)) > LONG_TAPE
-        and not (several and repeated.divides(FunctionWriter(g, layout, 0), made))
-    }  # fmt: skip
+    }
     functions = {k: x for k, x in functions.items() if k not in interpreted}
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout.fixed)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
     scratch = layout.size + len(fixed)
     writers = [FunctionWriter(g, layout, scratch)]
-    if not (
-        several and repeated.function(writers[0], "prepare", [*places.items()], {})
-    ):
-        writers[0].function("prepare", [*places.items()], {})
+    writers[0].function("prepare", [*places.items()], {})
     blank = dict(manner.blank)
     long = {
         name: [*nodes]
@@ -178,15 +170,9 @@ def generate(
             stores = [store for store in stores if store[0] != g.zero]
         longest, first = _longest(name, manner), common.calls(name)
         known = {**places, **common.places} if first else places
-        together = 1 if name in (*manner.once, *manner.rare) else SEVERAL
-        looped = several and not writer.contract and not first and repeated.function(
-            writer, name, stores, places, cleared=cleared, longest=longest,
-            together=together,
-        )  # fmt: skip
-        if not looped:
-            writer.function(
-                name, stores, known, cleared=cleared, longest=longest, first=first
-            )
+        writer.function(
+            name, stores, known, cleared=cleared, longest=longest, first=first
+        )
     size = max(writer.scratch + writer.scratch_used for writer in writers)
     declared = set().union(*(x.declared for x in writers))
     lines = [line for x in writers for line in x.lines]

@@ -82,43 +82,6 @@ def _piece(count: int) -> int:
     return -(-count // -(-count // keys.PIECE))
 
 
-# End of the line that begins a function which is compiled without optimisation.
-UNOPTIMISED = ") noinline optnone {"
-
-
-def is_long(count: int, longest: int) -> bool:
-    """Whether a function of `count` nodes is compiled without optimisation.
-
-    longest : see `FunctionWriter.function`.
-    """
-    return count > max(longest * keys.PIECE, keys.WHOLE)
-
-
-def _by_piece(
-    vectors: Sequence[tuple[Sequence[int], Place]],
-    home: Mapping[int, int],
-    count: int,
-    at_end: dict[int, list[Place]],
-) -> list[list[tuple[Sequence[int], Place]]]:
-    """Return the vectors that each of `count` pieces stores whole.
-
-    The numbers of all other vectors are stored one by one: places are added to
-    `at_end`.
-
-    vectors, at_end : see `FunctionWriter.function` and `FunctionWriter.piece`.
-    home : the piece of each node.
-    """
-    whole: list[list[tuple[Sequence[int], Place]]] = [[] for _ in range(count)]
-    for nodes, (array, k) in vectors:
-        homes = {home[n] for n in nodes}
-        if len(homes) == 1:
-            whole[homes.pop()].append((nodes, (array, k)))
-            continue
-        for lane, node in enumerate(nodes):
-            at_end.setdefault(node, []).append((array, k + lane))
-    return whole
-
-
 class FunctionWriter(Lines):
     """Writer of the IR of one function, or of the pieces of a long one.
 
@@ -184,14 +147,21 @@ class FunctionWriter(Lines):
         roots += [node for nodes, _ in vectors for node in nodes]
         order = evaluation_order(self.g, roots, places)
         length, end = _piece(len(order)), ") {"
-        if is_long(len(order), longest):
-            length, end = -(-keys.PIECE // 2), UNOPTIMISED
+        if len(order) > max(longest * keys.PIECE, keys.WHOLE):
+            length, end = -(-keys.PIECE // 2), ") noinline optnone {"
         pieces = [order[i : i + length] for i in range(0, len(order), length)] or [[]]
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
             at_end.setdefault(node, []).append(place)
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
-        whole = _by_piece(vectors, home, len(pieces), at_end)
+        whole: list[list[tuple[Sequence[int], Place]]] = [[] for _ in pieces]
+        for nodes, (array, k) in vectors:
+            homes = {home[n] for n in nodes}
+            if len(homes) == 1:
+                whole[homes.pop()].append((nodes, (array, k)))
+                continue
+            for lane, node in enumerate(nodes):
+                at_end.setdefault(node, []).append((array, k + lane))
         passed = self._passed(pieces, places)
         alone = len(pieces) == 1 and not first
         names = [name] if alone else [f"{name}.{i}" for i in range(len(pieces))]
@@ -200,12 +170,12 @@ class FunctionWriter(Lines):
             self.lines.append(f"define {kind}void @{piece_name}({signature}{end}")
             self._accesses = 0
             if alone:
-                self.clear(cleared)
-            self.piece(piece, places, passed, at_end, side)
+                self._clear(cleared)
+            self._piece(piece, places, passed, at_end, side)
             self.lines += ["ret void", "}"]
         if not alone:
             self.lines.append(f"define {linkage}void @{name}({signature}) {{")
-            self.clear(cleared)
+            self._clear(cleared)
             self.lines += [f"call void @{p}({signature})" for p in (*first, *names)]
             self.lines += ["ret void", "}"]
 
@@ -225,10 +195,9 @@ class FunctionWriter(Lines):
         for node, place in stores:
             at_end.setdefault(node, []).append(place)
         order = evaluation_order(self.g, [*at_end, *nodes], places)
-        return self.piece(order, places, NOTHING, at_end)
+        return self._piece(order, places, NOTHING, at_end)
 
-    def clear(self, count: int) -> None:
-        """Write code that sets the first `count` results to 0."""
+    def _clear(self, count: int) -> None:
         if count:
             self.declared.add(CLEAR)
             self.lines.append(clearing(count))
@@ -252,7 +221,7 @@ class FunctionWriter(Lines):
         self.scratch_used = max(self.scratch_used, len(passed))
         return passed
 
-    def piece(
+    def _piece(
         self,
         piece: Sequence[int],
         places: Mapping[int, Place],
@@ -291,11 +260,11 @@ class FunctionWriter(Lines):
                     exponent = exponent_of(self.g, n)
                     here[n] = self.operation(self.g.ops[n], exponent, operands)
                 if n in passed:
-                    self.store(self.as_number(n, here[n]), ("p", passed[n]))
+                    self.store(self._number(n, here[n]), ("p", passed[n]))
             for place in at_end.get(n, ()):
-                self.store(self.as_number(n, operand(n)), place)
+                self.store(self._number(n, operand(n)), place)
         for nodes, place in vectors:
-            self._vector([self.as_number(n, operand(n)) for n in nodes], place)
+            self._vector([self._number(n, operand(n)) for n in nodes], place)
         return here
 
     def _circular(
@@ -357,28 +326,18 @@ class FunctionWriter(Lines):
             return self._variable(str(g.payload(n)))
         else:
             value = self.load(("p", passed[n]))
-        return self.as_operand(n, value)
-
-    def as_operand(self, n: int, value: str) -> str:
-        """Return the name of node n's value in memory: a truth value if n is one."""
-        if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
+        if g.args[n] and OPERATIONS[g.ops[n]].condition:
             return self.line(f"fcmp one double {value}, {number(0.0)}")
         return value
 
     def _variable(self, name: str) -> str:
-        return "%t" if name == "t" else self.load(self._place(name))
-
-    def _place(self, name: str) -> Place:
+        if name == "t":
+            return "%t"
         if name in self.layout.y:
-            return "y", self.layout.y[name]
-        return "p", self.layout.p[name]
+            return self.load(("y", self.layout.y[name]))
+        return self.load(("p", self.layout.p[name]))
 
-    def place_of(self, n: int) -> Place:
-        """Return the place of the variable n; that of t is ("t", 0)."""
-        name = str(self.g.payload(n))
-        return ("t", 0) if name == "t" else self._place(name)
-
-    def as_number(self, n: int, value: str) -> str:
+    def _number(self, n: int, value: str) -> str:
         """Return the name of `value` as a double: 1 or 0 if n is a truth value."""
         if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
             return self.line(f"uitofp i1 {value} to double")
@@ -400,11 +359,7 @@ class FunctionWriter(Lines):
 
     def store(self, value: str, place: Place) -> None:
         """Write an instruction that stores a value at `place`."""
-        self.store_at(value, self.address(place))
-
-    def store_at(self, value: str, address: str) -> None:
-        """Write an instruction that stores a value at an address."""
-        self.lines.append(f"store double {value}, ptr {address}")
+        self.lines.append(f"store double {value}, ptr {self.address(place)}")
 
     def address(self, place: Place) -> str:
         """Write an instruction for the address of `place`; return the result's name."""
