@@ -80,8 +80,9 @@ class Impact:
 
 
 def impact(
-    closed: Closed, rates: Floats, roundoff: Floats, first: Floats | None = None
-) -> Impact:
+    closed: Closed, rates: Floats, roundoff: Floats, first: Floats | None = None,
+    more: Floats | None = None,
+) -> Impact:  # fmt: skip
     """Compute the simultaneous impact of all rows.
 
     Where the rates after the impact by Newton's law contradict each other, the impact
@@ -97,10 +98,13 @@ def impact(
         Rates up to this size count as 0.
     first : ndarray, shape (r,), optional
         The rates before an earlier part of the impact, from which contacts rebound.
+    more : ndarray, shape (r,), optional
+        The impulses of the expansion by Poisson's law, after a compression that an
+        earlier part of the impact contains.
     """
     if first is None:
         first = rates
-        if len(rates) == 1 and closed.table.one_sided[0]:
+        if len(rates) == 1 and closed.table.one_sided[0] and more is None:
             return _of_one(closed, float(rates[0]), float(roundoff[0]))
     before, first = (np.where(np.abs(x) <= roundoff, 0.0, x) for x in (rates, first))
     bounces = closed.table.gapped
@@ -108,13 +112,18 @@ def impact(
     newton = bounces & ~of_impulses & (first < 0.0)
     target = np.where(newton, -closed.restitutions * first, 0.0)
     rests = _at_rest(closed, before)
-    solution = _impulses(closed, before - target, rests)
+    if more is None:
+        solution = _impulses(closed, before - target, rests)
+    else:
+        solution = _impulses(closed, before - target + closed.D @ more, rests, more)
     locked = not solution.found and bool(target.any())
     if locked:
         target = np.zeros(len(before))
         solution = _impulses(closed, before, rests)
     p = solution.p
-    if of_impulses.any() and solution.found:
+    if more is not None:
+        p = p + more
+    elif of_impulses.any() and solution.found:
         more = np.where(of_impulses, closed.restitutions * p, 0.0)
         p = p + more
         solution = _impulses(closed, solution.w + closed.D @ more, rests, more)

@@ -666,6 +666,7 @@ class ImpactSolution(NamedTuple):
 def _solve_impact(
     here: Kinematics, active: list[int], e: Floats, equalities: list[int],
     stopped: Collection[int] = (), first: Floats | None = None,
+    more: Floats | None = None,
 ) -> ImpactSolution:  # fmt: skip
     """Compute the impulses of r laws at a state, and the state after.
 
@@ -684,13 +685,15 @@ def _solve_impact(
         too.
     first : ndarray, shape (r,), or None
         The rates before an earlier part of the impact, by which contacts rebound.
+    more : ndarray, shape (r,), or None
+        The impulses of an expansion by Poisson's law.
     """
     matrix = here.delassus_along(stopped) if stopped else here.shape.delassus
     problem, response = here.problem(active, e, matrix)
     if equalities:
         problem = replace(problem, table=problem.table.with_equalities(equalities))
     rates, y = here.rates[active], here.y.copy()
-    result = impact(problem, rates, here.still[active], first)
+    result = impact(problem, rates, here.still[active], first, more)
     y[here.arc.velocities] += response @ result.impulses
     return ImpactSolution(here, rates, result, y)
 
@@ -706,7 +709,7 @@ def _solve_impact_beside(
 
     At a corner an equality has one row for each side; its row is that of the side on
     which the velocities after the impact continue. These sides remain in the memory of
-    the arc.
+    the arc. The compressions by Poisson's law are one jump, the expansions another.
 
     corners : the corners of equalities at the state.
     here, active, e, equalities : see `_solve_impact`.
@@ -715,24 +718,35 @@ def _solve_impact_beside(
     last: tuple[JumpPiece, ImpactSolution] | None = None
     result: Impact | None = None
 
+    more: Floats | None = None
+    expands = np.where((here.table.gapped & here.table.poisson)[active], e, 0.0)
+
     def jump(piece: JumpPiece) -> Floats:
         nonlocal last
         y = piece.y.copy()
         corners.project(y, piece.stopped)
-        found = _solve_impact(here.at(y), active, e, equalities, piece.stopped, first)
+        found = _solve_impact(
+            here.at(y), active, e - expands, equalities, piece.stopped, first,
+            None if more is None else piece.left * more,
+        )  # fmt: skip
         last = piece, found
         return piece.y + piece.part * (found.y - piece.y)
 
     y = here.y
-    for state in corners.pieces(jump):
-        assert last is not None
-        y = state
-        piece, found = last
-        first = found.rates if first is None else first
-        own = found.result.part(piece.part, found.rates)
-        result = own if result is None else result.followed_by(own)
-    assert first is not None
-    assert result is not None
+    while True:
+        for state in corners.pieces(jump):
+            assert last is not None
+            y = state
+            piece, found = last
+            first = found.rates if first is None else first
+            own = found.result.part(piece.part, found.rates)
+            result = own if result is None else result.followed_by(own)
+        assert first is not None
+        assert result is not None
+        if more is not None or not (expands * result.impulses).any():
+            break
+        more = expands * result.impulses
+        corners.go_on(y)
     return ImpactSolution(found.here, first, result, y)
 
 

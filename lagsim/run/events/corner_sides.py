@@ -141,6 +141,11 @@ class CornerSides:
         self._speeds: dict[Sides, Floats] = {}
         self._former = modes.value.copy(), modes.kind.copy()
 
+    def go_on(self, y: Floats) -> None:
+        """Begin a further jump at the state y (size,), with the present sides."""
+        self._y, self._left = y, 1.0
+        self._find({})
+
     @property
     def may_bend(self) -> bool:
         """Whether a jump may depend on the side of a corner."""
