@@ -67,11 +67,7 @@ def corners(e: Equations, switches: Switches) -> dict[int, Corner]:
         own = {g.variable(x) for x in followers[k]}
         (u,) = switches.freeze([side.node])
         moving = bool(fast & g.depends([u]))
-        bent = [
-            (r, row)
-            for r, row in some
-            if (moving or not limited[r]) and not own.isdisjoint(g.cone(slopes[r]))
-        ]
+        bent = [(r, row) for r, row in some if not own.isdisjoint(g.cone(slopes[r]))]
         if not bent:
             continue
         J = gradient(g, u, _variables(e, moving=moving))

@@ -25,6 +25,7 @@ equalities in force eliminated. This module uses neither the graph nor the state
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -152,16 +153,16 @@ class RowTable:
         low[rows], high[rows], gapped[rows] = -np.inf, np.inf, False
         return RowTable(low, high, self.normals, self.pairs, gapped, self.poisson)
 
-    def with_shares(self, count: int) -> RowTable:
-        """Return the table with `count` rows appended, one for each followed surface.
+    def with_rows(self, count: int, most: float) -> RowTable:
+        """Return the table with `count` single rows appended, without a gap.
 
-        The multiplier of such a row is 1/2 - w, where w in [0, 1] is the share of the
-        upper side in the forces on the surface. Its bounds are `low` = -1 and `high` =
-        1, as multiples of the bound of the row.
+        most : the bound of the multipliers in both directions, as a multiple of the
+            bound of the row; infinity for equalities.
         """
         alone, none = np.full(count, -1), np.zeros(count, dtype=bool)
+        size = np.full(count, most)
         return RowTable(
-            np.append(self.low, -np.ones(count)), np.append(self.high, np.ones(count)),
+            np.append(self.low, -size), np.append(self.high, size),
             np.append(self.normals, alone), np.append(self.pairs, alone),
             np.append(self.gapped, none), np.append(self.poisson, none),
         )  # fmt: skip
@@ -229,10 +230,22 @@ class Closed:
         if not len(bounds):
             return self
         return replace(
-            self, table=self.table.with_shares(len(bounds)), D=D,
+            self, table=self.table.with_rows(len(bounds), 1.0), D=D,
             factor=np.eye(len(D)), pushes=D, bounds=np.append(self.bounds, bounds),
             statics=np.append(self.statics, bounds),
         )  # fmt: skip
+
+    def with_equalities(self, D: Floats) -> Closed:
+        """Return the rows with e further ones, which are equalities.
+
+        D : the Delassus matrix (r + e, r + e) of all rows.
+        """
+        more = np.zeros(len(D) - len(self))
+        bounds, statics, restitutions = (
+            np.append(x, more) for x in (self.bounds, self.statics, self.restitutions)
+        )
+        table, unit = self.table.with_rows(len(more), math.inf), np.eye(len(D))
+        return Closed(table, D, bounds, statics, restitutions, unit, pushes=D)
 
     def problem(
         self, c: Floats, sizes: Floats, directions: Floats, *, given: Flags

@@ -267,11 +267,12 @@ class Switches:
 
     @property
     def turns(self) -> frozenset[int]:
-        """Indices of the sides with corners at surfaces of positions.
+        """Indices of the sides with corners of equalities at surfaces of positions.
 
         Velocities jump at these corners.
         """
-        return frozenset(k for k, x in self.corners.items() if not x.moving)
+        bent = self.corners.items()
+        return frozenset(k for k, x in bent if x.equal and not x.moving)
 
     @property
     def bends(self) -> frozenset[int]:

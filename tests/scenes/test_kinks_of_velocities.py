@@ -164,6 +164,7 @@ def test_beside_a_heavy_body_and_coupled_masses(when):
     assert [e.time for e in found.events] == pytest.approx([stop, slip], abs=1e-6)
 
 
+LIMIT = "{{relation: '{} = 0', limit: 1}}"
 LIMITED = """
 parameters: {{g: 9.81, k: {k}}}
 coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
@@ -206,6 +207,40 @@ def test_a_limit_with_a_kink_rests_beside_a_limit_of_its_argument(order):
     assert found.complete, found.reason
     later = np.maximum(found.t - (K * G + 1) / 2, 0.0)
     assert found["x_dot"] == pytest.approx(later**2 / (1 + K * K), abs=1e-9)
+
+
+@pytest.mark.parametrize("relation", [SPELLINGS[0], SPELLINGS[3]])
+@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize(
+    ("e", "order"), [(0.0, 1), (0.0, -1), (0.2, 1), (-0.4, 1), (-0.4, -1)]
+)
+def test_an_equality_with_a_kink_rests_beside_a_limit(relation, when, e, order):
+    # A limit of 1 on x' + e y'; on the upper side its force 1 + k e acts along x.
+    text = relation.replace("u", "x_dot").removesuffix(" + c")
+    rows = ["h: " + WHEN[when].format(text), f"s: {LIMIT.format(f'x_dot + {e}*y_dot')}"]
+    rows = ", ".join(rows[::order])
+    text = LIMITED.format(k=K, force="2*t", rows=rows, v=0, w=0)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    slip = (1 + K * (G + e)) / 2
+    later = np.maximum(found.t - slip, 0.0)
+    assert found["x_dot"] == pytest.approx(later**2 / (1 + K * K), abs=1e-9)
+    assert found["y_dot"] == pytest.approx(K * later**2 / (1 + K * K), abs=1e-9)
+    assert found.events[-1].time == pytest.approx(slip, abs=1e-9)
+
+
+@pytest.mark.parametrize("limit", [20, 5])
+@pytest.mark.parametrize("when", ["", ", when: t < 9"])
+@pytest.mark.parametrize("slope", ["k*sign(x)*x_dot", "k*if(x > 0, x_dot, -x_dot)"])
+def test_a_limit_with_a_kink_of_positions_rests_and_slides(limit, when, slope):
+    # Dry friction of the bound k min(g, limit), on the mass 1 + k^2 if the limit holds.
+    rows = f"h: {{relation: 'y_dot = {slope}', limit: {limit}{when}}}"
+    text = LIMITED.format(k=K, force="2*t", rows=rows, v=0, w=0)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    pull, mass = min(G, limit), 1 + K * K * (limit > G)
+    later = np.maximum(found.t - K * pull / 2, 0.0)
+    assert found["x_dot"] == pytest.approx(later**2 / mass, abs=1e-9)
 
 
 @pytest.mark.parametrize("v", [1.0, -1.0])
@@ -313,3 +348,32 @@ def test_a_limit_beside_a_groove(when):
     later = np.maximum(found.t - (9.81 * 0.5 + 0.3) / 6, 0.0)
     assert found["x"] == pytest.approx(later**3 / 1.25, abs=1e-9)
     assert found["y"] == pytest.approx(later**3 / 2.5, abs=1e-9)
+
+
+WALL = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+constraints:
+  h: {h}
+  wall: {{relation: x >= 0, restitution: 0.5, restitution_law: {law}}}
+initial: {{x: 0.5, x_dot: -1, y: 0, y_dot: {w}}}
+simulation: {{duration: 1, output_step: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("c", [-0.2, 0.2])
+@pytest.mark.parametrize("when", WHEN)
+@pytest.mark.parametrize("law", ["newton", "poisson"])
+def test_an_impact_passes_a_kink(law, when, c):
+    # The mass along x is 1 + 0.1^2 below x' = c, and 1 + 0.5^2 above. By Poisson's law
+    # the impulse of the expansion is half of that of the compression to x' = 0.
+    low, high = 1.01, 1.25
+    row = WHEN[when].format(f"y_dot = if(x_dot > {c}, 0.5, -0.1)*(x_dot - {c})")
+    text = WALL.format(h=row, law=law, w=0.1 * (1 + c))
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert found.complete, found.reason
+    compression = low * (1 + min(c, 0)) - high * min(c, 0)
+    left = compression / 2 - low * max(c, 0)
+    right = max(c, 0) + left / high if law == "poisson" else 0.5
+    assert found["x_dot"][-1] == pytest.approx(right, rel=1e-12)
+    assert found["y_dot"][-1] == pytest.approx(0.5 * (right - c), rel=1e-12)

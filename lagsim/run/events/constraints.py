@@ -43,6 +43,7 @@ from lagsim.tolerances import (
     RESIDUAL_ROUNDOFF,
     SAME_TIME,
     SATISFIED,
+    SUM_ROUNDOFF,
     SURFACE_ROUNDOFF,
 )
 
@@ -221,12 +222,16 @@ def _is_far(arc: Arc, bent: Collection[int]) -> bool:
 
     The distance is relative to the ranges of the coordinates so far, since all terms of
     a residual may vanish at one position. The displacement by a jump of a rate within
-    the rounding of the time is subtracted. At a corner of `bent`, the indices of
-    corners, the distance may be the rounding of the surface's expression.
+    the rounding of the time is subtracted, and the rounding of the displacement by
+    forces in the last step, since the range of a body at rest is its rounding. At a
+    corner of `bent`, the indices of corners, the distance may be the rounding of the
+    surface's expression.
     """
     n = arc.system.n
     step, rates = (np.abs(_newton_step(arc, x)) for x in ("position", "velocity"))
-    step = np.maximum(step - SAME_TIME * np.spacing(abs(arc.t)) * rates, 0.0)
+    rounded = SUM_ROUNDOFF * arc.state.parts[:n] * arc.state.step_h**2
+    step -= SAME_TIME * np.spacing(abs(arc.t)) * rates + rounded
+    step = np.maximum(step, 0.0)
     if bent and np.all(arc.masses > 0.0):
         (_, _, _, scales), J = arc.surface_rows(arc.t, arc.y)
         lengths = np.sqrt(J[:, :n] ** 2 @ (1.0 / arc.masses))

@@ -15,21 +15,16 @@ whatever the order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
-from lagsim.mechanics.constraints import LIMITED
-from lagsim.mechanics.row_modes import RowModes
-from lagsim.mechanics.rows import delassus
-from lagsim.methods.parts.parameters import HELD
-from lagsim.methods.parts.parameters import SLIDING as SLIDES
 from lagsim.run.events.curve_ends import REACH
-from lagsim.run.events.kinematics import Kinematics
+from lagsim.run.events.kinematics import Acting, Kinematics
 from lagsim.run.events.law_modes import (
     Chosen,
     ahead_of,
@@ -50,15 +45,15 @@ from lagsim.tolerances import (
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
-    SOLUTION_ROUNDOFF,
+    SUM_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.events.filippov import FilippovCone, SideSolution
-    from lagsim.run.events.kinematics import Acting
+    from lagsim.mechanics.row_modes import RowModes
+    from lagsim.run.events.filippov import Beside, FilippovCone, SideSolution
     from lagsim.run.events.records import LawsAt
     from lagsim.run.events.surface_modes import Rows, SurfaceModes
 
@@ -68,8 +63,6 @@ if TYPE_CHECKING:
 SLOWEST = 2.0**-10
 # Largest number of surfaces all of whose corners are evaluated for scales of rates.
 FEW_CORNERS = 3
-# The modes of no rows.
-NO_ROWS = RowModes((), np.zeros(0), np.zeros(0), paradox=False)
 
 
 @dataclass(slots=True)
@@ -112,8 +105,12 @@ class Crossing:
     shared: tuple[list[int], RowModes, list[int]] | None = None  # see `LawsAt`
     # numbers of the laws that could act and are no equalities in force
     laws: list[int] = field(default_factory=list)
-    # numbers of the laws that are equalities in force, or whose modes are on trial
+    # numbers of the laws that are equalities in force, and no rows of the problem
     held: list[int] = field(default_factory=list)
+    # indices of the equalities that are rows of the problem, beside the laws
+    released: list[int] = field(default_factory=list)
+    # indices of the open surfaces at which these rows or laws have kinks
+    kinks: list[int] = field(default_factory=list)
     # surfaces whose side the forces decide
     open: list[int] = field(default_factory=list)
     # surfaces whose side open surfaces decide
@@ -168,11 +165,8 @@ class Crossing:
             edges = [self.levels[k] if whole[k] else 0.5 for k in self.open]
             pairs = zip(self.open, edges, strict=True)
             now = [ABOVE if value[k] >= x else BELOW for k, x in pairs]
-            bent = self._bent()
-            if bent:
-                self._beside_bent(bent, now)
-            else:
-                self._by_forces(now)
+            self._release()
+            self._by_forces(now)
         if modes.nested:
             self._evaluate()
 
@@ -192,108 +186,32 @@ class Crossing:
             p.law_mode[self.held] = found.mode[self.held]
             p.law_direction[self.held] = found.direction[self.held]
 
-    def _bent(self) -> list[int]:
-        """Return all limited laws, if one has a kink at an open surface; else []."""
+    def _release(self) -> None:
+        """Make equalities with a kink at an open surface rows of the problem of modes.
+
+        The force of such a row depends on the share of the surface. Without further
+        laws the equality holds on each side, with the row and the multiplier there.
+        """
+        if not self.laws:
+            return
         arc = self.modes.arc
-        known, laws = arc.system.switches.corners, arc.system.laws
+        known, laws, m = arc.system.switches.corners, arc.system.laws, arc.system.m
         names = {name for k in self.open if k in known for name in known[k].rows}
-        if not any(laws[k].row.name in names for k in self.laws):
-            return []
-        return [k for k in self.laws if laws[k].role is LIMITED]
-
-    def _beside_bent(self, bent: list[int], now: list[int]) -> None:
-        """Select the modes of the open surfaces, beside limited laws with kinks there.
-
-        The effect of the multiplier of such a law depends on the shares of the open
-        surfaces. Therefore its mode is tried: it holds, as an equality does, or slides
-        with its multiplier at its bound. A trial is the solution if the multiplier is
-        within its bounds, or the slip has the direction of the trial.
-
-        bent : the laws.
-        now : the present side of each open surface.
-        """
-        modes, arc, p = self.modes, self.modes.arc, self.modes.p
-        assert self.beside is not None
-        here, left = Kinematics(arc, arc.y), self.beside.left
-        self.laws = [k for k in self.laws if k not in bent]
-        self.held += bent
-        slow = np.maximum(here.still, 2.0 * p.law_still)
-        pairs, ways = here.table.pairs, []
-        for k in bent:
-            own = [k, pairs[k]] if pairs[k] >= 0 else [k]
-            rests, slides = [(HELD, 0.0)], [(SLIDES, 1.0), (SLIDES, -1.0)]
-            if (np.abs(here.rates[own]) > slow[own]).any():
-                ways.append([(SLIDES, float(-np.sign(here.rates[k])))])
-            elif len(own) == 2:  # no direction of a slip that begins is known
-                ways.append(rests)
-            else:
-                ways.append(slides + rests if k in left else rests + slides)
-        begun = modes.value.copy(), modes.kind.copy()
-        for chosen in product(*ways):
-            p.law_mode[bent] = [mode for mode, _ in chosen]
-            p.law_direction[bent] = [way for _, way in chosen]
-            is_found = self._is_held() or self._by_forces(now)
-            modes.write()
-            if is_found and self._agree(bent, slow):
-                return
-            self.undecided, self.rests, self.shared = [], [], None
-            modes.carried, modes.watched = {}, []
-            modes.restore(*begun)
-        # None agrees: the laws are rows of the problem of the sides, as others are.
-        self.laws = sorted([*self.laws, *bent])
+        bent = [k for k in self.held if laws[k].row.name in names]
         self.held = [k for k in self.held if k not in bent]
-        self._by_forces(now)
-
-    def _is_held(self) -> bool:
-        """Whether the rows held in the present trial keep all open surfaces at level.
-
-        If so, these surfaces get constant shares of 1/2, and are not decided by forces.
-        """
-        modes, here = self.modes, self._here()
-        arc, shape, held = modes.arc, here.shape, modes.p.law_mode == HELD
-        rows = [k for k in self.held if held[k]]
-        J = modes.rows().J[self.open, : arc.system.n]
-        whole = delassus(shape.M, shape.equalities, J).D.diagonal()
-        A = np.vstack([shape.equalities, shape.rows[rows]])
-        own = delassus(shape.M, A, J).D.diagonal()
-        if self.laws or not rows or (own > SOLUTION_ROUNDOFF * whole).any():
-            return False
-        for k in self.open:
-            modes.set_mode(k, self.levels[k], REDUNDANT)
-        modes.write()
-        self.shared = [], NO_ROWS, self.held
-        return True
-
-    def _agree(self, bent: list[int], slow: Floats) -> bool:
-        """Whether the accelerations agree with the modes on trial of limited laws.
-
-        bent : the laws.
-        slow : the largest slips (L,) that count as 0.
-        """
-        arc, p, m = self.modes.arc, self.modes.p, self.modes.arc.system.m
-        here = self._here()
-        a, least = here.present, np.maximum(here.roundoff, 0.0)
-        arc.rates(arc.t, arc.y)
-        first = arc.system.size + m - here.count
-        multipliers = p.side_fields[first : first + here.count]
-        own, pairs = here.shape.delassus.D.diagonal(), here.table.pairs
-        for k in bent:
-            if p.law_mode[k] == HELD:
-                most = here.statics[k] + (least[k] / own[k] if own[k] > 0.0 else 0.0)
-                other = multipliers[pairs[k]] if pairs[k] >= 0 else 0.0
-                if not np.hypot(multipliers[k], other) <= most:
-                    return False
-            elif abs(here.rates[k]) <= slow[k] and p.law_direction[k] * a[k] > least[k]:
-                return False
-        return True
+        self.laws = sorted([*self.laws, *bent])
+        equalities = arc.system.equations.relations[: m - len(laws)]
+        self.released = [i for i, row in enumerate(equalities) if row.row.name in names]
+        if self.released or any(laws[k].row.name in names for k in self.laws):
+            self.kinks = [i for i, k in enumerate(self.open) if k in known]
 
     def _here(self, y: Floats | None = None) -> Kinematics:
-        """Return the laws at y (size,), with the equalities in force held.
+        """Return the laws at y (size,), with equalities held that are no rows.
 
         y : by default the state reached.
         """
-        arc = self.modes.arc
-        return Kinematics(arc, arc.y if y is None else y, held=self.held)
+        arc, y = self.modes.arc, self.modes.arc.y if y is None else y
+        return Kinematics(arc, y, held=self.held, released=self.released)
 
     def _evaluate(self) -> None:
         """Compute `values`, `rows`, `sizes` and `levels` with the present sides."""
@@ -703,7 +621,8 @@ class Crossing:
                 a = modes.accelerations(y)
             else:  # without the laws
                 here = self._here(y)
-                a, others = here.free[arc.state.driven], here.accelerations[self.laws]
+                a, own = here.free[arc.state.driven], here.accelerations[self.laws]
+                others = np.append(own, here.of_released)
             J, b = rows.J[self.open], rows.b[self.open]
             if whole.any():
                 # The slope of a table's cell number differs from cell to cell.
@@ -736,7 +655,8 @@ class Crossing:
         self.roundoff[self.open] = least
         cone = FilippovCone(rates, scale, self._leaves, self._ahead, roundoff=least)
         if self.beside is not None and self.laws:
-            cone.laws = partial(self._acting, self.beside.left)
+            cone.laws = cache(partial(self._acting, self.beside.left))
+            cone.kinks = self.kinks
         return cone
 
     def _store_laws(self, found: RowModes) -> None:
@@ -744,13 +664,11 @@ class Crossing:
 
         found : the modes of rows, the rows of the laws first.
         """
-        here = self._here()
+        here = Kinematics(self.modes.arc, self.modes.arc.y, held=self.held)
         write_modes(here.arc, Chosen.of(here, self.laws, found, self.held))
 
-    def _acting(
-        self, left: Mapping[int, int], corner: Sequence[int]
-    ) -> tuple[Acting, Floats]:
-        """Return the laws that could act at a corner, and their effect on surfaces.
+    def _acting(self, left: Mapping[int, int], corner: Sequence[int]) -> Beside:
+        """Return the laws that could act at a corner, then the released equalities.
 
         Parameters
         ----------
@@ -758,18 +676,32 @@ class Crossing:
             How often each law has reached the limit of its multiplier at this time.
         corner : sequence of int
             Side of each open surface.
-
-        Returns
-        -------
-        Acting
-            The r laws that could act.
-        ndarray, shape (k, r)
-            Rates of the k open surfaces per multiplier.
         """
+        from lagsim.run.events.filippov import Beside
+
         self._settle(corner)
-        laws = self._here().acting(self.laws, left)
+        here = self._here()
+        laws = here.acting(self.laws, left)
         J = self.modes.rows().J[self.open, : self.modes.arc.system.n]
-        return laws, J @ laws.response
+        if not self.kinks:
+            return Beside(laws, J @ laws.response)
+        equalities = here.shape.equalities[self.released]
+        rows, free = (
+            np.vstack([here.rows[self.laws], equalities]),
+            here.free[here.levels[1]],
+        )
+        r, found = len(rows), here.delassus_of(np.vstack([rows, J]))
+        closed = laws.closed.with_equalities(found.D[:r, :r])
+        closed = replace(closed, factor=found.factor[:, :r], pushes=None)
+        none = np.zeros(len(equalities))
+        rounding = SUM_ROUNDOFF * np.abs(equalities) @ np.abs(free)
+        response, across = found.response[:, :r], found.response[:, r:]
+        acting = Acting(
+            closed, np.append(laws.rates, none), np.append(laws.roundoff, rounding),
+            np.append(laws.slow, none), np.append(laws.left, none.astype(int)),
+            response,
+        )  # fmt: skip
+        return Beside(acting, J @ response, rows, free, J, across)
 
     def _share(self, w: Floats) -> None:
         """Combine the sides of open surfaces by shares w (k,) of their upper sides.
@@ -794,7 +726,7 @@ class Crossing:
         w : ndarray, shape (k,)
             Shares of the open surfaces.
         p : ndarray, shape (r,)
-            Multipliers of the laws.
+            Multipliers of the laws, then of the released equalities.
         """
         modes, arc, moment = self.modes, self.modes.arc, self.modes.arc.short_time
         self._share(w)
@@ -809,4 +741,6 @@ class Crossing:
             a[: arc.system.n] += forced
             return np.asarray(rows.J @ a - rows.b)[self.open]
 
-        return moment, ahead_of(self._here(), self.laws, others)(p)[0]
+        here, r = Kinematics(arc, arc.y, held=self.held), len(self.laws)
+        change = ahead_of(here, self.laws, others)(p[:r])[0]
+        return moment, np.append(change, np.zeros(len(p) - r))

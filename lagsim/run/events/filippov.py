@@ -13,6 +13,7 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
@@ -34,13 +35,14 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats, Ints
     from lagsim.mechanics.row_modes import RowModes
+    from lagsim.mechanics.rows import Closed
     from lagsim.run.events.kinematics import Acting
 
     Corner = tuple[int, ...]
     Rates = Callable[[Corner], Floats]
-    Beside = Callable[[Corner], tuple[Acting, Floats]]
+    Ahead = Callable[[Floats], tuple[Floats, Floats]]
     Leaves = Callable[[Floats, int, RowModes], int | None]
-    Ahead = Callable[[Floats, Floats], tuple[float, Floats]]
+    AheadOfAll = Callable[[Floats, Floats], tuple[float, Floats]]
 
 
 # Largest number of shares in which rates are multilinear; for more they are linear.
@@ -48,6 +50,34 @@ FEW = 5
 # Largest numbers of Newton's steps for the shares, and of selections of sides.
 MOST_STEPS = 20
 MOST_EXCHANGES = 1000
+
+
+class Beside(NamedTuple):
+    """The r laws beside k surfaces, at a combination of sides.
+
+    Attributes
+    ----------
+    acting : Acting
+        The laws, then the equalities with kinks at the surfaces.
+    effect : ndarray, shape (k, r)
+        The rates of the surfaces per unit multiplier.
+    rows : ndarray, shape (r, n)
+        The rows of the laws. They, and the attributes below, are present only if the
+        rows have kinks at the surfaces.
+    free : ndarray, shape (n,)
+        The accelerations of the coordinates without these laws.
+    surfaces : ndarray, shape (k, n)
+        The rows of the surfaces.
+    across : ndarray, shape (n, k)
+        The accelerations of the coordinates per unit force along each surface's row.
+    """
+
+    acting: Acting
+    effect: Floats
+    rows: Floats = NO_LAWS.rates
+    free: Floats = NO_LAWS.rates
+    surfaces: Floats = NO_LAWS.rates
+    across: Floats = NO_LAWS.rates
 
 
 class SideSolution(NamedTuple):
@@ -82,9 +112,9 @@ class FilippovCone:
     The conditions are a complementarity problem: with p = 1/2 - w the rates are rho_0 -
     B p, and p is bounded like a friction force. Here rho_0 are the rates at shares of
     1/2, and B (count, count) their derivatives with respect to the shares. Laws beside
-    the surfaces are further rows of the problem. Where switches multiply each other,
-    the rates are not linear in the shares, and Newton's method solves a linear problem
-    in each step.
+    the surfaces are further rows of the problem. Where switches multiply each other, or
+    rows of laws have kinks at the surfaces, so that shares multiply multipliers, the
+    rates are not linear, and Newton's method solves a linear problem in each step.
 
     Several solutions may exist where the rate of a surface is not less on its upper
     side than on its lower one, so that the surface does not attract. Such a surface
@@ -116,8 +146,9 @@ class FilippovCone:
     is_fork : bool
         Whether the other side of some surface satisfies the conditions, too.
     laws
-        Function of a corner. It returns the laws there, and the rates (count, r) per
-        unit multiplier.
+        Function of a corner. It returns the laws there, as a `Beside`.
+    kinks : list of int
+        The surfaces at which rows of laws have kinks.
     modes : RowModes or None
         The modes of the laws, then of the surfaces that attract, as selected.
     resting : SideSolution or None
@@ -130,7 +161,7 @@ class FilippovCone:
         rates: Rates,
         scale: Floats,
         leaves: Leaves = lambda _w, _k, _modes: None,
-        ahead: Ahead = lambda w, _p: (1.0, 0.0 * w),
+        ahead: AheadOfAll = lambda w, _p: (1.0, 0.0 * w),
         *,
         roundoff: Floats | float = 0.0,
     ) -> None:
@@ -140,7 +171,9 @@ class FilippovCone:
         self.rates = cache(rates)
         self.leaves, self.ahead = leaves, ahead
         self.shares, self.is_fork = np.zeros(self.count), False
-        self.laws: Beside = lambda _corner: (NO_LAWS, np.zeros((self.count, 0)))
+        self.kinks = list[int]()
+        none = Beside(NO_LAWS, np.zeros((self.count, 0)))
+        self.laws: Callable[[Corner], Beside] = lambda _corner: none
         self.modes: RowModes | None = None
         self.resting: SideSolution | None = None
 
@@ -240,45 +273,109 @@ class FilippovCone:
         other = self._solved_beside(level_sides, slides)
         if other is None or np.any(other.leads < 0.0):
             return None
-        response = self.laws(level_sides)[1]
+        response = self.laws(level_sides).effect
         pushed = response @ other.modes.multipliers[: response.shape[1]]
         if np.any(pushed[slides]):
             return None
         leaves = (self.leaves(other.w, k, other.modes) for k in slides)
         return None if any(way is not None for way in leaves) else other
 
-    def _change(self, w: Floats, j: int) -> Floats:
+    def _change(self, w: Floats, j: int, p: Floats) -> Floats:
         """Return the difference of the rates (count + r,) above and below surface j.
 
         After the rates of the surfaces the result has the accelerations of the laws.
+        The forces of laws with kinks are included; the rows in these accelerations are
+        those at w, since on a kink the accelerations on both sides are equal.
 
         w : shape (count,), the shares of all surfaces.
+        p : shape (r,), the multipliers of the laws.
         """
         below, above = w.copy(), w.copy()
         below[j], above[j] = BELOW, ABOVE
-        return self._blended(above) - self._blended(below)
+        change = self._blended(above) - self._blended(below)
+        if self.kinks:
+            low, high, n = self._beside(below), self._beside(above), self.count
+            pushed = (high.acting.response - low.acting.response) @ p
+            change[:n] += (high.effect - low.effect) @ p
+            change[n:] = self._beside(w).rows @ (high.free - low.free + pushed)
+        return change
 
     def _blended(self, w: Floats) -> Floats:
-        """Return the rates (count + r,) at shares w, interpolated between corners.
-
-        The rates are linear in each of the shares.
+        """Return the rates (count + r,) at shares w, without the laws.
 
         w : shape (count,).
         """
+        rates = self._mean(self.rates, w)
+        if self.kinks:  # the rows and the forces are linear in shares, not the products
+            a = self._mean(lambda corner: self.laws(corner).free, w)
+            rates[self.count :] += self._mean(
+                lambda corner: self.laws(corner).rows @ (a - self.laws(corner).free), w
+            )
+        return rates
+
+    def _mean(self, value: Callable[[Corner], Floats], w: Floats) -> Floats:
+        """Return a function of corners at shares w (count,), linear in each share."""
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
-        base = self.rates(tuple(low.tolist()))
+        base = value(tuple(low.tolist()))
         if len(between) > FEW:
-            effects = (
-                self.rates(on_other_side(low.tolist(), j)) - base for j in between
-            )
+            effects = (value(on_other_side(low.tolist(), j)) - base for j in between)
             return sum((w[j] * x for j, x in zip(between, effects, strict=True)), base)
-        rates = 0.0 * base
+        found = 0.0 * base
         for corner in product((BELOW, ABOVE), repeat=len(between)):
             low[between] = corner
             parts = np.where(np.array(corner) == ABOVE, w[between], 1.0 - w[between])
-            rates = rates + np.prod(parts) * self.rates(tuple(low.tolist()))
-        return rates
+            found = found + np.prod(parts) * value(tuple(low.tolist()))
+        return found
+
+    def _beside(self, w: Floats) -> Beside:
+        """Return the laws at shares w (count,).
+
+        Without kinks the laws are those on the sides rounded down.
+        """
+        first = self.laws(tuple(w.astype(int).tolist()))
+        if not self.kinks or not ((w > BELOW) & (w < ABOVE)).any():
+            return first
+        rows, response, effect, free, surfaces, across = (
+            self._mean(value, w)
+            for value in (
+                lambda corner: self.laws(corner).rows,
+                lambda corner: self.laws(corner).acting.response,
+                lambda corner: self.laws(corner).effect,
+                lambda corner: self.laws(corner).free,
+                lambda corner: self.laws(corner).surfaces,
+                lambda corner: self.laws(corner).across,
+            )
+        )
+        D, closed = rows @ response, first.acting.closed
+        closed = replace(closed, D=D, factor=np.eye(len(D)), pushes=D)
+        acting = first.acting._replace(closed=closed, response=response)
+        return Beside(acting, effect, rows, free, surfaces, across)
+
+    def _held_at_kinks(self, sides: Floats) -> Floats:
+        """Return the multipliers (r,) of the laws if the motion stays on all kinks.
+
+        On a kink, the rows of both sides hold: a force along the surface is the
+        multiplier of a further equality. The jump of the forces of laws across the kink
+        is computed from the multipliers there.
+
+        sides : shape (count,), the sides of all surfaces.
+        """
+        w, kinks = sides.copy(), self.kinks
+        w[kinks] = 0.5
+        laws, n = self._beside(w), self.count
+        c, none = self._blended(w), np.zeros(len(kinks))
+        rows = np.vstack([laws.rows, laws.surfaces[kinks]])
+        D = rows @ np.hstack([laws.acting.response, laws.across[:, kinks]])
+        acting = laws.acting
+        roundoff = np.append(acting.roundoff, self.tolerance[kinks])
+        c = c[[*range(n, len(c)), *kinks]]
+        found = modes(
+            acting.closed.with_equalities(D),
+            np.where(np.abs(c) > roundoff, c, 0.0), np.append(acting.rates, none),
+            roundoff, np.append(acting.slow, none),
+        )  # fmt: skip
+        return found.multipliers[: len(acting.rates)]
 
     def _solved(self, sides: Corner) -> SideSolution | None:
         """Solve for all modes, with given sides of the surfaces that do not attract.
@@ -297,10 +394,12 @@ class FilippovCone:
                 trial.mode[k] = LEVEL
         level_sides = tuple(LEVEL if k in level else x for k, x in enumerate(sides))
         other = self._solved_beside(level_sides, level) if level else None
-        if other is None or other.leads[level].any():
-            return trial
-        other.leads[level] = math.inf
-        return other if self._is_inside(level_sides, other) else trial
+        if other is not None and not other.leads[level].any():
+            other.leads[level] = math.inf
+            if self._is_inside(level_sides, other):
+                return other
+        first = [k for k in level if k in self.kinks]
+        return (first and self._solved_beside(sides, (), first)) or trial
 
     def _is_mean(self, k: int, w: Floats) -> bool:
         """Whether rates at the level of surface k are the means of both sides' rates.
@@ -312,14 +411,19 @@ class FilippovCone:
         at, mean = w.copy(), w.copy()
         at[k], mean[k] = LEVEL, 0.5
         off = np.abs(self._blended(at) - self._blended(mean))[: self.count]
-        return bool(np.all(off <= self.tolerance))
+        if not np.all(off <= self.tolerance):
+            return False
+        if not self.kinks:
+            return True
+        rows = self._beside(at).rows, self._beside(mean).rows
+        return bool(np.all(np.abs(rows[1] - rows[0]) <= SOLUTION_ROUNDOFF))
 
     def _is_inside(self, sides: Corner, trial: SideSolution) -> bool:
         """Whether the multipliers of all laws at rest are clearly inside their bounds.
 
         sides, trial : the sides of the surfaces, and the solution with them.
         """
-        laws, p = self.laws(sides)[0], trial.modes.multipliers
+        laws, p = self.laws(sides).acting, trial.modes.multipliers
         closed, slow = laws.closed, np.abs(laws.rates) <= laws.slow
         table = closed.table
         for k in np.flatnonzero(table.bounded & slow).tolist():
@@ -334,7 +438,7 @@ class FilippovCone:
         return True
 
     def _solved_beside(
-        self, sides: Corner, level: Sequence[int]
+        self, sides: Corner, level: Sequence[int], first: Sequence[int] = ()
     ) -> SideSolution | None:
         """Solve for the modes of the laws and of the surfaces that attract.
 
@@ -348,36 +452,46 @@ class FilippovCone:
         level
             Surfaces that are treated as if they did not attract, with a constant share,
             since laws alone hold the motion at their levels.
+        first
+            Surfaces whose shares vary where laws could hold the motion, too: such a law
+            has a constant multiplier.
         """
         n, at = self.count, np.array(sides)
         w = at.astype(float)
+        p = self._held_at_kinks(w) if self.kinks else np.zeros(0)
+        bent = np.zeros(n, dtype=bool)
         for _ in range(MOST_STEPS):
-            B = np.array([self._change(w, j) for j in range(n)]).T
-            base = self._blended(w)
+            B = np.array([self._change(w, j, p) for j in range(n)]).T
+            base, laws = self._blended(w), self._beside(w)
             # Each surface is scaled by a power of two, without rounding.
             size = np.maximum(np.max(np.abs(B[:n]), axis=1), np.abs(base[:n]))
             unit = np.exp2(-np.round(np.log2(np.maximum(size, TINY))))
             B[:n], base[:n] = unit[:, None] * B[:n], unit * base[:n]
             tolerance = unit * self.tolerance
-            attract = B.diagonal() < -tolerance
+            attract = bent | (B.diagonal() < -tolerance)
             attract[[*level]] = False
+            bent[self.kinks] = attract[self.kinks]
             if np.any(attract & (w == LEVEL)):
                 w[attract] = BELOW
                 continue
-            attracting = np.flatnonzero(attract)
+            attracting, before = np.flatnonzero(attract), w
             B = B[:, attracting]
             base += B @ (0.5 - w[attracting])
             w = at.astype(float)
             found, by_laws, rounding = self._modes(
-                sides, attracting, unit, tolerance, base, B
+                laws, sides, attracting, unit, tolerance, base, B, first
             )
             if found.paradox:
                 return None
             r = len(found.mode) - len(attracting)
+            p = found.multipliers[:r]
             w[attracting] = 0.5 - found.multipliers[r:]
             rho = base[:n] - B[:n] @ found.multipliers[r:] + by_laws
-            off = unit * self._blended(w)[:n] + by_laws - rho
-            if np.all(np.abs(off) <= tolerance):
+            effect = self._beside(w).effect if self.kinks else laws.effect
+            off = unit * (self._blended(w)[:n] + effect @ p) - rho
+            # Rows with kinks were those at the shares before.
+            turned = self.kinks and np.any(np.abs(w - before) > HALF_OF_DIGITS)
+            if not turned and np.all(np.abs(off) <= np.maximum(tolerance, rounding)):
                 break
         mode = at.copy()
         for k, way, now in zip(
@@ -391,8 +505,8 @@ class FilippovCone:
         return SideSolution(mode.tolist(), w, leads, found, by_laws_alone)
 
     def _modes(
-        self, sides: Corner, attracting: Ints, unit: Floats, tolerance: Floats,
-        base: Floats, B: Floats,
+        self, beside: Beside, sides: Corner, attracting: Ints, unit: Floats,
+        tolerance: Floats, base: Floats, B: Floats, first: Sequence[int],
     ) -> tuple[RowModes, Floats, Floats]:  # fmt: skip
         """Solve for the modes of laws and attracting surfaces, as one contact problem.
 
@@ -401,6 +515,8 @@ class FilippovCone:
 
         Parameters
         ----------
+        beside : Beside
+            The laws.
         sides
             The sides of the surfaces that do not attract.
         attracting : ndarray of int, shape (s,)
@@ -411,6 +527,8 @@ class FilippovCone:
             Rates of surfaces and laws with shares of 1/2 of the surfaces `attracting`.
         B : ndarray, shape (n + r, s)
             Derivatives of these rates with respect to the shares.
+        first
+            Surfaces whose shares precede the laws in the choice of independent rows.
 
         Returns
         -------
@@ -421,7 +539,7 @@ class FilippovCone:
         roundoff : ndarray, shape (n,)
             Bounds of the rounding in `rates`: the effects of laws may cancel.
         """
-        n, s, (laws, response) = self.count, len(attracting), self.laws(sides)
+        n, s, laws, response = self.count, len(attracting), *beside[:2]
         r = len(laws.rates)
         rows = [*range(n, n + r), *attracting]
         left = np.vstack([laws.closed.D, unit[attracting, None] * response[attracting]])
@@ -441,9 +559,12 @@ class FilippovCone:
             return scale * change[rows], scale * roundoff / moment
 
         none, bounds = np.zeros(s), np.full(s, 0.0 if r else 0.5)
+        order = [r + i for i, k in enumerate(attracting.tolist()) if k in first]
+        bounds[[i - r for i in order]] = 0.5
+        order += [i for i in range(r + s) if i not in order]
         while True:
-            found = modes(
-                laws.closed.with_shares(scale[:, None] * D, bounds), c,
+            found = modes_in_order(
+                order, laws.closed.with_shares(scale[:, None] * D, bounds), c,
                 np.append(laws.rates, none), scale * roundoff,
                 np.append(laws.slow, none), ahead, np.append(laws.left, none > 0.0),
             )  # fmt: skip
@@ -454,6 +575,37 @@ class FilippovCone:
                 terms = np.abs(response) @ np.abs(p)
                 return found, unit * (response @ p), unit * SOLUTION_ROUNDOFF * terms
             bounds[needed] = 0.5
+
+
+def modes_in_order(
+    order: list[int], closed: Closed, c: Floats, rates: Floats, roundoff: Floats,
+    slow: Floats, ahead: Ahead, left: Ints,
+) -> RowModes:  # fmt: skip
+    """Determine the modes of rows; of dependent rows the first ones in `order` hold.
+
+    order : the indices of the r rows.
+    closed, c, rates, roundoff, slow, ahead, left : see `row_modes.modes`.
+    """
+    if order == [*range(len(order))]:
+        return modes(closed, c, rates, roundoff, slow, ahead, left)
+    D, back = closed.D[np.ix_(order, order)], np.argsort(order)
+    ordered = replace(
+        closed, table=closed.table.part(order), D=D, factor=np.eye(len(D)),
+        pushes=D, bounds=closed.bounds[order], statics=closed.statics[order],
+    )  # fmt: skip
+
+    def later(p: Floats) -> tuple[Floats, Floats]:
+        change, noise = ahead(p[back])
+        return change[order], noise[order]
+
+    found = modes(
+        ordered, c[order], rates[order], roundoff[order], slow[order], later,
+        left[order],
+    )  # fmt: skip
+    return replace(
+        found, mode=tuple(found.mode[i] for i in back),
+        direction=found.direction[back], multipliers=found.multipliers[back],
+    )  # fmt: skip
 
 
 HOLDING = (Mode.HELD, Mode.REDUNDANT)

@@ -158,9 +158,13 @@ class Kinematics:
     held : sequence of int
         Indices of the laws that hold, as equalities do, while forces are evaluated; all
         other laws are off there.
+    released : sequence of int
+        Indices of the equalities that do not hold while forces are evaluated.
     gaps, rates, accelerations : ndarray, shape (L,)
         Of each law: the gap of a contact, or the rate of another law; the rate; and the
         derivative of the rate without the other laws.
+    of_released : ndarray, shape (e,)
+        The accelerations of the released equalities, without laws.
     forces : ndarray, shape (L,)
         The magnitude of the terms of `accelerations`.
     free : ndarray, shape (size,)
@@ -201,14 +205,17 @@ class Kinematics:
         t: float | None = None,
         near: Kinematics | None = None,
         held: Sequence[int] = (),
+        released: Sequence[int] = (),
     ) -> None:
         """Evaluate the laws at the state y (size,) and the time t (default: now).
 
         near : the laws at another state of the same instant, with equal ranges.
         held : the indices of laws that hold as equalities, in their present modes.
+        released : the indices of equalities that do not hold.
         """
         system, n, m = arc.system, arc.system.n, arc.system.m
         self.arc, self.y, self.laws, self.held = arc, y, system.laws, held
+        self.released = list(released)
         self.t = t = arc.t if t is None else t
         self.count, size = len(system.laws), (n + m) * n
         found = arc.runner.function("geometry", size + 4 * m)(t, y)
@@ -256,7 +263,7 @@ class Kinematics:
 
         Contacts that graze here graze there, too.
         """
-        return Kinematics(self.arc, y, t, self, self.held)
+        return Kinematics(self.arc, y, t, self, self.held, self.released)
 
     def _compute_free(self) -> None:
         """Compute accelerations (L,) of the laws, all laws off, and sizes of terms.
@@ -268,6 +275,10 @@ class Kinematics:
         self.free, b, self.bounds, self.statics = self._free(self.t, self.y)
         a = self.free[self.levels[1]]
         self.accelerations = self.rows @ a - b
+        self.of_released: Floats = np.zeros(0)
+        if self.released:
+            released = self.shape.equalities[self.released]
+            self.of_released = released @ a - self.arc.system.p.b[self.released]
         # Terms of the forces now or in the last step: where forces balance or vanish,
         # the rounding is that of their terms.
         pushed = np.maximum(np.abs(a), self.arc.state.parts[:n])
@@ -442,7 +453,10 @@ class Kinematics:
             sticks.
         """
         p, m, L = self.arc.system.p, self.arc.system.m, self.count
-        field = self._field(t, y, self.held)
+        field, forces = self._forced(t, y, self.held)
+        if self.released:
+            pushed = self._extended.response[:, L:] @ forces[self.released]
+            field[self.levels[1]] -= pushed
         # Results that `field` stores in the parameters.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field, b.copy(), bounds.copy(), statics.copy()
@@ -454,7 +468,15 @@ class Kinematics:
     def _field(
         self, t: float, y: Floats, active: Sequence[int] | None = None
     ) -> Floats:
+        """Return y' (size,), see `_forced`."""
+        return self._forced(t, y, active)[0]
+
+    def _forced(
+        self, t: float, y: Floats, active: Sequence[int] | None
+    ) -> tuple[Floats, Floats]:
         """Return y' (size,) at t and y, with the shares of the surfaces followed.
+
+        The second result are the multipliers (m,) of all rows, without these shares.
 
         active : the indices of laws in their present modes; all others are off. None
             for all laws in their present modes.
@@ -465,9 +487,11 @@ class Kinematics:
             p.law_mode[:] = kept.OFF
             p.law_mode[[*active]] = mode[[*active]]
         along = arc.rates(t, y) if p.sliding else None
-        field = arc.field(t, y)  # called last, since it leaves b and the bounds of laws
+        # Called last, since it leaves b and the bounds of laws.
+        found = arc.runner.function("field", len(y) + arc.system.m)(t, y)
         p.law_mode[:] = mode
-        return field if along is None else along
+        size = len(y)
+        return found[:size] if along is None else along, found[size:]
 
     @cached_property
     def delassus_of_forces(self) -> Delassus:
@@ -477,7 +501,7 @@ class Kinematics:
         Impulses do not: for impulses see `MassAndRows.delassus`.
         """
         p = self.arc.system.p
-        if not p.sliding and not self.held:
+        if not (p.sliding or self.held or self.released):
             return self.shape.delassus
         return self.delassus_along(np.flatnonzero(p.slides == kept.FOLLOWED).tolist())
 
@@ -487,12 +511,30 @@ class Kinematics:
         along : the indices of the surfaces on which the motion is held, as in corners
             of equalities.
         """
-        shape, (_, J) = self.shape, self.arc.surface_rows(self.t, self.y)
-        surfaces = J[sorted(along), : self.arc.system.n]
-        slides = self.arc.system.p.law_mode == kept.SLIDING
-        held = [k for k in self.held if not slides[k]]
-        equalities = [shape.equalities, shape.rows[held], surfaces]
-        return delassus(shape.M, np.vstack(equalities), shape.rows)
+        _, J = self.arc.surface_rows(self.t, self.y)
+        return self.delassus_of(self.rows, J[sorted(along), : self.arc.system.n])
+
+    def delassus_of(self, rows: Floats, also: Floats | None = None) -> Delassus:
+        """Return the accelerations of r rows per multiplier, along the rows in force.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (r, n)
+            The rows.
+        also : ndarray, shape (s, n), optional
+            Further rows in force.
+        """
+        shape = self.shape
+        equalities = np.delete(shape.equalities, self.released, axis=0)
+        more = [] if also is None else [also]
+        in_force = [equalities, shape.rows[self.held], *more]
+        return delassus(shape.M, np.vstack(in_force), rows)
+
+    @cached_property
+    def _extended(self) -> Delassus:
+        """Accelerations of laws, then of released equalities, per unit multiplier."""
+        released = self.shape.equalities[self.released]
+        return self.delassus_of(np.vstack([self.rows, released]))
 
     def _closed(self) -> list[bool]:
         """Return for each of L laws whether it is closed.
