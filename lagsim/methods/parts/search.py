@@ -30,6 +30,7 @@ from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import OFF, Parameters
 from lagsim.methods.parts.search_table import (
+    ARGUMENT,
     AROUND,
     BESIDE,
     BETWEEN,
@@ -263,7 +264,7 @@ def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
         if abs(a) <= tiny:
             switch = low
         falls = min(abs(a), abs(b)) <= tiny
-        if switch > near or not (falls or value_at(EVENT, s, p, k, switch) < 0.0):
+        if switch > near or not (falls or value_at(ARGUMENT, s, p, k, switch) < 0.0):
             continue
         past = switch + AT_END * width
         zero = zero_at(s, p, switch) if UNTIL else inf
@@ -369,14 +370,16 @@ def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
     """Return the fraction at which row k becomes negative, or the stretch's end."""
     if s.starts[k] < 0.0:
         return float(s.places[2])
-    high = s.places[1]
-    if not s.middles[k] < 0.0:
-        high = minimum_in_half(EVENT, s, p, k, 0, 0.0)
-    if not value_at(EVENT, s, p, k, high) < 0.0:
-        high = minimum_in_half(EVENT, s, p, k, 1, 0.0)
-    if not value_at(EVENT, s, p, k, high) < 0.0:
+    high, value = float(s.places[1]), float(s.middles[k])
+    for half in range(2):
+        if not value < 0.0:
+            high = minimum_in_half(ARGUMENT, s, p, k, half, 0.0)
+            value = sampled(s, k, half + 1)
+            if high < s.places[half + 1]:
+                value = value_at(ARGUMENT, s, p, k, high)
+    if not value < 0.0:
         return float(s.places[2])
-    return end_of(EVENT, s, p, k, 0.0, s.places[0], high)
+    return end_of(ARGUMENT, s, p, k, 0.0, s.places[0], high)
 
 
 # --- events: the first switch, or condition, within the step --------------------------

@@ -42,6 +42,8 @@ SWITCHES = True
 LOCALIZED = True
 
 EVENT, SIGNAL, CROSSING, RANK = 0, 1, 2, 3
+# Kind of the search for zeros of signals, without any event function.
+ARGUMENT = 4
 
 # Kinds of signals u: the term varies as e^u, has a step at u = 0, varies as 1/|u|^power
 # or as |u|^power. FALLING: a condition steps or bends where u falls below 0; there is
