@@ -78,35 +78,28 @@ class ShownSides(Source):
     def are_decided(self, arc: Arc) -> bool:
         """Whether no side of a shown surface need be selected.
 
-        Each shown surface is off its levels and on its present side, or at its level
-        while the motion rests: y' is 0, and nothing depends on t. Values are compared
-        with bounds of an earlier instant, far above rounding.
+        Each shown surface is off its levels, where steps have the values as written, or
+        at its level while the motion rests: y' is 0, and nothing depends on t. Values
+        are compared with bounds of an earlier instant, far above rounding.
         """
         p = arc.system.p
         if p is not self._memory:
-            self._memory, self._modes = p, (p.slack, p.slides, p.side, p.least)
+            self._memory, self._modes = p, (p.slack, p.slides, p.least)
             return False
         if (np.maximum(np.abs(arc.y), arc.sizes) > self.then).any():
             return False
-        slack, slides, side, least = self._modes
+        slack, slides, least = self._modes
         values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
         rests = False
         for k, is_whole, far in self.far:
-            x = float(values[k])
-            if slides[k] == kept.LEVEL:
-                level = round(x) if is_whole else 0.0
-                if least[k] != level or not abs(x - level) <= slack[k]:
-                    return False
-                rests = True
+            level = round(values[k]) if is_whole else 0.0
+            off = abs(values[k] - level)
+            free = slides[k] == slack[k] == 0.0 and least[k] == -math.inf
+            if free and off > far:
                 continue
-            if is_whole:
-                below = math.floor(x)
-                off, now = min(x - below, below + 1.0 - x), float(below)
-            else:
-                off, now = abs(x), 1.0 if x > 0.0 else -1.0
-            away = off > far and side[k] == now and least[k] == -math.inf
-            if not away or slack[k] != 0.0 or slides[k] != 0.0:
+            if slides[k] != kept.LEVEL or least[k] != level or not off <= slack[k]:
                 return False
+            rests = True
         return not rests or (self.autonomous and not arc.rates(arc.t, arc.y).any())
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
