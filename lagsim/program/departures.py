@@ -106,7 +106,10 @@ def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         terms = extent(k, p, work)
         if on_rates[k] > 0.0:
             terms = extent(k, p, sizes[p.driven])
-        out[k] = max(p.surface_scales[k], terms)
+        scale = p.surface_scales[k]
+        # Not a number at a pole, where the values beside it count alone.
+        known = terms == terms and scale == scale
+        out[k] = max(scale, terms) if known else 0.0
     surfaces(t, y, p, here)
     period = 1.0
     for _direction in range(DIRECTIONS):

@@ -145,7 +145,7 @@ class ShownSides(Source):
             far += BY_ROWS * np.max(arc.magnitudes, initial=0.0) * slopes
         self.far = [(k, bool(modes.whole[k]), float(far[k])) for k in shown]
         self.then = 2.0 * arc.magnitudes
-        near = (off <= far) | (off <= slack)
+        near = (off <= far) & (off < math.inf) | (off <= slack)
         is_any = near[shown].any()
         least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if is_any else sizes)
         decided = set[int]()
