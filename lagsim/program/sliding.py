@@ -46,7 +46,9 @@ from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF, STATE_ROUNDOFF
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
+# Whether the model has laws, and surfaces; set by the translator.
 LAWS = True
+SURFACES = True
 
 # Rates y' (size,) and lambda (m,) with each surface on its side.
 field = of_model("field")
@@ -69,15 +71,15 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     finite: rounding may leave the rate on either side.
     """
     n = p.n
-    slides = p.slides
     gain = p.gain
     p.gain = 0.0
-    for k in range(p.surfaces):
-        # Outputs show exact roots, except on surfaces that the motion follows, and at
-        # instants.
-        if not slides[k] > 0.0 and t != p.settled[k]:
-            p.floor[k] = 0.0
-    set_cells(t, y, p)
+    if SURFACES:
+        for k in range(p.surfaces):
+            # Outputs show exact roots, except on surfaces that the motion follows, and
+            # at instants.
+            if not p.slides[k] > 0.0 and t != p.settled[k]:
+                p.floor[k] = 0.0
+        set_cells(t, y, p)
     combine(t, y, p)
     p.gain = gain
     a = p.side_fields[p.velocities]
@@ -85,6 +87,19 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     if LAWS and p.law_shares > 0.0:
         share_loads(t, y, p, p.multipliers)
+    if SURFACES:
+        show_decided(t, y, p, out)
+    else:
+        columns(t, y, p, out)
+
+
+def show_decided(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the columns in out, at an instant on the sides selected there.
+
+    The sides and floors of the arc, which `observe` has changed for a row, are
+    restored.
+    """
+    slides = p.slides
     marked = mark_sides(t, p)
     show(t, y, p, out)
     if marked:
@@ -170,6 +185,14 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     out has the surfaces (surfaces,), then the laws (laws,).
     """
+    if SURFACES:
+        store_margins(t, y, p, out)
+    if LAWS:
+        law_event_functions(t, y, p, out[p.surfaces :])
+
+
+def store_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store the event functions of surfaces (surfaces,), the distances to side ends."""
     if p.sliding > 0.0:
         combine(t, y, p)
     if p.ends_above > 0.0:
@@ -184,8 +207,6 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
             low = p.share[k]
             high = 1.0 - p.share[k]
         out[k] = min(low, high)
-    if LAWS:
-        law_event_functions(t, y, p, out[p.surfaces :])
 
 
 def store_margins_above(t: float, y: Floats, p: Parameters) -> None:
@@ -214,10 +235,13 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     distance from the surfaces, which happens where the gradient of a surface vanishes.
     A component that is the rounding of its correction becomes 0: a velocity at rest.
     """
-    sliding = int(p.sliding)
-    if sliding == 0:
-        return
-    width = p.size + p.m
+    if SURFACES and p.sliding > 0.0:
+        project_along(t, y, p)
+
+
+def project_along(t: float, y: Floats, p: Parameters) -> None:
+    """Project y, in place, onto the surfaces followed, see `project_sliding`."""
+    sliding, width = int(p.sliding), p.size + p.m
     combine(t, y, p)
     store_gradient_norms(p)
     far = distance(p)
@@ -266,30 +290,33 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
     The array has y' (size,) and lambda (m,), then f_k - f0 for each surface k that is
     followed or redundant. The shares w_k are stored in p.share.
     """
-    width = p.size + p.m
-    fields = p.side_fields
-    field(t, y, p, fields)
-    sliding = int(p.sliding)
-    if sliding > 0:
-        surface_rows(t, y, p, p.rows)
-        j = 0
-        for k in range(p.surfaces):
-            if p.slides[k] >= FOLLOWED:
-                j += 1
-                other = fields[j * width :]
-                if p.corner[k] > 0.0 and p.slides[k] == FOLLOWED:
-                    p.push[k] = PUSH
-                    field(t, y, p, other)
-                    p.push[k] = 0.0
-                else:
-                    set_side(k, p.high, p)
-                    field(t, y, p, other)
-                    set_side(k, p.low, p)
-                other[:width] -= fields[:width]
-        share_out(sliding, p)
-        if p.corners > 0:
-            jumps_at_corners(t, y, p)
-            share_corners(p)
+    field(t, y, p, p.side_fields)
+    if SURFACES and p.sliding > 0.0:
+        combine_sides(t, y, p)
+
+
+def combine_sides(t: float, y: Floats, p: Parameters) -> None:
+    """Compute f_k - f0 and the shares, and combine the field, see `combine`."""
+    sliding, width, fields = int(p.sliding), p.size + p.m, p.side_fields
+    surface_rows(t, y, p, p.rows)
+    j = 0
+    for k in range(p.surfaces):
+        if p.slides[k] >= FOLLOWED:
+            j += 1
+            other = fields[j * width :]
+            if p.corner[k] > 0.0 and p.slides[k] == FOLLOWED:
+                p.push[k] = PUSH
+                field(t, y, p, other)
+                p.push[k] = 0.0
+            else:
+                set_side(k, p.high, p)
+                field(t, y, p, other)
+                set_side(k, p.low, p)
+            other[:width] -= fields[:width]
+    share_out(sliding, p)
+    if p.corners > 0:
+        jumps_at_corners(t, y, p)
+        share_corners(p)
 
 
 def jumps_at_corners(t: float, y: Floats, p: Parameters) -> None:

@@ -102,7 +102,8 @@ def kernels(system: System) -> Iterator[ProgramPart]:
     if system.watched:
         motion = [sliding.derivative, sliding.observe]
         ends = [sliding.event_functions, sliding.project_sliding]
-        yield kernel_part([*motion, *ends], statics)
+        present = {"LAWS": bool(system.laws), "SURFACES": system.surfaces > 0}
+        yield kernel_part([*motion, *ends], present)
     if system.surfaces:
         yield kernel_part(departures.KERNELS)
     if system.model.tables:
