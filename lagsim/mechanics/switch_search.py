@@ -41,6 +41,7 @@ def find_switches(
     output: Sequence[int] = (),
     constrained: Collection[str] = (),
     cuts: frozenset[int] = frozenset(),
+    driving: tuple[str, ...] = (),
 ) -> Switches:
     """Find the switches of expressions, `nodes`, and the sides of their surfaces.
 
@@ -69,6 +70,9 @@ def find_switches(
         The names of variables that laws may hold; variables of surfaces are added.
     cuts
         The nodes atan2(y, x) that are switches: they jump by 2 pi at y = 0, x < 0.
+    driving
+        ("t",) where eliminated coordinates may be functions of t alone: steps of t in
+        `conditions` then have sides, too, as their arguments may be 0 but for rounding.
     """
     finder = _Finder(g, list(nodes), moving, speeds, cuts)
     orders = highest_orders(g, accelerations) if accelerations else {}
@@ -80,7 +84,7 @@ def find_switches(
     state = dict(sorted(finder.state.items()))
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
-    beside = _shown_steps(g, conditions, moving, speeds)
+    beside = _shown_steps(g, conditions, (*moving, *driving), speeds)
     if output:
         levels = (surface.node for d in watched for surface in surfaces(g, d))
         held = {*constrained} | (g.depends(levels) & {*moving})
@@ -96,7 +100,7 @@ def find_switches(
         known = tuple(modes.values()), state, sides
         found = Switches(g, *known, modes_of, sides_of, roots, cuts=cuts)
         moves = found.moving(watched, (*moving, "t"))
-        own = dict.fromkeys(found.moving([*beside], moving))
+        own = dict.fromkeys(found.moving([*beside], (*moving, *driving)))
         if len(moves) == len(watched) and len(own) == len(beside):
             return _passed(g, found, orders, rates, speeds) if accelerations else found
         watched, beside = moves, {d: beside[d] for d in own}
@@ -289,6 +293,7 @@ def model_switches(
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
+    driving = () if {*q} <= {*e.state} else ("t",)
     conditions = tuple(x.node for x in e.model.located) if located and shown else ()
     output = tuple(_output(e.model)) if located and shown else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
@@ -297,7 +302,7 @@ def model_switches(
     if not e.model.tables and not e.graph.of(WHOLE):
         return _found(
             e.graph, *known, sizes, conditions=conditions, output=output,
-            constrained=constrained, cuts=jumping,
+            constrained=constrained, cuts=jumping, driving=driving,
         )  # fmt: skip
     rates = None
     if not e.states and not any(law.slider for law in e.laws):
@@ -305,7 +310,7 @@ def model_switches(
     accelerations = (*e.of_accelerations, *beside)
     return _found(
         e.graph, *known, sizes, accelerations, rates, conditions, output, constrained,
-        jumping,
+        jumping, driving,
     )  # fmt: skip
 
 

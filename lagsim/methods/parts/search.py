@@ -28,7 +28,7 @@ from lagsim.methods.parts.constraints import MARGIN
 from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
-from lagsim.methods.parts.parameters import OFF, Parameters
+from lagsim.methods.parts.parameters import LEVEL, OFF, Parameters
 from lagsim.methods.parts.search_table import (
     ARGUMENT,
     AROUND,
@@ -606,6 +606,9 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
     value : its value, the gap, where it is negative.
     """
     law = k - p.surfaces
+    if SWITCHES and law < 0 and p.slides[k] == LEVEL and p.m > 0:
+        is_at_level = value_at(EVENT, s, p, k, 1.0) >= least_allowed(EVENT, s, p, k)
+        return inf if is_at_level else 0.0
     if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
         return 0.0
     is_open = value_at(EVENT, s, p, k, 1.0) >= least_allowed(EVENT, s, p, k)

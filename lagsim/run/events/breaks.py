@@ -50,7 +50,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import CHOOSING, OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
 from lagsim.language.tables import cell_of, knots_between
-from lagsim.mechanics.surfaces import joined_conditions, surfaces
+from lagsim.mechanics.surfaces import WHOLE, joined_conditions, surfaces
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -123,6 +123,8 @@ GROWTH = 64  # length of an undecidable interval over that of a cell added to it
 # Variation of a surface in a cell over its rounding error up to which samples decide
 # that it is zero: of a smooth surface, and of one whose slope may jump (abs, max).
 SMOOTH, KINKED = 2.0**36, 2.0**30
+# Parts of an interval at which it is tested whether a surface stays at a step.
+SAMPLED = (0.11, 0.381966, 0.5, 0.723607)
 LONG = 2.0**-10  # length over t from which both ends of a doubtful interval count
 PATIENCE = 200_000  # cells evaluated without a crossing before a pause is reported
 
@@ -181,6 +183,9 @@ class Division:
         nodes = [s.node for s in self.surfaces]
         slopes = tangent(g, nodes, {g.variable("t"): g.one})
         self.enclose = Enclosures(g, [*nodes, *slopes], values)
+        self.arguments = Values(g, nodes, values)
+        # Whether a surface has been found within rounding of a step in some cell.
+        self.meets_step = False
         discretes = (Values(g, [s.discrete], values) for s in self.surfaces)
         self.locators = [_Locator(values_of) for values_of in discretes]
         joined = joined_conditions(g, discrete)
@@ -191,6 +196,47 @@ class Division:
         }
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
 
+    def _stay(self, lo: float, hi: float) -> list[bool]:
+        """Return for each surface whether it stays at a step, but for rounding.
+
+        Its values and slopes are then within rounding of a step and of 0 at samples.
+
+        lo, hi : the ends of an interval of time.
+        """
+        times = np.array([lo, *(lo + part * (hi - lo) for part in SAMPLED)])
+        found = self.enclose(times, _next(times, np.full(len(times), hi)))
+        flags = []
+        for k, surface in enumerate(self.surfaces):
+            samples = [found[k].part(slice(i, i + 1)) for i in range(1, len(times))]
+            with np.errstate(all="ignore"):
+                slopes = found[len(self.surfaces) + k]
+                flags.append(bool(_vanishing(surface.op, samples, slopes)[0]))
+        return flags
+
+    def value_at_steps(self, lo: float, hi: float) -> float | None:
+        """Return the value of the function where surfaces stay at their steps.
+
+        These surfaces count as exactly at the step: sign(2.1 sin(t) - 3 (0.7 sin(t)))
+        is 0. None if no surface stays at a step in the interval.
+
+        lo, hi : the ends of an interval in which the function has no break.
+        """
+        stay = self._stay(lo, hi)
+        if not any(stay):
+            return None
+        verdicts = dict(self.known)
+        for k, surface in enumerate(self.surfaces):
+            if stay[k]:
+                argument = float(self.arguments(hi)[k])
+                level = point(round(argument) if surface.op in WHOLE else 0.0)
+                verdicts[surface.discrete] = _steps(surface.op, level)
+            else:
+                value = values_by_majority(self.locators[k].discrete, lo, hi)
+                verdicts[surface.discrete] = point(value[0])
+        for n, rule, args in self.joined:
+            verdicts[n] = rule(*(verdicts[a] for a in args))
+        return float(verdicts[self.discrete].lo[0])
+
     def times(self) -> Iterator[tuple[float, bool]]:
         """Yield pairs (time, pause) in order of time: possible changes, and pauses.
 
@@ -200,6 +246,7 @@ class Division:
         """
         last = self.start
         for cell in self._cells():
+            self.meets_step |= HIDDEN in cell.states or FLAT in cell.states
             states: Sequence[int | None] = cell.states or [None] * len(self.locators)
             pairs = zip(self.locators, states, strict=True)
             found = [time for x, state in pairs for time in x.times(cell, state)]
@@ -431,17 +478,11 @@ def _steps(op: str, s: Interval) -> Interval:
     return RULES[op](s) if op in STEPS else RULES[op](s, interval(0.0, 0.0))
 
 
-NEIGHBOURS = 4  # units in the last place within which two breaks are one
+class Prevailing:
+    """Values of discrete functions of t between two breaks, and the search of breaks.
 
-
-def break_times(
-    g: Graph,
-    discrete: Sequence[int],
-    values: Mapping[str, float],
-    start: float,
-    end: float,
-) -> Iterator[float]:
-    """Yield the times at which any of the functions `discrete` changes, in order.
+    Each value is that at most samples, but for a function that stays at a step: there
+    rounding would decide it, and it has the value of the step.
 
     Parameters
     ----------
@@ -453,32 +494,61 @@ def break_times(
     values : mapping of str to float
         Values of the parameters.
     start, end : float
-        Times; the breaks lie strictly between `start` and `end`.
+        The time interval.
+
+    Attributes
+    ----------
+    times : iterator of (float, bool)
+        Times in order at which a function may change, see `Division.times`.
     """
-    if not discrete or not start < end:
-        return
-    value = Values(g, discrete, values)
-    times = heapq.merge(*(_times_of(g, d, values, start, end) for d in discrete))
+
+    def __init__(
+        self,
+        g: Graph,
+        discrete: Sequence[int],
+        values: Mapping[str, float],
+        start: float,
+        end: float,
+    ) -> None:
+        self.at = Values(g, discrete, values)
+        self._divisions: dict[int, Division] = {}
+        searches = []
+        for k, node in enumerate(discrete):
+            clock = TimedTable.of(g, node)
+            if clock is None:
+                self._divisions[k] = Division(g, node, values, start, end)
+                searches.append(self._divisions[k].times())
+            else:
+                searches.append(_knots_located(g, node, clock, values, (start, end)))
+        self.times = heapq.merge(*searches)
+
+    def __call__(self, lo: float, hi: float) -> list[float]:
+        """Return the values of all functions between the times lo and hi.
+
+        The interval has no break, and breaks have been searched up to its end.
+        """
+        found = values_by_majority(self.at, lo, hi)
+        for k, division in self._divisions.items():
+            if division.meets_step:
+                value = division.value_at_steps(lo, hi)
+                found[k] = found[k] if value is None else value
+        return found
+
+
+NEIGHBOURS = 4  # units in the last place within which two breaks are one
+
+
+def breaks_of(value: Prevailing, start: float, end: float) -> Iterator[float]:
+    """Yield the times at which any of the functions `value` changes, in order.
+
+    start, end : times; the breaks lie strictly between them.
+    """
     before: list[float] | None = None
-    for this, following in pairwise(_clusters(times, start, end)):
-        after = values_by_majority(value, this.last, following.first)
+    for this, following in pairwise(_clusters(value.times, start, end)):
+        after = value(this.last, following.first)
         if before is not None and (this.pause or repr(after) != repr(before)):
             yield this.first
         before = after
-
-
-def _times_of(
-    g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
-) -> Iterator[tuple[float, bool]]:
-    """Return pairs (time, pause): times at which node `discrete` may change.
-
-    values, start, end : see `break_times`.
-    pause : whether the time is a pause of the search, see `Division.times`.
-    """
-    clock = TimedTable.of(g, discrete)
-    if clock is None:
-        return Division(g, discrete, values, start, end).times()
-    return _knots_located(g, discrete, clock, values, (start, end))
 
 
 class TimedTable(NamedTuple):

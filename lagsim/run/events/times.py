@@ -24,9 +24,10 @@ from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.breaks import (
     NEIGHBOURS,
+    Prevailing,
     TimedTable,
     Values,
-    break_times,
+    breaks_of,
     values_by_majority,
 )
 from lagsim.run.instants import width
@@ -91,12 +92,17 @@ class _Ahead(Source):
         self._taken, self._coming = 0, None if arc.t < arc.settings.end else iter(())
         return True
 
-    def _following(self, last: Any) -> Any:
-        """Return the next break, or `last` after all breaks."""
+    def _search(self) -> None:
+        """Search the breaks after those that have been taken, unless this is done."""
         if self._coming is None:
             self._coming = self._all()
             if self._taken:
                 next(islice(self._coming, self._taken - 1, self._taken), None)
+
+    def _following(self, last: Any) -> Any:
+        """Return the next break, or `last` after all breaks."""
+        self._search()
+        assert self._coming is not None
         self._taken += 1
         return next(self._coming, last)
 
@@ -230,7 +236,7 @@ class TimeBreaks(_Ahead):
         super().__init__(arc, [x.discrete for x in modes])
         g = arc.equations.graph
         self._smooth = {k for k in self._own if is_smooth(g, modes[k].discrete)}
-        self._discrete: Values | None = None
+        self._discrete: Prevailing | None = None
         self._met = Accumulation(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
@@ -238,8 +244,8 @@ class TimeBreaks(_Ahead):
     def _all(self) -> Iterator[float]:
         arc, settings = self._arc, self._arc.settings
         g, ends = arc.equations.graph, (self._start, settings.end)
-        self._discrete = None
-        return break_times(g, self._nodes(arc), self._values, *ends)
+        self._discrete = Prevailing(g, self._nodes(arc), self._values, *ends)
+        return breaks_of(self._discrete, *ends)
 
     def _nodes(self, arc: Arc) -> list[int]:
         """Return the nodes of discrete functions of t whose changes are breaks.
@@ -259,15 +265,20 @@ class TimeBreaks(_Ahead):
         """
         found = self._passed(arc) if self.is_at(arc) else GO_ON
         if self._is_other(arc):
-            self._discrete, self._next = None, self._following(inf)
+            self._discrete = None
+            self._next = self._following(inf)
         if self._own:
-            if self._discrete is None:
-                nodes = self._nodes(arc)[: len(self._own)]
-                self._discrete = Values(arc.equations.graph, nodes, self._values)
-            end = min(self._next, arc.settings.end)
-            branches = values_by_majority(self._discrete, arc.t, end)
-            arc.system.set_modes(branches, self._own)
+            arc.system.set_modes(self._branches(arc), self._own)
         return found
+
+    def _branches(self, arc: Arc) -> list[float]:
+        """Return the branches from the time reached up to the next break."""
+        self._search()
+        end = min(self._next, arc.settings.end)
+        if self._discrete is None:  # modes have changed at the end of the run
+            nodes, g = self._nodes(arc), arc.equations.graph
+            self._discrete = Prevailing(g, nodes, self._values, arc.t, end)
+        return self._discrete(arc.t, end)[: len(self._own)]
 
     def times(self, arc: Arc) -> tuple[float]:  # noqa: ARG002
         """Return the time of the next break; inf after the last."""
@@ -296,9 +307,7 @@ class TimeBreaks(_Ahead):
         """
         if self._smooth and self._discrete is not None:
             before = arc.system.p.branches[self._own]
-            after = values_by_majority(
-                self._discrete, arc.t, min(self._next, arc.settings.end)
-            )
+            after = self._branches(arc)
             changes = zip(self._own, before, after, strict=True)
             levels = {k: max(x, y) for k, x, y in changes if x != y}
             modes = arc.system.switches.modes

@@ -17,7 +17,7 @@ from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switch_search import find_switches
 from lagsim.run.events import times
-from lagsim.run.events.breaks import _NEW, Division, break_times
+from lagsim.run.events.breaks import _NEW, Division, Prevailing, breaks_of
 from lagsim.run.trajectory import Outcome
 from tests.patience import PATIENCE
 from tests.support import simulate
@@ -28,7 +28,7 @@ def search(text, start, end, **values):
     node = parse(text).build(g, g.variable)
     switches = find_switches(g, [node], ("x",))
     discrete = [mode.discrete for mode in switches.modes]
-    return break_times(g, discrete, values, start, end)
+    return breaks_of(Prevailing(g, discrete, values, start, end), start, end)
 
 
 def breaks(text, start, end, **values):
@@ -360,7 +360,7 @@ def test_a_discontinuity_is_seen(text):
 
 def last_of(monkeypatch, breaks):
     """Pass the breaks in time; return the last one of a run, and its ending."""
-    monkeypatch.setattr(times, "break_times", lambda *_: iter(breaks))
+    monkeypatch.setattr(times, "breaks_of", lambda *_: iter(breaks))
     arc = MagicMock()
     arc.settings.start, arc.settings.duration = 0.0, breaks[-1]
     found = times.TimeBreaks(arc)
