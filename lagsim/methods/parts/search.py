@@ -26,20 +26,23 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts import crossings, missed
 from lagsim.methods.parts.constraints import MARGIN
 from lagsim.methods.parts.crossings import Crossings
+from lagsim.methods.parts.jumps import (
+    FINEST,
+    NEARBY,
+    conditions_at,
+    is_zero_beside,
+    one_sided_up_to,
+    sample_past,
+)
 from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import LEVEL, OFF, Parameters
 from lagsim.methods.parts.search_table import (
-    ARGUMENT,
-    AROUND,
     BESIDE,
     BETWEEN,
-    CLEAR,
     CROSSING,
     EVENT,
-    FALLING,
     FARTHER,
-    KNOWN,
     MANY,
     MOST_POINTS,
     NEXT,
@@ -50,7 +53,6 @@ from lagsim.methods.parts.search_table import (
     SearchTable,
     distance_from_activity,
     end_of,
-    error_between,
     events,
     follows,
     jumps,
@@ -65,13 +67,9 @@ from lagsim.methods.parts.search_table import (
     same_time,
     sample,
     sampled,
-    state_at,
     store_ends,
     value_at,
-    variation,
 )
-from lagsim.methods.parts.state import located, located_slopes
-from lagsim.methods.parts.truth import terms_of
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -81,16 +79,13 @@ UNTIL = True
 SWITCHES = True
 LOCALIZED = True
 
-# Least distance of sample points in a step: for events, for features, and for sections
-# beside a jump of the relation; largest number of points in a step with a signal.
-FINEST = 2.0**-14
+# Least distance of sample points in a step for features, and for sections beside a jump
+# of the relation; largest number of points in a step with a signal.
 FINEST_SIGNALS = 2.0**-12
 FINEST_CROSSINGS = 2.0**-30
 MOST_SIGNALS = 400
 # Least factor by which a step with too many points is shortened.
 PART = 0.25
-# A jump is within this distance of its switch, as a part of a step.
-NEARBY = 2.0**-40
 # A smallest singular value up to this is 0 within half of the digits.
 LOST = 2.0**-26
 
@@ -125,19 +120,18 @@ def search(
     most = MOST_SIGNALS if kind == SIGNAL else MOST_POINTS
     points = 0
     found = 0.0
+    s.switch, s.past = inf, -1.0
     if kind == CROSSING:
         crossings.sample_first(s, p, low)
     else:
         sample(kind, s, p, low, BESIDE * width, first)
     while low < until:
-        x = min(low + width, until)
-        half = low + BETWEEN * (x - low)
-        s.places[0], s.places[1] = low, half
-        s.places[2] = x
-        sample(kind, s, p, half, -BESIDE * width, s.middles)
-        sample(kind, s, p, x, -BESIDE * width, last)
+        x = sample_stretch(kind, s, p, low, width, until)
         points += 2
-        narrower = 0.0 if kind == RANK else unknown_up_to(kind, s, p)
+        at_switch = x == s.past
+        narrower = 0.0
+        if not at_switch and kind != RANK:
+            narrower = unknown_up_to(kind, s, p)
         leads_on = kind == CROSSING or (kind == EVENT and (low < FINEST or found > 0.0))
         if points >= most and leads_on:
             narrower = 0.0
@@ -152,7 +146,7 @@ def search(
             else:
                 first[:count] = last[:count]
                 low = x
-                width = min(2.0 * width, widest)
+                width = s.usual if at_switch else min(2.0 * width, widest)
         elif points < most:
             width = narrower
             sample(kind, s, p, low, BESIDE * width, first)
@@ -162,6 +156,28 @@ def search(
             shorten(s, low)
             return low
     return found
+
+
+def sample_stretch(
+    kind: Static, s: Crossings, p: Parameters, low: float, width: float, until: float
+) -> float:
+    """Sample the rows of a kind within and at the end of a stretch; return the end.
+
+    A stretch ends just before the first switch in a condition, and the next one leads
+    over the switch.
+
+    low, width, until : the start of the stretch, its greatest length, and the end of
+        the search.
+    """
+    x = min(low + width, until, s.switch - NEARBY)
+    if x <= low:
+        return sample_past(kind, s, p, low, min(s.switch + NEARBY, until))
+    half = low + BETWEEN * (x - low)
+    s.places[0], s.places[1] = low, half
+    s.places[2] = x
+    sample(kind, s, p, half, -BESIDE * width, s.middles)
+    sample(kind, s, p, x, -BESIDE * width, s.ends)
+    return x
 
 
 def found_within(kind: Static, s: Crossings, p: Parameters, known: float) -> float:
@@ -200,7 +216,7 @@ def unknown_up_to(kind: Static, s: Crossings, p: Parameters) -> float:
     if LOCALIZED and kind != SIGNAL:
         near = one_sided_up_to(s, p)
         if near < x:
-            return near - low
+            return near - low if near > low else width
     if kind != SIGNAL and width >= least_width and not are_known(kind, s, p):
         return 0.5 * width
     divisible = width >= finest
@@ -234,152 +250,6 @@ def are_known(kind: Static, s: Crossings, p: Parameters) -> bool:
             if not row_is_known(kind, s, p, k):
                 return False
     return True
-
-
-def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
-    """Return the end of the part of the stretch in which no condition jumps.
-
-    The end is the first switch at which a condition is 0, a point just past the first
-    switch in a condition, or the end of the stretch. A condition with a step has equal
-    values at all points of a stretch, though its value may differ in between.
-    """
-    low, near = float(s.places[0]), float(s.places[2])
-    width = near - low
-    for k in range(events(s), events(s) + s.signals):
-        if s.kinds[k - events(s)] != FALLING:
-            continue
-        a, m, b = s.starts[k], s.middles[k], s.ends[k]
-        error = error_between(s, k)
-        # An argument far from 0 keeps its sign, whatever the rounding of a constant is.
-        clear = max(min(a, m, b), -max(a, m, b))
-        enough = max(KNOWN * variation(s, k), CLEAR * clear)
-        doubtful = width >= FINEST and error > enough
-        one_sided = min(a, m, b) > 0.0 or max(a, m, b) < 0.0
-        if (doubtful or not one_sided) and missed.is_zero(s, p, k):
-            continue
-        if doubtful:
-            return low + 0.5 * width
-        switch = falls_at(s, p, k)
-        tiny = NEARBY * variation(s, k)
-        if abs(a) <= tiny:
-            switch = low
-        falls = min(abs(a), abs(b)) <= tiny
-        if switch > near or not (falls or value_at(ARGUMENT, s, p, k, switch) < 0.0):
-            continue
-        past = switch + AT_END * width
-        zero = zero_at(s, p, switch) if UNTIL else inf
-        if zero < inf:
-            near = min(near, zero)
-        elif AT_END * width < past - low < (1.0 - AT_END) * width:
-            near = min(near, past)
-    return near
-
-
-def zero_at(s: SearchTable, p: Parameters, switch: float) -> float:
-    """Return the fraction just past a switch on one side of which a condition is 0.
-
-    The result is inf if no false condition is 0 there. It is stored in `zero_at`:
-    the condition becomes true, if only for an instant. For example the value of
-    `mod(x, 1) = 0` jumps from 1 to 0, or from 0 to 1; `abs(x) <= 0` has a kink.
-
-    switch : the first fraction past the switch, to rounding.
-    """
-    first = inf
-    for k in range(s.conditions):
-        armed = abs(s.orientation[k]) == 1.0 and not follows(s, k)
-        if armed and s.armed_at[k] <= switch and is_zero_beside(s, p, k, switch):
-            x = past_jump(s, p, k, switch)
-            if x < inf:
-                s.zero_at[k] = x
-            first = min(first, x)
-    return first
-
-
-def past_jump(s: SearchTable, p: Parameters, k: int, switch: float) -> float:
-    """Return the first fraction past a jump of condition k to 0, or from 0.
-
-    At a kink it is the fraction of the switch. The result is inf if the values at the
-    ends of the step show that the jump belongs to the step before or after.
-    """
-    before, after = limit(s, p, k, switch, -1.0), limit(s, p, k, switch, 1.0)
-    if not abs(after - before) > 2.0 * rounding_of(s, p, k, switch):
-        return switch
-    low, high = max(switch - NEARBY, 0.0), min(switch + NEARBY, 1.0)
-    if has_jumped(s, p, k, low, before, after):
-        return inf
-    if not has_jumped(s, p, k, high, before, after):
-        return inf
-    middle = 0.5 * (low + high)
-    while low < middle and middle < high:
-        if has_jumped(s, p, k, middle, before, after):
-            high = middle
-        else:
-            low = middle
-        middle = 0.5 * (low + high)
-    return high
-
-
-def has_jumped(
-    s: SearchTable, p: Parameters, k: int, x: float, before: float, after: float
-) -> bool:
-    """Whether condition k has jumped at the fraction x of the step.
-
-    before, after : its limits, one of them 0. A value between the limits, as that of
-        `sign` at 0, is on the side that is not 0.
-    """
-    conditions_at(s, p, x)
-    value = float(s.values[k])
-    if abs(after) < abs(before):
-        return abs(value - after) < abs(value - before)
-    return abs(value - after) <= abs(value - before)
-
-
-def limit(s: SearchTable, p: Parameters, k: int, x: float, way: float) -> float:
-    """Return the limit of condition k on one side of the fraction x of the step.
-
-    It is extrapolated from two points, also past the ends of the step: at x itself the
-    value may be that of either side, by rounding.
-
-    way : -1 before x, 1 after it.
-    """
-    conditions_at(s, p, x + 2.0 * way * AROUND)
-    far = s.values[k]
-    conditions_at(s, p, x + way * AROUND)
-    return float(2.0 * s.values[k] - far)
-
-
-def is_zero_beside(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
-    """Whether the limit of condition k on one side of the fraction x of the step is 0.
-
-    It is 0 to the rounding of its terms and of the time.
-    """
-    before, after = limit(s, p, k, x, -1.0), limit(s, p, k, x, 1.0)
-    change = abs(float(s.values[k]) - after) / AROUND
-    late = change * same_time(s, s.step_end) / s.step_h
-    return min(abs(before), abs(after)) <= rounding_of(s, p, k, x) + late
-
-
-def rounding_of(s: SearchTable, p: Parameters, k: int, x: float) -> float:
-    """Return the rounding of the terms of condition k at the fraction x of the step."""
-    t = state_at(s, p, x, s.work)
-    located_slopes(t, s.work, p, s.condition_slopes)
-    return SUM_ROUNDOFF * terms_of(s, k)
-
-
-def falls_at(s: SearchTable, p: Parameters, k: int) -> float:
-    """Return the fraction at which row k becomes negative, or the stretch's end."""
-    if s.starts[k] < 0.0:
-        return float(s.places[2])
-    high, value = float(s.places[1]), float(s.middles[k])
-    for half in range(2):
-        if not value < 0.0:
-            high = minimum_in_half(ARGUMENT, s, p, k, half, 0.0)
-            value = sampled(s, k, half + 1)
-            if high < s.places[half + 1]:
-                value = value_at(ARGUMENT, s, p, k, high)
-    if not value < 0.0:
-        return float(s.places[2])
-    return end_of(ARGUMENT, s, p, k, 0.0, s.places[0], high)
 
 
 # --- events: the first switch, or condition, within the step --------------------------
@@ -538,11 +408,6 @@ def prepare_true(s: SearchTable, p: Parameters) -> None:
             s.leeway[k] = 0.0
         if s.orientation[k] == 0.0 and s.leeway[k] < inf:
             s.orientation[k] = STAYS if equation else 1.0
-
-
-def conditions_at(s: SearchTable, p: Parameters, x: float) -> None:
-    """Store the values of conditions at the fraction x of the last step in s.values."""
-    located(state_at(s, p, x, s.work), s.work, p, s.values)
 
 
 def arm(s: SearchTable, k: int, x: float, last: bool) -> None:

@@ -137,6 +137,12 @@ class SearchTable(Rank):
     end_time: float
     end_step: float
     step_end: float  # the time at the end of the last step
+    # Fractions of the last step: the first switch in a condition from the start of the
+    # stretch on, inf if unknown; a point just past the last switch; and the length of
+    # stretches between switches.
+    switch: float
+    past: float
+    usual: float
     # Polynomials of the components of the state in the last step.
     shape: Floats = array(lambda s: DEGREES * s.sampled)
     # The margin of each row whose value leaves 0 from rest, see `leaving`; -1: it does
