@@ -19,7 +19,7 @@ from lagsim.language.elements import payload, sums
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
-from lagsim.language.tables import is_smooth
+from lagsim.language.tables import cell_of, is_smooth
 from lagsim.mechanics.surfaces import WHOLE, surfaces
 from lagsim.methods.parts.search_table import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
@@ -39,6 +39,9 @@ ACTS_WHERE = {
 }  # fmt: skip
 # A scene without any of these has no localized terms.
 MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div", ELEMENTS))
+# A smooth table in a condition with more points than this is searched without regard to
+# its points, as other smooth functions are.
+MANY_POINTS = 256.0
 # Products of more factors are not decomposed.
 MOST_FACTORS = 64
 
@@ -138,7 +141,7 @@ def _steps(
             continue
         for surface in surfaces(g, n if plain else g.call(row.decided_by, *g.args[n])):
             u = surface.node
-            if g.depends([u]).isdisjoint(state) or is_smooth(g, surface.discrete):
+            if g.depends([u]).isdisjoint(state) or _is_long(g, surface.discrete):
                 continue
             if surface.op in WHOLE:
                 u = g.call("sin", g.call("mul", g.constant(math.pi), u))
@@ -151,6 +154,14 @@ def _steps(
                 )
             found += [Indicator(x, FALLING) for x in both]
     return list(dict.fromkeys(found))
+
+
+def _is_long(g: Graph, discrete: int) -> bool:
+    """Whether `discrete` is the cell number of a smooth table with many points."""
+    cell = cell_of(g, discrete)
+    return (
+        cell is not None and is_smooth(g, discrete) and cell[0].values[0] > MANY_POINTS
+    )
 
 
 def _moves(e: Equations) -> tuple[str, ...]:

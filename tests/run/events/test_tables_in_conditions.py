@@ -34,12 +34,14 @@ def simulated(points, at, section="x = -100", *, duration=5.0, x=0.3, **options)
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau", "rk4"])
 @pytest.mark.parametrize("width", [0.1, 1e-2, 1e-4])
 @pytest.mark.parametrize("argument", ["x", "x + 0.1*n"])
-def test_a_narrow_peak_is_located(argument, width, method):
+@pytest.mark.parametrize("interpolation", ["linear", "monotone"])
+def test_a_narrow_peak_is_located(interpolation, argument, width, method):
     points = [[0, 0], [1, 0], [1 + width, 1], [1 + 2 * width, 0], [9, 0]]
     fixed = {"step": 0.5} if method == "rk4" else {}
     times, crossings = simulated(
-        points, f"z({argument}) >= 0.5", "z(x) = 0.5", method=method, **fixed
-    )
+        points, f"z({argument}) >= 0.5", "z(x) = 0.5", method=method,
+        interpolation=interpolation, **fixed,
+    )  # fmt: skip
     assert times == pytest.approx([0.7 + width / 2], abs=1e-12)
     both = [0.7 + width / 2, 0.7 + 3 * width / 2]
     assert crossings == pytest.approx(both, abs=1e-12)
