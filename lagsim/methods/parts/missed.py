@@ -14,6 +14,8 @@ The distance of a signal is -log of the term relative to one.
 
 from __future__ import annotations
 
+from math import inf
+
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.control import (
     PERTURBED,
@@ -224,8 +226,10 @@ def may_approach(s: SearchTable, k: int) -> bool:
 
     True if the signal may be closer to activity of the term within the stretch than at
     both ends, or if values and slopes at the ends do not determine the signal in
-    between.
+    between. A signal without a value at the start belongs to a branch not in force.
     """
+    if not abs(s.starts[k]) <= inf:
+        return False
     if not signal_is_known(s, k):
         return True
     kind = s.kinds[k - events(s)]

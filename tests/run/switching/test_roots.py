@@ -127,3 +127,38 @@ def test_a_root_of_time_is_left_by_steps_that_suit_its_slope(method, force, righ
     # the rounding of a force with an infinite slope is 1e-5, for an instant.
     found = run(scene(force=force, duration=0.75, more=f", method: {method}"))
     assert found["x_dot"][-1] == pytest.approx(right, abs=1e-10)
+
+
+def root(x):
+    return np.sqrt(np.maximum(x, 0.0))
+
+
+# Forces with a branch that has no value on the other side of its switch, and their work
+# from x = 0.5 on.
+BRANCHES = {
+    "if(x > 1, -1/(x - 1)^0.2, 1)": lambda x: -(root(x - 1) ** 1.6) / 0.8,
+    "if(x > 1, -1/(2 + sqrt(x - 1)), 1)": (
+        lambda x: 4 * np.log(1 + root(x - 1) / 2) - 2 * root(x - 1)
+    ),
+    "if(x > 1, -1/(1 + 2*sqrt(x - 1)), 1)": (
+        lambda x: np.log(1 + 2 * root(x - 1)) / 2 - root(x - 1)
+    ),
+    "if(x > 1, -exp(-sqrt(x - 1)), 1)": (
+        lambda x: 2 * (1 + root(x - 1)) * np.exp(-root(x - 1)) - 2
+    ),
+    "if(x > 1, -tanh(3*(x - 1)^1.5)*sqrt(x - 1), 1)": (
+        lambda x: -np.log(np.cosh(3 * root(x - 1) ** 3)) / 4.5
+    ),
+}
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853", "dopri5"])
+@pytest.mark.parametrize("force", BRANCHES)
+def test_a_branch_without_a_value_on_the_other_side_is_reached(force, method):
+    more = f", method: {method}"
+    found = run(scene(force=force, x=0.5, v=0.5, duration=2, more=more))
+    x, v = found["x"], found["x_dot"]
+    work = np.minimum(x, 1.0) - 0.5 + BRANCHES[force](x)
+    assert np.max(np.abs(v**2 / 2 - 0.125 - work)) < 1e-9
+    assert kinds(found) == ["switch"]
+    assert found["t"][-1] == 2.0
