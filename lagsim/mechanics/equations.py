@@ -300,6 +300,10 @@ class Equations:
         )
         return (*own, *(law.shifted(count) for law in self.laws))
 
+    def is_curved(self, row: Row) -> bool:
+        """Whether a row of A depends on velocities, so that impulses change it."""
+        return bool(self.graph.depends(list(row.A)) & frozenset(self.velocities))
+
     @property
     def multipliers(self) -> tuple[str, ...]:
         """The names of the variables lambda, one for each of `relations`."""

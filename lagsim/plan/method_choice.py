@@ -262,6 +262,10 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         return f"`{alone[0]}` acts on a coordinate without mass, which no impulse moves"
     if follow and not locates(name):
         return f"it has only Newton's constant restitution (`{follow[0]}`)"
+    struck = any(x.gapped for x in equations.laws) and not locates(name)
+    curved = [x.row for x in equations.relations if struck and not x.gapped]
+    if row := next(filter(equations.is_curved, curved), None):
+        return f"its impacts do not follow the curve of velocities of `{row.name}`"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
 

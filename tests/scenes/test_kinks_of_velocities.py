@@ -377,3 +377,22 @@ def test_an_impact_passes_a_kink(law, when, c):
     right = max(c, 0) + left / high if law == "poisson" else 0.5
     assert found["x_dot"][-1] == pytest.approx(right, rel=1e-12)
     assert found["y_dot"][-1] == pytest.approx(0.5 * (right - c), rel=1e-12)
+
+
+def test_an_impact_that_leaves_a_curve_of_velocities_ends_the_run():
+    # y' = 0.3 x'^2 is smooth: one row gives the impulses, and no kink divides them.
+    row = WHEN["when"].format("y_dot = 0.3*x_dot^2")
+    text = WALL.format(h=row, law="newton", w=0.3)
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert not found.complete
+    assert found.reason.startswith("constraint `h` is not satisfied at t = 0.5")
+
+
+@pytest.mark.parametrize("relation", ["0.3*x_dot^2", "0.3*abs(x_dot)"])
+@pytest.mark.parametrize("when", WHEN)
+def test_moreau_has_no_impacts_along_curves_of_velocities(relation, when):
+    row = WHEN[when].format(f"y_dot = {relation}")
+    text = WALL.format(h=row, law="newton", w=0.3)
+    text = text.replace("0.1}", "0.1, method: moreau, step: 0.01}")
+    with pytest.raises(lagsim.InputError, match="the curve of velocities of `h`"):
+        lagsim.simulate(lagsim.load(text))

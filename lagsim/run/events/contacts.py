@@ -59,6 +59,7 @@ from lagsim.run.trajectory import (
     quoted,
 )
 from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
     LEAST_CLOSING,
     SATISFIED,
@@ -181,6 +182,10 @@ class Contacts(Source):
         engaging = table.one_sided & ~table.gapped
         self.freewheels: list[int] = np.flatnonzero(engaging).tolist()
         self.sliders = arc.system.sliders
+        # equalities whose rows depend on velocities, which impulses change
+        pairs = enumerate(self.laws)
+        curved = arc.equations.is_curved
+        self.curved = [k for k, x in pairs if x.equal and curved(x.row)]
         self.modes_at_start = arc.modes
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -543,8 +548,13 @@ class Contacts(Source):
             )
             for name, k in bent.items() if name not in named
         ]  # fmt: skip
+        off = np.abs(there.rates) > CLEAR_OF_ROUNDING * there.still
+        missed = [k for k in self.curved if k in active and off[k]]
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(active))
+        elif missed:
+            # One row gives the impulses: a curve of velocities is left.
+            found.ending = Ending(Outcome.NO_ANSWER, self.laws[missed[0]].name)
         elif not result.impulses.any() and not bent:
             # the closing rates were rounding of the other motions of their bodies
             found.rows = None
