@@ -275,8 +275,7 @@ def compute_tolerances(
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
-    # In registers: a store to memory and a load at each component would take longer.
-    balanced, wide = 0.0, 1.0
+    s.balanced = 0.0
     amplification = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
     for i in range(size):
         after = new[i]
@@ -295,13 +294,12 @@ def compute_tolerances(
             roundoff[i] = max(floor * rate, of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
-        balanced = max(balanced, 1.0 if sized < least else 0.0)
-        wide = min(wide, 1.0 if sized >= WIDE * least else 0.0)
+        s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
+        s.wide = min(s.wide, 1.0 if sized >= WIDE * least else 0.0)
         rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
         counts = amplification if sized < least else 1.0 - s.balanced_alone
         rough = max(rough, counts * roundoff[i] * h)
         s.tolerances[i] = max(rtol * max(sized, least), rough)
-    s.balanced, s.wide = balanced, wide
     if p.m > 0:
         share_tolerances(s)
         share_rounding(s)
