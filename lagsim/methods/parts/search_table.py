@@ -191,6 +191,8 @@ class SearchTable(Rank):
     # value off 0 before a change. Then the values before the change.
     marked: Floats = array("conditions")
     stays: Floats = array("conditions")
+    # 1 while a condition that was located waits for a more precise one (`truth.wait`).
+    imprecise: Floats = array("conditions")
     any_stays: float  # 1 if any value stays at 0
     was_clear: Floats = array("conditions")
     former: Floats = array("conditions")

@@ -277,9 +277,10 @@ def mark_satisfied(s: SearchTable, p: Parameters) -> int:
     """
     s.marked[:] = 0.0
     s.any_stays = 0.0
+    count = 0 if s.calm > 0.0 else mark(s)
+    s.imprecise[:] = 0.0
     if s.calm > 0.0:
         return 0
-    count = mark(s)
     record_falsified(s)
     choose_sides(s, p)
     return count
@@ -293,12 +294,25 @@ def mark(s: SearchTable) -> int:
         miss = s.worth[k] * side
         satisfied = miss + s.leeway[k] <= 0.0
         satisfied = satisfied or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
-        satisfied = satisfied or is_zero_at_switch(s, k)
+        satisfied = satisfied or is_zero_at_switch(s, k) or rests_at_zero(s, k, miss)
         s.marked[k] = 0.0
         if (satisfied and side != 0.0) or k == int(s.met_first):
             s.marked[k] = 1.0
             count += 1
     return count
+
+
+def rests_at_zero(s: SearchTable, k: int, miss: float) -> bool:
+    """Whether the value of equation k has come to rest at 0, to rounding.
+
+    It does where friction stops a body at `x = 1`. A value without leeway has been
+    clear of 0 since the equation was true; one that waits has reached 0 since.
+
+    miss : the value, positive on the side of the motion before.
+    """
+    if s.equation[k] == 0.0 or s.trend[k] != 0.0 or miss > s.zero[k]:
+        return False
+    return not (s.leeway[k] != 0.0 and s.imprecise[k] == 0.0)
 
 
 def wait(s: SearchTable, p: Parameters) -> int:
@@ -334,6 +348,7 @@ def wait(s: SearchTable, p: Parameters) -> int:
     for k in range(s.conditions):
         if s.marked[k] > 0.0:
             s.leeway[k] = 2.0 * s.zero[k]
+            s.imprecise[k] = 1.0
     s.event = 0.0
     s.fresh = 1.0
     s.row_limit = s.arc_rows
