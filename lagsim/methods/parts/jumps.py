@@ -22,6 +22,7 @@ from lagsim.methods.parts.search_table import (
     EVENT,
     FALLING,
     KNOWN,
+    NEXT,
     SearchTable,
     end_of,
     error_between,
@@ -29,6 +30,7 @@ from lagsim.methods.parts.search_table import (
     follows,
     minimum_in_half,
     rows,
+    rows_at,
     same_time,
     sample,
     sampled,
@@ -49,6 +51,8 @@ UNTIL = True
 FINEST = 2.0**-14
 # A jump is within this distance of its switch, as a part of a step.
 NEARBY = 2.0**-40
+# Length of the stretch past a switch beside which slopes vary.
+CLOSE = 2.0**-16
 # A value beside a switch may be 0 there if it is below this part of its change.
 ZERO = 2.0**-10
 
@@ -145,6 +149,11 @@ def sample_past(
     s.places[0], s.places[1] = low, past
     s.places[2] = s.past = past
     s.switch = inf
+    rows_at(kind, s, p, past + NEXT)
+    for k in range(events(s) + s.signals):
+        change, near = s.ends[count + k], (s.values[k] - s.ends[k]) / NEXT
+        if abs(near - change) > KNOWN * max(abs(near), abs(change)):
+            s.usual = min(s.usual, CLOSE)  # another switch may be close
     return past
 
 
