@@ -214,7 +214,7 @@ class Kinematics:
         released : the indices of equalities that do not hold.
         """
         system, n, m = arc.system, arc.system.n, arc.system.m
-        self.arc, self.y, self.laws, self.held = arc, y, system.laws, held
+        self.arc, self.y, self.laws, self.held = arc, y, system.laws, [*held]
         self.released = list(released)
         self.t = t = arc.t if t is None else t
         self.count, size = len(system.laws), (n + m) * n
