@@ -154,7 +154,7 @@ class RowTable:
         return RowTable(low, high, self.normals, self.pairs, gapped, self.poisson)
 
     def with_rows(self, count: int, most: float) -> RowTable:
-        """Return the table with `count` single rows appended, without a gap.
+        """Return the table with `count` rows appended, without gaps or friction.
 
         most : the bound of the multipliers in both directions, as a multiple of the
             bound of the row; infinity for equalities.

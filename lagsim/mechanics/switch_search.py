@@ -126,8 +126,8 @@ def _sides(
     The second result maps discrete functions to pairs: the mode variable (a node), and
     the sign of `oriented`.
 
-    switches, shown : discrete function (node) -> its text; the sides of `shown` alone
-        are those of `Side.shown`.
+    switches, shown : discrete function (node) -> its text; a side of a function that
+        `shown` alone contains has `Side.shown`.
     """
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
@@ -322,7 +322,7 @@ def _output(model: Model) -> Iterator[int]:
 
 
 def _cuts(e: Equations) -> frozenset[int]:
-    """Return the nodes `atan2` in expressions of forces, but not in those of rows."""
+    """Return the nodes `atan2` in expressions of forces that no row contains."""
     g = e.graph
     if not (found := g.of(("atan2",))):
         return frozenset()

@@ -31,11 +31,11 @@ DIRECTIONS = 3
 
 
 def departures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store how far short steps from (t, y) lead each expression from its level.
+    """Store signed distances of expressions from levels after short steps from (t, y).
 
     The steps are classical Runge-Kutta steps from the same state. The first is followed
-    by longer ones until each expression has left its level clearly; the result of an
-    expression that never does is 0.
+    by longer ones until each expression has left its level clearly. The result is 0 for
+    an expression that does not leave its level.
 
     out : the results (surfaces,); the levels (surfaces,); the distances from which on
         an expression has left its level clearly (surfaces,), inf for expressions that
@@ -83,7 +83,7 @@ def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     divided by the unit of rounding, since slopes may vanish.
 
     out : the magnitudes (surfaces,); the sums of the magnitudes of the slopes
-        (surfaces,); then what is given: whether an expression contains rates that jump
+        (surfaces,); then the input: whether an expression contains rates that jump
         (surfaces,), and the largest magnitudes of the components so far (size,); and
         working memory (size + 2 surfaces,).
     """
@@ -127,13 +127,13 @@ def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def deciding_rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Store the rates that decide on which side of its level each expression will be.
 
-    They are the rates of the expressions; where these are 0, and for expressions of
-    velocities, their derivatives by the forces.
+    A deciding rate is the rate of the expression. Where the rate is 0 to rounding it is
+    the second derivative, by the forces, as is the rate of an expression of velocities.
 
     out : the rates (surfaces,); bounds of their rounding (surfaces,); the magnitude of
         the part of each rate that the motion of the state causes, without the part of
         the time t (surfaces,); the sums of the magnitudes of slopes times ranges
-        (surfaces,); then what is given: whether an expression contains rates that jump
+        (surfaces,); then the input: whether an expression contains rates that jump
         (surfaces,), the largest magnitudes (size,) and the ranges (size,) of the
         components so far; and working memory (3 size + 4,).
     """

@@ -192,7 +192,7 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def store_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the event functions of surfaces (surfaces,), the distances to side ends."""
+    """Store the distances (surfaces,) of expressions or shares from ends of sides."""
     if p.sliding > 0.0:
         combine(t, y, p)
     if p.ends_above > 0.0:

@@ -799,9 +799,10 @@ class Runner:
     def at_levels(
         self, kernel: str, results: int, t: float, y: Floats, *given: Floats
     ) -> Floats:
-        """Return `results` numbers of each surface (results, K) by a kernel.
+        """Return the results (results, K) of a kernel for K surfaces at y (size,).
 
         kernel : the name of a kernel of `departures`.
+        results : the number of results of each surface.
         given : the arrays that the kernel reads, in their order.
         """
         count, size = self.system.surfaces, self.system.size

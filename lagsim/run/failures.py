@@ -186,7 +186,9 @@ def _fastest(arc: Arc) -> str:
 def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
     """Return the ending if a table without extrapolation is past its last point.
 
-    None if no table is, or if such tables have no effect at this time.
+    None if no table is, or if such tables have no effect at this time. A table on which
+    conditions alone depend counts. So does a branch that a parameter or a mode of the
+    file leaves out.
 
     arc : the arc; its modes are those in force.
     given : nodes to which the search is limited, of bounds and restitutions at an
@@ -223,8 +225,8 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
 def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
     """Return the nodes of the motion that have an effect in the modes in force.
 
-    Where these modes decide a condition, the branch not taken has no effect. Nodes on
-    which the motion does not depend are not included.
+    Where the sides of switches decide a condition, the branch not taken has no effect.
+    Nodes on which the motion does not depend are not included.
 
     given : see `end_of_table`.
     """

@@ -1,8 +1,8 @@
 """The end of a run whose arcs leave no time for the motion.
 
 Histories of events detect accumulations of switches, impacts and acts (`accumulation`).
-A decision at an instant may also end arcs without any event, as where a condition is
-located that is then found to be false; the number of arcs shows it.
+Arcs may also end without any event, where a condition is located that is then found to
+be false. Therefore arcs without length are counted here.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from lagsim.run.arc import Arc
 
-# Number of arcs in a row after which a run ends if, on average, they are not longer
-# than an instant at the end of the run.
+# Number of arcs in a row after which a run ends if, on average, they are no longer than
+# an instant.
 MOST_ARCS = 400
 
 
@@ -29,7 +29,7 @@ class Progress:
 
     def __init__(self) -> None:
         self._since = -math.inf  # the end of the first of these arcs
-        self._ended: list[tuple[int, int]] = []  # their codes and event functions
+        self._ended: list[tuple[int, int]] = []  # return codes, and event functions
 
     def ending(self, arc: Arc, code: int) -> Ending | None:
         """Count the arc that has ended; return the ending of the run, or None.

@@ -62,7 +62,7 @@ CONSTRAINED = True
 SWITCHES = True
 LOCALIZED = True
 
-# First fraction of a step at which a section is compared that the motion leaves.
+# First fraction of a step at which a relation that leaves 0 is compared with its band.
 FIRST = NEXT * BESIDE / POINTS
 # At the end of a run on a section, the relation at the distance AGO is half of its
 # value at twice the distance if it is crossed, a quarter if it is touched.
@@ -280,7 +280,7 @@ def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> floa
         elif is_past(s, p, j, s.beyond[j], side):
             cross(s, p, j, root)
             past = root
-            if root == 0.0:  # it has waited; the row has another sign from here on
+            if root == 0.0:  # it has waited; the sign of its row changes here
                 past = min(left_within(s, p, j, FIRST, s.beyond[j]), s.beyond[j])
         elif s.beyond[j] == x and s.waits[j] == 0.0:
             at_root = root_of(s, p, j, root)

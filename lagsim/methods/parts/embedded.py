@@ -161,8 +161,8 @@ def start(s: Embedded, p: Parameters) -> None:
 
     `first_step` underestimates the step where a single rate is near 0. Most events
     change few forces: after an event the step is at least a part of the step before, up
-    to the time between rows. Where rounding sets a tolerance (far from the origin), the
-    error in the first steps past a root in a force is found only in shorter steps.
+    to the time between rows. This does not hold where rounding sets a tolerance (far
+    from the origin): only shorter steps show the error past a root in a force.
     """
     resumed = min(RESUMED * s.h, s.row_step, s.end - s.t)
     longest = max(s.step_h, s.h)

@@ -1,10 +1,10 @@
-"""Switches in conditions: the parts of a step that they divide, and zeros beside them.
+"""Search beside switches in conditions: stretches of a step between them, and zeros.
 
 A condition with a step (`floor(x) = 1`) or a kink (`abs(x) <= 0`) is smooth between the
-switches in its expression, whose arguments are signals of the kind FALLING. A stretch
-of a step ends just before the first switch (`one_sided_up_to`), and the next one, of
-the length of rounding, leads over it (`sample_past`): there the rows may jump, and a
-condition may be 0 on one side only (`zero_at`).
+switches in its expression, whose arguments are signals of the kind FALLING. A stretch,
+a part of a step, ends just before the first switch (`one_sided_up_to`), and the next
+one, of the length of rounding, leads over it (`sample_past`): there the rows may jump,
+and a condition may be 0 on one side only (`zero_at`).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ UNTIL = True
 FINEST = 2.0**-14
 # A jump is within this distance of its switch, as a part of a step.
 NEARBY = 2.0**-40
-# Length of the stretch past a switch beside which slopes vary.
+# Length of the stretch past a switch beside which slopes vary, as a part of the step.
 CLOSE = 2.0**-16
 # A value beside a switch may be 0 there if it is below this part of its change.
 ZERO = 2.0**-10
@@ -61,8 +61,9 @@ def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
     """Return the end of the part of the stretch in which no condition jumps.
 
     It is a point just before the first switch in a condition, whose fraction is stored
-    in `switch`, or the end of the stretch. A condition with a step has equal values at
-    all points of a stretch, though its value may differ in between.
+    in `switch`; the middle of the stretch, if values do not yet determine an argument;
+    or the end of the stretch. A condition with a step may have equal values at all
+    points of a stretch, and others in between.
     """
     low, x = float(s.places[0]), float(s.places[2])
     width, first = x - low, inf
@@ -93,8 +94,8 @@ def one_sided_up_to(s: SearchTable, p: Parameters) -> float:
 def switch_of(s: SearchTable, p: Parameters, k: int) -> float:
     """Return the fraction in the stretch at which signal k is 0 or falls below 0.
 
-    The result is inf if there is none. A stretch that begins just past a switch has no
-    other switch close to its start.
+    The result is inf if there is none. In a stretch that begins just past a switch, a
+    zero close to the start is this switch, and does not count.
     """
     low, x = float(s.places[0]), float(s.places[2])
     tiny = NEARBY * variation(s, k)

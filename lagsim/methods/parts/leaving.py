@@ -56,9 +56,9 @@ SWITCHES = True
 # Whether y' is known at an instant, see `truth`.
 RATED = True
 
-# Size of the change of each component, relative to its error, at which margins are
-# found: at least the error, since the pseudorandom part is 1/2 or more. The value there
-# is compared with the value at this part of the change.
+# Largest change of each component, relative to its error, at which margins are found
+# (FAR). The change is at least the error, since its pseudorandom part is 1/2 or more.
+# The value there is compared with the value at the part CLOSE of the change.
 FAR = 2.0
 CLOSE = 2.0**-6
 

@@ -467,6 +467,9 @@ def errs_until(s: SearchTable, p: Parameters, k: int, value: float) -> float:
     - 0 in all other cases, and for functions that are no gaps: any negative value
       counts.
 
+    With constraints, values within the step of a surface at its level are errors of the
+    interpolant, too, if the surface is at its level after the step.
+
     k : the event function.
     value : its value, the gap, where it is negative.
     """

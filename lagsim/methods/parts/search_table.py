@@ -187,8 +187,8 @@ class SearchTable(Rank):
     ahead: Floats = array("conditions")
     met_first: float  # the index of the first condition satisfied at the instant, or -1
     calm: float  # 1 if no condition changes unless the state or the modes jump
-    # Flags of conditions: has become true; is true and its value stays at 0; had a
-    # value off 0 before a change. Then the values before the change.
+    # Flags of conditions. `marked`: has become true; `stays`: is true and its value
+    # stays at 0; `was_clear`: had a value off 0 before a change, which is in `former`.
     marked: Floats = array("conditions")
     stays: Floats = array("conditions")
     # 1 while a condition that was located waits for a more precise one (`truth.wait`).

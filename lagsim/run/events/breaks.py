@@ -481,8 +481,8 @@ def _steps(op: str, s: Interval) -> Interval:
 class Prevailing:
     """Values of discrete functions of t between two breaks, and the search of breaks.
 
-    Each value is that at most samples, but for a function that stays at a step: there
-    rounding would decide it, and it has the value of the step.
+    Each value is that at most sampled times. A function that stays at a step has the
+    value of the step instead, since samples there are decided by rounding.
 
     Parameters
     ----------
@@ -541,7 +541,8 @@ NEIGHBOURS = 4  # units in the last place within which two breaks are one
 def breaks_of(value: Prevailing, start: float, end: float) -> Iterator[float]:
     """Yield the times at which any of the functions `value` changes, in order.
 
-    start, end : times; the breaks lie strictly between them.
+    value : the functions; their search of breaks is used up.
+    start, end : times; the breaks lie strictly in between.
     """
     before: list[float] | None = None
     for this, following in pairwise(_clusters(value.times, start, end)):

@@ -438,6 +438,8 @@ class Contacts(Source):
     ) -> bool:
         """Whether a table of a law is past its end at an impact, which ends the run.
 
+        closed : the indices of closed laws, whose bounds count.
+        struck : the indices of laws that approach, whose restitutions count.
         found : receives the ending.
         """
         if arc.system.switches.sides:

@@ -103,9 +103,9 @@ class Crossing:
     resting: Collection[int]  # surfaces at whose level constraints hold the motion
     beside: LawsAt | None  # the laws at the instant, or None without laws
     shared: tuple[list[int], RowModes, list[int]] | None = None  # see `LawsAt`
-    # numbers of the laws that could act and are no equalities in force
+    # indices of the laws that could act, except equalities in force that are in `held`
     laws: list[int] = field(default_factory=list)
-    # numbers of the laws that are equalities in force, and no rows of the problem
+    # indices of the laws that are equalities in force, and no rows of the problem
     held: list[int] = field(default_factory=list)
     # indices of the equalities that are rows of the problem, beside the laws
     released: list[int] = field(default_factory=list)
@@ -206,7 +206,7 @@ class Crossing:
             self.kinks = [i for i, k in enumerate(self.open) if k in known]
 
     def _here(self, y: Floats | None = None) -> Kinematics:
-        """Return the laws at y (size,), with equalities held that are no rows.
+        """Return the laws at y (size,), beside the equalities that are not released.
 
         y : by default the state reached.
         """

@@ -53,7 +53,7 @@ MOST_EXCHANGES = 1000
 
 
 class Beside(NamedTuple):
-    """The r laws beside k surfaces, at a combination of sides.
+    """The r rows of laws and equalities beside k surfaces, at a combination of sides.
 
     Attributes
     ----------
@@ -62,10 +62,10 @@ class Beside(NamedTuple):
     effect : ndarray, shape (k, r)
         The rates of the surfaces per unit multiplier.
     rows : ndarray, shape (r, n)
-        The rows of the laws. They, and the attributes below, are present only if the
-        rows have kinks at the surfaces.
+        The rows. They, and the attributes below, are present only if rows have kinks at
+        the surfaces.
     free : ndarray, shape (n,)
-        The accelerations of the coordinates without these laws.
+        The accelerations of the coordinates without the forces of these rows.
     surfaces : ndarray, shape (k, n)
         The rows of the surfaces.
     across : ndarray, shape (n, k)
@@ -314,7 +314,7 @@ class FilippovCone:
         return rates
 
     def _mean(self, value: Callable[[Corner], Floats], w: Floats) -> Floats:
-        """Return a function of corners at shares w (count,), linear in each share."""
+        """Return a function of corners at shares w (count,), by interpolation."""
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
         base = value(tuple(low.tolist()))
@@ -381,7 +381,8 @@ class FilippovCone:
         """Solve for all modes, with given sides of the surfaces that do not attract.
 
         A surface at which laws alone hold the motion has the value of its switch at the
-        level. None where the problem has no solution.
+        level, if this is a solution; else surfaces with kinks precede the laws in the
+        choice of independent rows. None where the problem has no solution.
         """
         trial = self._solved_beside(sides, ())
         if trial is None or not trial.by_laws:
@@ -453,8 +454,8 @@ class FilippovCone:
             Surfaces that are treated as if they did not attract, with a constant share,
             since laws alone hold the motion at their levels.
         first
-            Surfaces whose shares vary where laws could hold the motion, too: such a law
-            has a constant multiplier.
+            Surfaces whose shares vary, although laws could hold the motion there: the
+            multipliers of these laws are constant.
         """
         n, at = self.count, np.array(sides)
         w = at.astype(float)

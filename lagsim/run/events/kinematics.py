@@ -476,7 +476,7 @@ class Kinematics:
     ) -> tuple[Floats, Floats]:
         """Return y' (size,) at t and y, with the shares of the surfaces followed.
 
-        The second result are the multipliers (m,) of all rows, without these shares.
+        The second result is the multipliers (m,) of all rows, without these shares.
 
         active : the indices of laws in their present modes; all others are off. None
             for all laws in their present modes.

@@ -91,8 +91,8 @@ class ActsAt(NamedTuple):
         Whether `until` has come true.
     waited : frozenset of int
         Conditions whose truth was decided after the laws and surfaces of this instant.
-        They do not wait again if the motion satisfies them once more, without time
-        passing since: rounding leaves a step in them on its former side.
+        A condition does not wait again if the motion satisfies it once more before time
+        has passed: rounding leaves a step in the condition on its former side.
     """
 
     counts: tuple[int, ...] = ()

@@ -93,7 +93,7 @@ class _Ahead(Source):
         return True
 
     def _search(self) -> None:
-        """Search the breaks after those that have been taken, unless this is done."""
+        """Begin the search for further breaks, unless it has begun."""
         if self._coming is None:
             self._coming = self._all()
             if self._taken:
