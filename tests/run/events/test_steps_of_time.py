@@ -52,7 +52,7 @@ def test_a_step_of_the_time_acts_once_on_a_body_at_rest(
 
 # radau has no constraints that hold at times.
 @pytest.mark.parametrize(
-    "method, holds",
+    ("method", "holds"),
     [(m, h) for m in ("radau", "dop853", "rk4") for h in ("static", "force")][1:],
 )
 def test_a_step_of_the_time_acts_once_by_each_method(method, holds):
