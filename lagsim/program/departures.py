@@ -94,7 +94,7 @@ def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     work = sizes[size:]
     here = work[size:]
     nearby = here[count:]
-    # The magnitudes of positions in place of those of velocities.
+    # In the places of velocities, the magnitudes of positions.
     work[: p.n] = sizes[p.positions]
     for i in range(p.velocities.stop, p.dynamic.stop):
         work[i - p.driven.start] = sizes[i]

@@ -717,7 +717,7 @@ class _Locator:
 def values_by_majority(
     value: Callable[[float], Sequence[float]], start: float, end: float
 ) -> list[float]:
-    """Return the values of step functions on an interval in which none of them steps.
+    """Return the values of step functions on an interval without any step.
 
     Each value is that of at least two of three samples in (start, end), so that a value
     that a function has at a single instant, like sign(0), is not returned.

@@ -284,8 +284,8 @@ class FilippovCone:
         """Return the difference of the rates (count + r,) above and below surface j.
 
         After the rates of the surfaces the result has the accelerations of the laws.
-        The forces of laws with kinks are included; the rows in these accelerations are
-        those at w, since on a kink the accelerations on both sides are equal.
+        The forces of laws with kinks are included; these accelerations contain the rows
+        at w, since on a kink the accelerations on both sides are equal.
 
         w : shape (count,), the shares of all surfaces.
         p : shape (r,), the multipliers of the laws.
@@ -301,7 +301,7 @@ class FilippovCone:
         return change
 
     def _blended(self, w: Floats) -> Floats:
-        """Return the rates (count + r,) at shares w, without the laws.
+        """Return the rates (count + r,) at shares w, at multipliers 0.
 
         w : shape (count,).
         """
@@ -331,7 +331,7 @@ class FilippovCone:
     def _beside(self, w: Floats) -> Beside:
         """Return the laws at shares w (count,).
 
-        Without kinks the laws are those on the sides rounded down.
+        Without kinks these are the laws at the shares rounded down.
         """
         first = self.laws(tuple(w.astype(int).tolist()))
         if not self.kinks or not ((w > BELOW) & (w < ABOVE)).any():
@@ -490,7 +490,7 @@ class FilippovCone:
             rho = base[:n] - B[:n] @ found.multipliers[r:] + by_laws
             effect = self._beside(w).effect if self.kinks else laws.effect
             off = unit * (self._blended(w)[:n] + effect @ p) - rho
-            # Rows with kinks were those at the shares before.
+            # The rows with kinks were computed at the shares before.
             turned = self.kinks and np.any(np.abs(w - before) > HALF_OF_DIGITS)
             if not turned and np.all(np.abs(off) <= np.maximum(tolerance, rounding)):
                 break

@@ -168,7 +168,7 @@ class Kinematics:
     forces : ndarray, shape (L,)
         The magnitude of the terms of `accelerations`.
     free : ndarray, shape (size,)
-        y' without any law but `held`.
+        y' without any law but `held`, and without the equalities `released`.
     pushes : ndarray, shape (L,)
         `forces` plus the accelerations that closed laws could add: the scale of a
         balance of forces.
@@ -440,12 +440,12 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Evaluate motion and laws at t and y (size,), all L laws off but `held`.
+        """Evaluate motion and laws at t and y (size,), all L laws off except `held`.
 
         Returns
         -------
         field : ndarray, shape (size,)
-            y' without forces of the other laws.
+            y' without forces of the other laws and of the released equalities.
         b : ndarray, shape (L,)
             The right-hand sides of A q'' = b, for the rows of the laws.
         bounds, statics : ndarray, shape (L,)
