@@ -529,9 +529,9 @@ def end_within(s: SearchTable, p: Parameters, half: int) -> float:
         if ends(s, p, k, sampled(s, k, half + 1), x):
             high = x
     for k in range(events(s)):
-        least = minimum_in_half(EVENT, s, p, k, half, least_allowed(EVENT, s, p, k))
-        if least < x and ends(s, p, k, value_at(EVENT, s, p, k, least), least):
-            high = least if high == 0.0 else min(high, least)
+        inside = ended_inside(s, p, k, half)
+        if inside < inf:
+            high = inside if high == 0.0 else min(high, inside)
     if high > 0.0:
         cut(s, p, low, high)
         return s.cut
@@ -541,6 +541,52 @@ def end_within(s: SearchTable, p: Parameters, half: int) -> float:
             if p.slack[k] < value < inf:
                 p.slack[k] = 0.0
     return 0.0
+
+
+def ended_inside(s: SearchTable, p: Parameters, k: int, half: int) -> float:
+    """Return a fraction within half of the stretch at which function k ended a mode.
+
+    It is at a minimum of the function, or at a bound of its values; inf if there is
+    none.
+
+    k : the event function.
+    half : 0 before the middle point, 1 after it.
+    """
+    found = inf
+    least = minimum_in_half(EVENT, s, p, k, half, least_allowed(EVENT, s, p, k))
+    x = s.places[half + 1]
+    if least < x and ends(s, p, k, value_at(EVENT, s, p, k, least), least):
+        found = least
+    if UNTIL and k >= s.surfaces:
+        last = bound_of_values(s, p, k, half)
+        if last < found and ends(s, p, k, value_at(EVENT, s, p, k, last), last):
+            found = last
+    return found
+
+
+def bound_of_values(s: SearchTable, p: Parameters, k: int, half: int) -> float:
+    """Return the fraction in half of the stretch up to which condition k has a value.
+
+    It is the fraction from which on the condition has a value, if it has none at the
+    start of the half; inf if it has a value at both ends, or at none.
+
+    k : the row of the condition.
+    half : 0 before the middle point, 1 after it.
+    """
+    a, b = sampled(s, k, half), sampled(s, k, half + 1)
+    if max(a, b) < inf or min(a, b) == inf:
+        return inf
+    known, unknown = float(s.places[half]), float(s.places[half + 1])
+    if a == inf:
+        known, unknown = unknown, known
+    middle = 0.5 * (known + unknown)
+    while min(known, unknown) < middle and middle < max(known, unknown):
+        if value_at(EVENT, s, p, k, middle) < inf:
+            known = middle
+        else:
+            unknown = middle
+        middle = 0.5 * (known + unknown)
+    return known
 
 
 def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:

@@ -315,7 +315,8 @@ def state_at(s: SearchTable, p: Parameters, x: float, out: Floats) -> float:
 def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
     """Replace the values of conditions by their rows, which fall below 0 at an event.
 
-    A condition that is not armed has the row 1.
+    A condition that is not armed has the row 1. A condition without a value (the root
+    of a negative number) is false: its row is -inf if it is true so far, else inf.
 
     own : ndarray, shape (C,), the values of the C conditions at the fraction x of the
         last step; on return their rows: the value times `orientation`, plus `leeway`.
@@ -330,6 +331,8 @@ def orient_conditions(s: SearchTable, x: float, own: Floats) -> None:
             own[k] = own[k] * s.orientation[k] + s.leeway[k]
         if s.orientation[k] == 0.0:
             own[k] = 1.0
+        if not abs(own[k]) <= inf:
+            own[k] = -inf if follows(s, k) else inf
         if x < s.armed_at[k]:  # the motion has not left the last zero yet
             own[k] = max(own[k], TINY)
         if own[k] == 0.0:  # true; so a true condition has not ended
@@ -510,6 +513,10 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
         # The values of a condition that stays at 0 are rounding, within its leeway.
         rounding = s.leeway[k - s.surfaces]
         nothing = 2.0 * rounding
+        if a == inf and m == inf and b == inf:
+            return True
+        if max(abs(a), abs(m), abs(b)) == inf:
+            return False
     unknown = off(0, s, k) > max(enough, rounding)
     if off(1, s, k) > max(enough, TURNED / BESIDE * rounding):
         unknown = True

@@ -165,11 +165,16 @@ def rate_beside(s: SearchTable, k: int, time: float) -> float:
 def evaluate(s: SearchTable, p: Parameters) -> None:
     """Store the values of all conditions at the state reached in `worth`.
 
-    At the start of the run the values include the jumps just after the start.
+    At the start of the run the values include the jumps just after the start. A
+    condition without a value is false: its value is stored as -inf, for an equation as
+    inf on its side.
     """
     located(s.t, s.y, p, s.worth)
     for k in range(s.conditions):
         s.worth[k] += s.ahead[k]
+        if not abs(s.worth[k]) <= inf:
+            is_above = s.equation[k] > 0.0 and s.orientation[k] >= 0.0
+            s.worth[k] = inf if is_above else -inf
 
 
 def largest(s: SearchTable, i: int) -> float:

@@ -1,0 +1,82 @@
+"""Conditions that have no value on a part of the motion: they are false there.
+
+The motion is free, x = x0 + t, so that steps are far longer than the part.
+"""
+
+import math
+
+import pytest
+
+import lagsim
+
+MODEL = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+modes: {n: 0}
+events: {e: {at: "CONDITION", set: {n: n + 1}}}
+initial: {x: 0, x_dot: 1}
+simulation: {duration: 7, output_step: 0.5}
+"""
+UNTIL = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+initial: {x: 0, x_dot: 1}
+simulation: {duration: 7, output_step: 0.5, until: "CONDITION"}
+"""
+
+FIRST = 1.5 + math.asin(0.25) / math.pi
+
+
+def simulated(model, condition, method):
+    fixed = {"step": 0.1} if method == "rk4" else {}
+    text = model.replace("CONDITION", condition)
+    return lagsim.simulate(lagsim.load(text), error_bar="never", method=method, **fixed)
+
+
+def times_of(found):
+    return [e.time for e in found.events if e.kind == "event"]
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4"])
+@pytest.mark.parametrize(
+    ("condition", "times"),
+    [
+        ("sqrt(4.5 - x) <= 0.5", [4.25]),
+        ("sqrt(4.5 - x) = 0.5", [4.25]),
+        ("sqrt(4.5 - x) <= 1e-5", [4.5]),
+        ("sqrt(4.5 - x) >= 9", []),
+        ("sqrt(2 - x) + x >= 2.2", [2 - (1 + math.sqrt(0.2)) ** 2 / 4]),
+        ("log(4.5 - x) <= -9", [4.5 - math.exp(-9)]),
+        ("asin(x - 4) >= 1.57", [4 + math.sin(1.57)]),
+        ("acos(x - 4) <= 0.5", [4 + math.cos(0.5)]),
+        ("(4.5 - x)^1.5 <= 1", [3.5]),
+        ("(4.5 - x)^1.5 <= -1", []),
+        ("sqrt(x - 2) >= 0", [2]),
+        ("sqrt(x - 2) >= 0.5", [2.25]),
+        ("sqrt(x - 2) = 0.5", [2.25]),
+        ("sqrt(x - 2) <= 1", [2]),
+        ("sqrt((x - 2)*(x - 4)) >= 0.5", [3 + math.sqrt(1.25)]),
+        ("sqrt((x - 2)*(x - 4)) <= 0.5", [3 - math.sqrt(1.25), 4]),
+        ("sqrt(cos(pi*x)) >= 0.5", [FIRST, FIRST + 2, FIRST + 4]),
+    ],
+)  # fmt: skip
+def test_a_condition_is_false_where_it_has_no_value(condition, times, method):
+    found = simulated(MODEL, condition, method)
+    assert found.complete
+    assert times_of(found) == pytest.approx(times, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau", "taylor"])
+def test_a_run_ends_for_every_method(method):
+    found = simulated(MODEL, "sqrt(4.5 - x) <= 0.5", method)
+    assert found.complete
+    assert times_of(found) == pytest.approx([4.25], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("condition", "end"),
+    [("sqrt(4.5 - x) >= 9", 7), ("sqrt(4.5 - x) <= 0.5", 4.25), ("sqrt(x - 5) = 1", 6)],
+)  # fmt: skip
+def test_until_is_not_met_where_it_has_no_value(condition, end):
+    found = simulated(UNTIL, condition, "auto")
+    assert found.t[-1] == pytest.approx(end, abs=1e-9)
