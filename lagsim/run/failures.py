@@ -187,8 +187,7 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
     """Return the ending if a table without extrapolation is past its last point.
 
     None if no table is, or if such tables have no effect at this time. A table on which
-    conditions alone depend counts. So does a branch that a parameter or a mode of the
-    file leaves out.
+    conditions alone depend counts.
 
     arc : the arc; its modes are those in force.
     given : nodes to which the search is limited, of bounds and restitutions at an
@@ -225,8 +224,9 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
 def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
     """Return the nodes of the motion that have an effect in the modes in force.
 
-    Where the sides of switches decide a condition, the branch not taken has no effect.
-    Nodes on which the motion does not depend are not included.
+    Where the sides of switches, modes of the file and parameters decide a condition,
+    the branch not taken has no effect. Nodes on which the motion does not depend are
+    not included.
 
     given : see `end_of_table`.
     """
@@ -242,6 +242,7 @@ def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
         roots += [n for law in acting for n in (law.bound, law.static)]
     names = [x.variable for x in system.switches.modes]
     names += [x.variable for x in system.switches.sides]
+    names += [*e.model.modes, *(x.name for x in e.model.parameters)]
     decided = {name: float(p.flat[system.place(name)]) for name in names}
     waiting = system.switches.freeze(roots)
     seen = set(waiting)

@@ -478,6 +478,22 @@ def test_a_table_in_the_branch_not_taken_does_not_end_the_run(end, method):
     assert found["x"][-1] == pytest.approx(6, abs=0.05)
 
 
+def test_a_table_that_a_mode_or_a_parameter_leaves_out_does_not_end_the_run():
+    points = {"f": {"points": [[0, 1], [4, 0.9], [5, 0.5]]}}
+    start = {"x": 0, "x_dot": 1}
+    off = {"modes": {"n": 0}, "events": {"end": {"at": "x >= 4.5", "set": {"n": 1}}}}
+    text = scene(points, {"x": "if(n < 1, f(x), 0)"}, start, duration=6, **off)
+    found = simulate(load(text))
+    assert found.complete
+    assert found["x_dot"][-1] == pytest.approx(math.sqrt(1 + 2 * 4.2), abs=1e-10)
+    text = scene(points, {"x": "if(k > 0, f(t), 0)"}, start, duration=6)
+    found = simulate(load(f"parameters: {{k: 0, unused: 2*k}}\n{text}"))
+    assert found.complete
+    assert found["x"][-1] == pytest.approx(6, abs=1e-10)
+    found = simulate(load(f"parameters: {{k: 1, unused: 2*k}}\n{text}"))
+    assert found.record["failure"]["code"] == "table-ends"
+
+
 def test_a_table_of_friction_ends_no_run_in_flight():
     floor = {"relation": "y >= 0", "restitution": 0, "friction": "f(slip_speed)"}
     text = scene(
