@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.functions import JOINING, OPERATIONS, SMOOTH, STEPS
 from lagsim.language.graph import memoized
 from lagsim.language.names import rate_of
-from lagsim.language.tables import cell_of, continuous, highest_orders
+from lagsim.language.tables import at_ends, cell_of, continuous, highest_orders
 from lagsim.mechanics.surfaces import WHOLE, Side, oriented, surfaces
 from lagsim.mechanics.switches import Roots, Switches, TimeSwitch, switch_text
 
@@ -65,7 +65,8 @@ def find_switches(
     conditions, output
         The expressions of conditions, and of columns and sections. A step function that
         these alone contain has a side, see `Side.shown`: in a condition always, in
-        output if laws or surfaces may hold all variables on which it depends.
+        output if laws or surfaces may hold all variables on which it depends. The ends
+        of a table without values beyond them are located if a condition contains it.
     constrained
         The names of variables that laws may hold; variables of surfaces are added.
     cuts
@@ -85,6 +86,12 @@ def find_switches(
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
     beside = _shown_steps(g, conditions, (*moving, *driving), speeds)
+    ends = {
+        at_ends(g, *cell): text for d, text in beside.items()
+        if d not in watched and (cell := cell_of(g, d)) and cell[0].values[3]
+    }  # fmt: skip
+    state |= ends
+    watched += ends
     if output:
         levels = (surface.node for d in watched for surface in surfaces(g, d))
         held = {*constrained} | (g.depends(levels) & {*moving})

@@ -25,7 +25,7 @@ from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
-from lagsim.language.tables import ended
+from lagsim.language.tables import Written, ended, written
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods import method
 from lagsim.methods.moreau import MOST_SWEEPS
@@ -186,8 +186,8 @@ def _fastest(arc: Arc) -> str:
 def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
     """Return the ending if a table without extrapolation is past its last point.
 
-    None if no table is, or if such tables have no effect at this time. A table on which
-    conditions alone depend counts.
+    None if no table is, or if such tables have no effect at this time on the motion or
+    on a condition.
 
     arc : the arc; its modes are those in force.
     given : nodes to which the search is limited, of bounds and restitutions at an
@@ -203,18 +203,17 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
         for s, v in zip(switches.sides, p.side, strict=False)
         if s.whole
     ]
-    past = {}
+    past: dict[int | Written, tuple[Written, float]] = {}
     for variable, args, cell in cells:
         found = ended(g, args[0], cell) if args else None
         if found is not None:
-            past[g.variable(variable)] = found
-    if not past:
-        return None
-    effective = {*_effective(arc, given)}
-    if not given:  # and tables on which output and conditions alone depend
-        effective |= past.keys() - {*g.cone(switches.freeze(arc.equations.of_motion))}
-    for n in sorted(past.keys() & effective):
-        table, knot = past[n]
+            past[g.variable(variable)] = past[found[0]] = found
+    for n in sorted(_effective(arc, given)) if past else ():
+        of_knot = g.ops[n] == "table.knot"  # its cell is not frozen
+        key = written(g, n) if of_knot else n
+        if key not in past:
+            continue
+        table, knot = past[key]
         of = expression_text(g, *table.args)
         about = f"`{table.name}` ends at {knot:.9g}, which `{of}` has reached,"
         return Ending(Outcome.TABLE_ENDS, about)
@@ -222,17 +221,18 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
 
 
 def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
-    """Return the nodes of the motion that have an effect in the modes in force.
+    """Return the nodes that affect motion or conditions in the modes in force.
 
     Where the sides of switches, modes of the file and parameters decide a condition,
-    the branch not taken has no effect. Nodes on which the motion does not depend are
-    not included.
+    the branch not taken has no effect. Output does not count.
 
     given : see `end_of_table`.
     """
     e, p, system = arc.equations, arc.system.p, arc.system
     g = e.graph
-    roots = [*given]
+    switches, roots = system.switches, [*given]
+    sides = switches.sides[: switches.acting]
+    conditions = []
     if not given:
         of_laws = sum(len(law.given) for law in e.laws)
         roots = e.of_motion[: len(e.of_motion) - of_laws]
@@ -240,11 +240,14 @@ def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
             x for x, mode in zip(e.laws, p.law_mode, strict=True) if mode != kept.OFF
         ]
         roots += [n for law in acting for n in (law.bound, law.static)]
-    names = [x.variable for x in system.switches.modes]
-    names += [x.variable for x in system.switches.sides]
+        conditions = [x.node for x in e.model.located]
+    names = [x.variable for x in switches.modes] + [x.variable for x in sides]
     names += [*e.model.modes, *(x.name for x in e.model.parameters)]
-    decided = {name: float(p.flat[system.place(name)]) for name in names}
-    waiting = system.switches.freeze(roots)
+    decided = dict(zip(("t", *e.state), (arc.t, *arc.y.tolist()), strict=False))
+    decided |= {name: float(p.flat[system.place(name)]) for name in names}
+    # Other switches in conditions have the values of the present state.
+    waiting = switches.among(range(len(sides))).freeze(conditions)
+    waiting += switches.freeze(roots)
     seen = set(waiting)
     for n in waiting:  # the list grows during the loop
         args = g.args[n]

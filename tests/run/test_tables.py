@@ -494,6 +494,25 @@ def test_a_table_that_a_mode_or_a_parameter_leaves_out_does_not_end_the_run():
     assert found.record["failure"]["code"] == "table-ends"
 
 
+@pytest.mark.parametrize("how", ["linear", "cubic"])
+@pytest.mark.parametrize("condition", ["f(x) >= 9", "f(x) <= 0.5", "1/f(x) <= 0"])
+def test_a_run_ends_with_a_table_that_a_condition_alone_contains(how, condition):
+    tables = {"f": {"points": [[0, 1], [1, 2], [3, 1]], "interpolation": how}}
+    event = {"modes": {"n": 0}, "events": {"act": {"at": condition, "set": {"n": 1}}}}
+    text = scene(tables, {}, {"x": 0, "x_dot": 1}, duration=7, **event)
+    found = simulate(load(text))
+    assert found.record["failure"]["code"] == "table-ends"
+    reached = float(re.search(r"at t = ([0-9.]+)", found.record["reason"])[1])
+    assert reached == pytest.approx(3, abs=1e-12)
+    assert not [e for e in found.events if e.name == "act"]
+    event["events"]["act"]["at"] = f"if(x < 2.5, f(x), 0) {condition[4:]}"
+    if condition.startswith("f"):
+        found = simulate(
+            load(scene(tables, {}, {"x": 0, "x_dot": 1}, duration=7, **event))
+        )
+        assert found.complete
+
+
 def test_a_table_of_friction_ends_no_run_in_flight():
     floor = {"relation": "y >= 0", "restitution": 0, "friction": "f(slip_speed)"}
     text = scene(

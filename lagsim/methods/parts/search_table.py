@@ -292,6 +292,8 @@ def rows_at(kind: Static, s: SearchTable, p: Parameters, x: float) -> None:
         sections(t, z, p, related)
         for j in range(s.sections):
             related[j] = facing(s, j) * related[j]
+            if not abs(related[j]) <= inf:  # no value, no crossing
+                related[j] = inf
     if SWITCHES and kind == EVENT:
         event_functions(t, z, p, now)
     if UNTIL and kind == EVENT:
@@ -513,6 +515,7 @@ def row_is_known(kind: Static, s: SearchTable, p: Parameters, k: int) -> bool:
         # The values of a condition that stays at 0 are rounding, within its leeway.
         rounding = s.leeway[k - s.surfaces]
         nothing = 2.0 * rounding
+    if kind == CROSSING or (UNTIL and k >= s.surfaces):
         if a == inf and m == inf and b == inf:
             return True
         if max(abs(a), abs(m), abs(b)) == inf:

@@ -80,3 +80,24 @@ def test_a_run_ends_for_every_method(method):
 def test_until_is_not_met_where_it_has_no_value(condition, end):
     found = simulated(UNTIL, condition, "auto")
     assert found.t[-1] == pytest.approx(end, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4", "dop853"])
+@pytest.mark.parametrize(
+    ("relation", "times"),
+    [
+        ("sqrt(4.5 - x) = 0.5", [4.25]),
+        ("sqrt(4.5 - x) = 9", []),
+        ("sqrt(x - 2) = 0.5", [2.25]),
+        ("asin(x - 4) = 1.5", [4 + math.sin(1.5)]),
+        ("sqrt((x - 2)*(x - 4)) = 0.5", [3 - math.sqrt(1.25), 3 + math.sqrt(1.25)]),
+    ],
+)
+def test_sections_have_no_row_where_their_relation_has_no_value(
+    relation, times, method
+):
+    section = f'output: {{sections: {{s: {{at: "{relation}", direction: both}}}}}}\n'
+    model = UNTIL.replace(', until: "CONDITION"', "") + section
+    found = simulated(model, "", method)
+    assert found.complete
+    assert list(found.sections["s"]["t"]) == pytest.approx(times, abs=1e-9)
