@@ -86,9 +86,12 @@ def find_switches(
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
     beside = _shown_steps(g, conditions, (*moving, *driving), speeds)
+    # The end of a table of an argument that jumps (`mod(x, 2)`) is not located: there
+    # rounding would decide whether the argument has passed it.
     ends = {
         at_ends(g, *cell): text for d, text in beside.items()
         if d not in watched and (cell := cell_of(g, d)) and cell[0].values[3]
+        and {g.ops[n] for n in g.cone([cell[1]])}.isdisjoint(STEPS)
     }  # fmt: skip
     state |= ends
     watched += ends
