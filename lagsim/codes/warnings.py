@@ -238,8 +238,8 @@ definitions: {}
 energy:
   kinetic: (x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2)/2
   potential: -1/hypot(u - x, v - y)
-initial: {x: 1e9 - 0.5, y: 0, u: 1e9 + 0.5, v: 0, y_dot: -0.3, v_dot: 0.3}
-simulation: {duration: 40, output_step: 0.5}
+initial: {x: 1e9 - 0.5, y: 0, u: 1e9 + 0.5, v: 0, y_dot: -0.7, v_dot: 0.7}
+simulation: {duration: 1000, output_step: 5}
 """,
         _RUN),
     warning("W320", "column-not-finite",
