@@ -1,5 +1,7 @@
 """Work of a second process beside the first."""
 
+import contextlib
+import functools
 import os
 import signal
 import sys
@@ -42,6 +44,71 @@ def test_nobody_is_left_behind(tmp_path):
     with pytest.raises(ProcessLookupError):
         os.kill(int(made.read_bytes()), 0)
     assert late() == b"late"  # made by the first
+
+
+def test_tasks_are_shared_and_their_results_are_in_order():
+    first, began = os.getpid(), time.monotonic()
+    large = os.urandom(10**6)  # more than a pipe holds
+
+    def task(k):
+        while os.getpid() == first and not others():  # the other one takes a task first
+            assert time.monotonic() < began + 30.0
+            time.sleep(1e-3)
+        written()
+        return b"%d" % k + large
+
+    reads, writes = os.pipe()
+    os.set_blocking(reads, False)
+
+    def written():
+        os.write(writes, b"%d" % (os.getpid() != first))
+
+    seen = []
+
+    def others():
+        with contextlib.suppress(BlockingIOError):
+            seen.append(os.read(reads, 100))
+        return b"1" in b"".join(seen)
+
+    with ahead.second_processes():
+        made = ahead.shared([functools.partial(task, k) for k in range(5)])
+    assert made == [b"%d" % k + large for k in range(5)]
+    others()
+    assert sorted(set(b"".join(seen))) == sorted(b"01")
+    assert len(b"".join(seen)) == 5  # each is done once
+
+
+def test_tasks_of_a_killed_process_are_done_by_the_first():
+    first = os.getpid()
+
+    def task(k):
+        if os.getpid() != first:
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.05)
+        return b"%d" % k
+
+    with ahead.second_processes():
+        made = ahead.shared([functools.partial(task, k) for k in range(4)])
+    assert made == [b"0", b"1", b"2", b"3"]
+    assert ahead.shared([functools.partial(task, k) for k in range(2)]) == [b"0", b"1"]
+
+
+def test_of_tasks_beside_one_process_is_at_work(tmp_path):
+    def wait_for(name):
+        while not (tmp_path / name).exists():
+            time.sleep(1e-3)
+
+    assert ahead.beside([]) is None
+    with ahead.second_processes():
+        has_ended = ahead.beside([lambda: wait_for("go")])
+        again = ahead.beside([(tmp_path / "no").touch])
+        assert not has_ended()
+        assert not again()
+        (tmp_path / "go").touch()
+        while not has_ended():
+            time.sleep(1e-3)
+        assert again()
+        assert not (tmp_path / "no").exists()
 
 
 def test_signals_to_it_are_not_those_of_the_first():

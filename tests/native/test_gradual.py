@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from lagsim.model.reader import read_file
-from lagsim.native.link import cache, gradual
+from lagsim.native.link import ahead, cache, gradual
 from lagsim.native.link.engine import Engine
 from lagsim.native.link.gradual import GradualParts
 from lagsim.run.observers import Keep
@@ -72,6 +73,41 @@ def test_kernels_that_run_longer_are_optimised() -> None:
         False,
     ]
     assert all(part.is_compiled for part in program())
+
+
+@pytest.mark.usefixtures("empty")
+@pytest.mark.skipif(not ahead.is_possible(), reason="no second process")
+def test_new_kernels_are_optimised_beside_the_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    in_this_process = []
+    compiled = cache.ProgramPart._compiled
+
+    def noted(part: cache.ProgramPart) -> bytes:
+        in_this_process.append(part)
+        return compiled(part)
+
+    with ahead.second_processes():
+        parts = GradualParts(program(), quick=True)
+        found = values(parts)
+        monkeypatch.setattr(cache.ProgramPart, "_compiled", noted)
+        assert not parts.used(gradual.SHORT)
+        while not parts.used(gradual.SHORT):
+            time.sleep(1e-3)
+        assert parts.improvable == []
+        assert values(parts) == found
+    assert in_this_process == []
+    assert all(part.is_compiled for part in program())
+
+
+@pytest.mark.usefixtures("empty")
+def test_kernels_of_an_earlier_run_are_optimised_at_once() -> None:
+    found = values(GradualParts(program(), quick=True))
+    with ahead.second_processes():
+        parts = GradualParts(program(), quick=True)
+        assert values(parts) == found
+        assert parts.used(gradual.SHORT)
+        assert values(parts) == found
 
 
 @pytest.mark.usefixtures("empty")

@@ -1,4 +1,4 @@
-"""Second process, which draws pictures while the first process does other work.
+"""Second process, which draws pictures or compiles while the first does other work.
 
 Matplotlib works in one thread at a time, so a thread would not do. The second process
 sends its results through a pipe; the first process computes results that have not been
@@ -14,11 +14,17 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from multiprocessing.connection import Connection
+
+# How far the priority of tasks beside a run is lowered.
+_PATIENCE = 5
 
 # Second processes at work within each `second_processes`; empty outside.
 _helpers: list[list[Helper]] = []
+
+# Second processes that have not been ended.
+_at_work: set[Helper] = set()
 
 
 @contextlib.contextmanager
@@ -42,7 +48,11 @@ def second_processes() -> Iterator[None]:
 def is_possible() -> bool:
     """Whether there is a second core, and a system on which a fork is safe."""
     # On other systems, loaded libraries may fail after a fork.
-    return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
+    return sys.platform == "linux" and _cores() > 1
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
 
 
 def start(make: Callable[[], bytes]) -> Callable[[], bytes]:
@@ -66,6 +76,67 @@ def start(make: Callable[[], bytes]) -> Callable[[], bytes]:
         return make() if content is None else content
 
     return result
+
+
+def shared(tasks: Sequence[Callable[[], bytes]]) -> list[bytes]:
+    """Return the results of tasks, in their order; a free core does a part of them.
+
+    This process and a second one each take the next task when they have finished one,
+    so that long tasks should come first. Tasks that fail in the second process are done
+    in this one.
+
+    tasks : at most 255.
+    """
+    if not _helpers or len(tasks) < 2 or _cores() < 2 + len(_at_work):
+        return [task() for task in tasks]
+    reads, writes = os.pipe()
+    os.write(writes, bytes(range(len(tasks))))
+    os.close(writes)
+
+    def done() -> dict[int, bytes]:
+        numbers = iter(lambda: os.read(reads, 1), b"")
+        return {number[0]: tasks[number[0]]() for number in numbers}
+
+    def work(_: bytes) -> Iterator[bytes]:
+        # Sent when the first process has no more tasks, and waits for the results.
+        return iter([bytes([k]) + result for k, result in done().items()])
+
+    helper = Helper(lambda: None, work)
+    _helpers[-1].append(helper)
+    contents = helper.send(b"")
+    results = done()
+    os.close(reads)
+    results |= {content[0]: content[1:] for content in contents}
+    helper.end()
+    return [results[k] if k in results else task() for k, task in enumerate(tasks)]
+
+
+def beside(tasks: Sequence[Callable[[], object]]) -> Callable[[], bool] | None:
+    """Start tasks in a second process at low priority, for their effects on files.
+
+    Returns
+    -------
+    function or None
+        Whether the second process has ended. Where one is at work already, no other is
+        started, and the function is for the former. None where a second process is not
+        possible.
+    """
+    if not _helpers:
+        return None
+    for earlier in _helpers[-1]:
+        if not earlier.has_ended():
+            return earlier.has_ended
+
+    def work(_: bytes) -> Iterator[bytes]:
+        os.nice(_PATIENCE)
+        for task in tasks:
+            task()
+        return iter([b"done"])
+
+    helper = Helper(lambda: None, work)
+    _helpers[-1].append(helper)
+    helper.send(b"")
+    return helper.has_ended
 
 
 class Helper:
@@ -98,6 +169,7 @@ class Helper:
 
         self._process = context.Process(target=serve)
         self._process.start()
+        _at_work.add(self)
         other.close()
         self.done = False
 
@@ -110,6 +182,13 @@ class Helper:
             self._line.send_bytes(order)
         return self._contents()
 
+    def has_ended(self) -> bool:
+        """Whether the second process has sent a result, or has failed."""
+        try:
+            return self._line.poll()
+        except OSError:
+            return True
+
     def _contents(self) -> Iterator[bytes]:
         with contextlib.suppress(EOFError, OSError):
             while content := self._line.recv_bytes():
@@ -118,6 +197,7 @@ class Helper:
 
     def end(self) -> None:
         """Kill the second process."""
+        _at_work.discard(self)
         self._line.close()
         self._process.kill()
         self._process.join()

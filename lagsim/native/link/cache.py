@@ -19,16 +19,16 @@ import struct
 import sys
 import threading
 import time
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lagsim import files
 from lagsim.native.kernels import keys
-from lagsim.native.link import engine
+from lagsim.native.link import ahead, engine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 CACHE_VARIABLE = "LAGSIM_CACHE"
 """Environment variable naming the folder to use in place of the platform's."""
@@ -70,7 +70,14 @@ class ProgramPart:
         self._written: tuple[str, int] | None = None  # kept beside quick code
 
     @cached_property
-    def _content(self) -> bytes:
+    def content(self) -> bytes:
+        """`p_size`, and `object`.
+
+        Raises
+        ------
+        KernelError, NativeError
+            As for `object`.
+        """
         return _kept(self._key, self._compiled)
 
     @property
@@ -85,11 +92,22 @@ class ProgramPart:
     @property
     def is_compiled(self) -> bool:
         """Whether `object` is known, or in the cache, from which it is then read."""
-        if "_content" not in self.__dict__:
-            found = _stored(*_place(self._key))
+        return self.is_known("content")
+
+    def is_known(self, name: str) -> bool:
+        """Whether `content` or `quick_object` (`name`) is known, or is in the cache."""
+        if name not in self.__dict__:
+            key = self._key if name == "content" else self._quick_key
+            found = _stored(*_place(key))
             if found is not None:
-                self.__dict__["_content"] = found
-        return "_content" in self.__dict__
+                self.keep(name, found)
+        return name in self.__dict__
+
+    def keep(self, name: str, code: bytes) -> None:
+        """Set `content` or `quick_object` (`name`), compiled elsewhere."""
+        self.__dict__[name] = code
+        if name == "content":
+            self._written = None
 
     @cached_property
     def quick_object(self) -> bytes:
@@ -121,18 +139,36 @@ class ProgramPart:
         NativeError
             If LLVM refuses the IR.
         """
-        return self._content[_SIZE.size :]
+        return self.content[_SIZE.size :]
 
     @property
     def p_size(self) -> int:
         """Length of the array p that the functions read; 0 for kernels."""
-        return int(_SIZE.unpack_from(self._content)[0])
+        if not self.is_compiled:
+            self._written = self._written or self._write()
+            return self._written[1]
+        return int(_SIZE.unpack_from(self.content)[0])
 
     @property
     def ir(self) -> str:
         """LLVM IR, equal for all targets; stored in the cache once it has been read."""
         key = [*self.made_from, "ir"]
         return _kept(key, lambda: str.encode(self._write()[0])).decode()
+
+
+def compile_parts(parts: Sequence[ProgramPart], quick: Collection[ProgramPart]) -> bool:
+    """Compile the parts that are not in the cache; return whether one is of `quick`.
+
+    A second process compiles half of them where possible.
+
+    quick : the parts whose quick code is wanted, see `ProgramPart.quick_object`.
+    """
+    names = [(x, "quick_object" if x in quick else "content") for x in parts]
+    missing = [(x, name) for x, name in names if not x.is_known(name)]
+    made = ahead.shared([partial(getattr, *wanted) for wanted in missing])
+    for (part, name), code in zip(missing, made, strict=True):
+        part.keep(name, code)
+    return any(x in quick for x, _ in missing)
 
 
 def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
