@@ -82,9 +82,11 @@ MORE_ORDERS = 2
 # average more of the rounding of forces.
 TIGHT_ORDER = 14
 # A repeated step is shortened by at least the first factor and at most the second. An
-# error up to the third number of tolerances is accepted: the a-priori bound uses the
-# step before.
-PASSED = 1.0
+# error up to the third number of tolerances is accepted. The a priori bound permits a
+# decaying mode 0.8 of a tolerance (order 13), and errors vary about that: with 1 in
+# place of 2, 4 to 10 of 60 steps of Andrews' mechanism are repeated at 1e-8 to 1e-6, a
+# sixth of the time, and the errors of the motion are no smaller.
+PASSED = 2.0
 SHORTER = 0.9
 # Number of steps for which terms of forces are reused while they are far from being a
 # scale.
