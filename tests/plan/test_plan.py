@@ -106,6 +106,7 @@ def test_tolerances_and_steps(options, expected):
         ("kepler", "taylor", "taylor"),
         ("elastic-pendulum-forced", "taylor", "taylor"),
         ("chain-angles", "taylor", "taylor"),
+        ("chain-cartesian", "taylor", "taylor"),
         # Constraints are left, and the series is long.
         ("rolling-disk", "dop853", "taylor"),
     ],
