@@ -70,6 +70,7 @@ from lagsim.methods.parts.search_table import (
     store_ends,
     value_at,
 )
+from lagsim.native.kernels.words import bits, from_bits
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -635,13 +636,17 @@ def cut(s: SearchTable, p: Parameters, low: float, high: float) -> None:
 def is_discontinuous(s: SearchTable, p: Parameters, k: int, x: float) -> bool:
     """Whether event function k, of a surface or condition, jumps past 0 at fraction x.
 
-    It does at a pole, and at the cut of an angle. False for the mode of a law, and for
-    a surface that the motion follows.
+    It does at a pole, and at the cut of an angle, and a condition where its values
+    begin. False for the mode of a law, and for a surface that the motion follows.
     """
+    is_condition = UNTIL and k >= s.surfaces
+    before = from_bits(bits(x) - 1) if x > 0.0 else 0.0
+    if is_condition and value_at(EVENT, s, p, k, before) == inf:
+        return True
     if s.poles[k] == 0.0:
         return False
     rounding = 0.0
-    if UNTIL and k >= s.surfaces:
+    if is_condition:
         rounding = MANY * float(s.zero[k - s.surfaces])
     elif SWITCHES and p.slides[k] != 0.0:
         return False

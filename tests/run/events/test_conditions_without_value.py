@@ -101,3 +101,29 @@ def test_sections_have_no_row_where_their_relation_has_no_value(
     found = simulated(model, "", method)
     assert found.complete
     assert list(found.sections["s"]["t"]) == pytest.approx(times, abs=1e-9)
+
+
+BESIDE_A_BALL = """
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: z}
+modes: {n: 0}
+constraints: {floor: {relation: z >= 0, restitution: 0.5}}
+events: {e: {at: "CONDITION", set: {n: n + 1}}}
+initial: {x: 0, x_dot: 1, z: 0.5}
+simulation: {duration: 3.3, output_step: 0.5}
+"""
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4"])
+@pytest.mark.parametrize(
+    ("condition", "times"),
+    [
+        ("log10(abs(x - 1.2) - 0.3) <= -1", [0.8, 1.5]),
+        ("log(x^2 - 0.3) <= -1", [math.sqrt(0.3)]),
+    ],
+)
+def test_impacts_satisfy_no_condition_that_began_at_a_pole(condition, times, method):
+    # The ball strikes the floor at 1, 2, 2.5, 2.75, ...: after each condition's end.
+    found = simulated(BESIDE_A_BALL, condition, method)
+    assert found.complete
+    assert times_of(found) == pytest.approx(times, abs=1e-8)
