@@ -1,13 +1,14 @@
 """The end of a run whose arcs leave no time for the motion.
 
-Histories of events detect accumulations of switches, impacts and acts (`accumulation`).
-Arcs may also end without any event, where a condition is located that is then found to
-be false. Therefore arcs without length are counted here.
+Histories of events detect accumulations of switches and impacts (`accumulation`). Arcs
+may also end at ever new events without a limit, or without any event, where a condition
+is located that is then found to be false. Therefore the ends of all arcs are stored
+here, with their times.
 """
 
 from __future__ import annotations
 
-import math
+from collections import deque
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
@@ -15,47 +16,63 @@ from lagsim.run.trajectory import Ending, Outcome, quoted
 from lagsim.tolerances import SAME_INSTANT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from lagsim.run.arc import Arc
 
 # Number of arcs in a row after which a run ends if, on average, they are no longer than
 # an instant.
 MOST_ARCS = 400
+# Number of arcs that end at one event function after which a run ends if their ends are
+# apart, on average, by no more than an instant, or by the part HURRIES of the duration.
+MOST_ENDS, HURRIES = 40, 1e-12
 
 
 class Progress:
-    """The arcs that have ended within a time too short for a motion."""
+    """The ends of the last arcs: their times, and their codes and event functions."""
 
     def __init__(self) -> None:
-        self._since = -math.inf  # the end of the first of these arcs
-        self._ended: list[tuple[int, int]] = []  # return codes, and event functions
+        self._ends: deque[tuple[float, int, int]] = deque(maxlen=MOST_ARCS)
+        self._own: dict[tuple[int, int], deque[float]] = {}  # times, by event function
 
     def ending(self, arc: Arc, code: int) -> Ending | None:
-        """Count the arc that has ended; return the ending of the run, or None.
+        """Store the end of an arc; return the ending of the run, or None.
 
         code : the kernel's return code.
         """
-        settings, state = arc.settings, arc.state
-        span = max(settings.duration, abs(settings.start), abs(arc.t))
-        if not arc.t - self._since <= MOST_ARCS * SAME_INSTANT * span:
-            self._since, self._ended = arc.t, []
-        number = state.event if code == at.EVENT_FOUND else state.switched
-        self._ended.append((code, int(number) - 1))
-        if len(self._ended) < MOST_ARCS:
+        since = self._stuck_since(arc, code)
+        if since is None:
             return None
-        events = all(code == at.EVENT_FOUND for code, _ in self._ended)
+        ends = sorted({(code, k) for t, code, k in self._ends if t >= since})
+        events = all(code == at.EVENT_FOUND for code, _ in ends)
         outcome = Outcome.EVENTS_CHATTER if events else Outcome.SWITCHES_ACCUMULATE
-        return Ending(outcome, quoted(self._names(arc)) or "of t")
+        return Ending(outcome, quoted(_names(arc, ends)) or "of t")
 
-    def _names(self, arc: Arc) -> Iterator[str]:
-        """Yield the names of the events, switches and laws at which the arcs ended."""
-        system = arc.system
-        events = [x.name for x in arc.equations.model.events if x.at is not None]
-        switches = [side.text for side in system.switches.sides]
-        switches += [law.name for law in system.laws]
-        for code, k in dict.fromkeys(self._ended):
-            if code == at.EVENT_FOUND:
-                yield [*events, "until"][k]
-            elif code == at.SWITCH_FOUND:
-                yield switches[k]
+    def _stuck_since(self, arc: Arc, code: int) -> float | None:
+        """Store the end of an arc; return the time since which arcs are too short."""
+        settings, state, t = arc.settings, arc.state, arc.t
+        number = state.event if code == at.EVENT_FOUND else state.switched
+        end = code, int(number) - 1
+        self._ends.append((t, *end))
+        least = SAME_INSTANT * max(settings.duration, abs(settings.start), abs(t))
+        first = self._ends[0][0]
+        if len(self._ends) == MOST_ARCS and t - first <= MOST_ARCS * least:
+            return first
+        own = self._own.setdefault(end, deque(maxlen=MOST_ENDS))
+        own.append(t)
+        least = max(least, HURRIES * settings.duration)
+        hurries = len(own) == MOST_ENDS and t - own[0] <= MOST_ENDS * least
+        return own[0] if hurries and code != at.DONE else None
+
+
+def _names(arc: Arc, ends: Iterable[tuple[int, int]]) -> Iterator[str]:
+    """Yield the names of events, switches and laws, by codes and event functions."""
+    system = arc.system
+    events = [x.name for x in arc.equations.model.events if x.at is not None]
+    switches = [side.text for side in system.switches.sides]
+    switches += [law.name for law in system.laws]
+    for code, k in ends:
+        if code == at.EVENT_FOUND:
+            yield [*events, "until"][k]
+        elif code == at.SWITCH_FOUND:
+            yield switches[k]

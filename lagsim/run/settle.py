@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 
 from lagsim.mechanics.equations import may_jump
-from lagsim.run.events.accumulation import STUCK
 from lagsim.run.events.constraints import (
     at_start,
     before_event,
@@ -66,6 +65,8 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
+# Largest number of jumps of velocities at one instant, in one pass.
+MOST_JUMPS = 40
 # Words in the messages of Python, numpy and scipy about numbers that are out of range,
 # in a ValueError or its subclass LinAlgError.
 OUT_OF_RANGE = ("NaN", "infs", "math domain")
@@ -233,17 +234,17 @@ def settle(now: InstantRecord, by: Deciders) -> InstantRecord:
 def sides_and_velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Decide sides and velocities by turns, until no velocity jumps.
 
-    If velocities jump `STUCK` times, the run ends.
+    If velocities jump `MOST_JUMPS` times, the run ends.
 
     now : the record before; the record after both phases is returned.
     """
     now = branches(now, by)
-    for _ in range(STUCK):
+    for _ in range(MOST_JUMPS):
         decided = sides(now, by)
         now = velocities(decided, by)
         if now.after is decided.after or now.ending is not None:
             return now if now.before is None else now.replaced(before=None)
-    last_events = now.events[-STUCK:]
+    last_events = now.events[-MOST_JUMPS:]
     about = quoted(x for e in last_events if (x := e.constraint or e.switch))
     return now.replaced(ending=Ending(Outcome.SWITCHES_ACCUMULATE, about))
 

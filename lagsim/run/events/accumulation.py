@@ -1,8 +1,7 @@
 """Accumulations of events: infinitely many in a finite time, and their limits.
 
-There is one `Accumulation` for switches of surfaces, one for impacts and ends of modes
-of laws, and one for acts of events of the file. Each has a history for every row
-(surface, law, event). If intervals shrink at a ratio r, the time to the limit is the
+There is one `Accumulation` for switches of surfaces, and one for impacts and ends of
+modes of laws. If intervals shrink at a ratio r, the time to the limit is the
 sum of a geometric series (`series_left`). The motion is replaced by its limit where the
 remaining paths are below the resolution of the motion:
 
@@ -10,7 +9,7 @@ remaining paths are below the resolution of the motion:
   the intervals between events of all surfaces are compared, in windows of several;
 - for impacts, the paths of each contact, by its own flights.
 
-Without a limit the run ends where events leave no time for a motion (`is_stuck`).
+Without a limit the run ends where events leave no time for a motion (`run.progress`).
 """
 
 from __future__ import annotations
@@ -25,13 +24,6 @@ WINDOW = 4
 EVEN = 2.0
 # Largest increase of the speed of a flight, relative to that predicted by the ratio.
 REGULAR = 16.0
-# The run ends at STUCK events within the part NO_TIME of the duration or of the time, a
-# few tens of units in the last place.
-STUCK = 40
-NO_TIME = 2.0**-47
-# It also ends at STUCK events of one row at an average interval of at most this part of
-# the duration.
-HURRIES = 1e-12
 # Number of events that are stored.
 MOST = 4000
 # Number of the last flights of a contact from which its limit is extrapolated.
@@ -52,14 +44,12 @@ def series_left(last: float, ratio: float) -> float:
 
 
 class History:
-    """The last events of one row.
+    """The last strikes and rests of one contact.
 
     Attributes
     ----------
-    times : deque of float
-        Times of the last events.
     strikes : deque of (float, float)
-        Times and speeds of the last strikes, where the row is a contact.
+        Times and speeds of the last strikes.
     rests : deque of float
         Times at which the contact came to rest.
     impacts : int
@@ -67,7 +57,6 @@ class History:
     """
 
     def __init__(self) -> None:
-        self.times: deque[float] = deque(maxlen=STUCK)
         self.strikes: deque[tuple[float, float]] = deque(maxlen=FLIGHTS + 1)
         self.rests: deque[float] = deque(maxlen=RESTS)
         self.impacts = 0
@@ -121,8 +110,6 @@ class Accumulation:
 
     Parameters
     ----------
-    start
-        The time at which the run starts.
     span
         The duration of the run.
     window
@@ -130,33 +117,28 @@ class Accumulation:
 
     Attributes
     ----------
-    last : float
-        The time of the last event.
     recent : deque of (float, int)
         Times and rows of the last events.
     own : dict of int to History
-        The last events of each row.
+        The last strikes of each contact.
     """
 
-    def __init__(self, start: float, span: float, window: int = WINDOW) -> None:
-        self.last = start
+    def __init__(self, span: float, window: int = WINDOW) -> None:
         self.span = span
         self.window = window
         self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
         self.own: dict[int, History] = {}
 
     def of(self, row: int) -> History:
-        """Return the history of a row, an empty one before its first event."""
+        """Return the history of a contact, an empty one before its first strike."""
         found = self.own.get(row)
         if found is None:
             found = self.own[row] = History()
         return found
 
     def add(self, time: float, row: int) -> None:
-        """Store an event of a row (surface, law, event of the file) at a time."""
-        self.last = time
+        """Store an event of a row (surface, law, break of t) at a time."""
         self.recent.append((time, row))
-        self.of(row).times.append(time)
 
     def recent_rows(self, least: int = 1) -> list[int]:
         """Return rows, sorted, with at least `least` events in the last two windows."""
@@ -213,30 +195,6 @@ class Accumulation:
         if ratio >= 1.0 or ratio == 0.0:
             return None
         return self.recent[-1][0] + series_left(self._stretch(0), ratio)
-
-    def is_stuck(self) -> bool:
-        """Whether the last events leave no time for the motion.
-
-        True where the last `STUCK` events took at most `NO_TIME` times the duration of
-        the run or the last event's time, whichever is larger, or where events of the
-        row of the last event are too frequent.
-        """
-        if len(self.recent) < STUCK:
-            return False
-        if self.is_too_frequent(self.recent[-1][1]):
-            return True
-        took = self.recent[-1][0] - self.recent[-STUCK][0]
-        return took <= NO_TIME * max(self.span, abs(self.last))
-
-    def is_too_frequent(self, row: int) -> bool:
-        """Whether the last `STUCK` events of a row are almost simultaneous.
-
-        Their average interval is then at most `HURRIES` times the duration of the run,
-        or all of them lie within `NO_TIME` times the time of the last event.
-        """
-        own = self.of(row).times
-        least = max(STUCK * HURRIES * self.span, NO_TIME * abs(self.last))
-        return len(own) == STUCK and own[-1] - own[0] <= least
 
     def restless(self) -> list[int]:
         """Return the indices of contacts that came to rest `RESTS` times in short time.

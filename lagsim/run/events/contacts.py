@@ -176,7 +176,7 @@ class Contacts(Source):
 
     def __init__(self, arc: Arc) -> None:
         self.laws, table = arc.system.laws, arc.system.law_table
-        self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
+        self.sequence = Accumulation(arc.settings.duration)
         self.contacts: list[int] = np.flatnonzero(table.gapped).tolist()
         self.striking: list[int] = np.flatnonzero(table.strikes).tolist()
         engaging = table.one_sided & ~table.gapped
@@ -221,12 +221,11 @@ class Contacts(Source):
         return laws._replace(left=left, closed=laws.closed | {k})
 
     def accumulate(self) -> Ending | None:
-        """Return the ending of a run whose laws' modes end too often, or None."""
-        stuck_members = self.sequence.restless()
-        if not (stuck_members or self.sequence.is_stuck()):
+        """Return the ending of a run whose contacts leave rest too often, or None."""
+        restless = self.sequence.restless()
+        if not restless:
             return None
-        about = self._names(stuck_members or self.sequence.recent_rows())
-        return Ending(Outcome.SWITCHES_ACCUMULATE, about)
+        return Ending(Outcome.SWITCHES_ACCUMULATE, self._names(restless))
 
     def _report(
         self, found: StateAfter, code: WarningCode, indices: list[int], **numbers: float

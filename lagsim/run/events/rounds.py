@@ -53,9 +53,6 @@ class ActsTarget(Protocol):
     def set_modes(self, k: int) -> Ending | None:
         """Set the modes that event k assigns; return an ending or None."""
 
-    def chatters(self, k: int, count: int) -> bool:
-        """Whether event k, with `count` acts at the instant, acts too often."""
-
     def changed(self) -> Collection[int]:
         """Return the conditions that have become true by the acts of the round."""
 
@@ -104,7 +101,7 @@ def act_in_rounds(
                 ending = ending or failed
             ending = ending or on.set_modes(k)
             counts[k] += 1
-            if events[k].at is not None and on.chatters(k, counts[k]):
+            if events[k].at is not None and counts[k] > MOST_ACTS:
                 chatter = chatter or names_of(acts.visits or rounds)
         due = Due(conditions=frozenset(on.changed())) if names else NOTHING
     total = np.sum(impulses, axis=0) if impulses else np.zeros(0)
@@ -171,10 +168,6 @@ class StartModes:
         sets = self.e.model.events[k].sets
         found = self._numbers([node for _, node in sets])
         self.values |= zip((mode for mode, _ in sets), found, strict=True)
-
-    def chatters(self, _k: int, count: int) -> bool:
-        """Whether an event has acted too often at the start."""
-        return count > MOST_ACTS
 
     def changed(self) -> list[int]:
         """Return the conditions that have become true since the round began."""

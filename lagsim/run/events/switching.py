@@ -110,7 +110,7 @@ class Switching(Source):
         self.modes = SurfaceModes(arc)
         self.sides = self.modes.sides
         self.on_rates = self.modes.on_rates
-        self.sequence = Accumulation(arc.settings.start, arc.settings.duration)
+        self.sequence = Accumulation(arc.settings.duration)
         g = arc.equations.graph
         self._smooth = [is_smooth(g, g.call("floor", s.node)) for s in self.sides]
         self.resting: dict[int, float] = {}
@@ -527,15 +527,7 @@ class Switching(Source):
         """
         self.sequence.add(arc.t, k)
         found = self._at_limit(arc, surfaces, laws, k)
-        if found is not None:
-            return found
-        found = self.select(arc, surfaces, laws, k)
-        if found.decision.ending or not self.sequence.is_stuck():
-            return found
-        ending = Ending(
-            Outcome.SWITCHES_ACCUMULATE, self._names(self.sequence.recent_rows())
-        )
-        return found._replace(decision=found.decision._replace(ending=ending))
+        return found or self.select(arc, surfaces, laws, k)
 
     def _at_limit(
         self, arc: Arc, surfaces: SurfacesAt, laws: LawsAt | None, k: int

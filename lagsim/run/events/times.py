@@ -237,7 +237,7 @@ class TimeBreaks(_Ahead):
         g = arc.equations.graph
         self._smooth = {k for k in self._own if is_smooth(g, modes[k].discrete)}
         self._discrete: Prevailing | None = None
-        self._met = Accumulation(arc.settings.start, arc.settings.duration, WINDOW)
+        self._met = Accumulation(arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
 

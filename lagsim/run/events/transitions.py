@@ -19,11 +19,10 @@ import numpy as np
 
 from lagsim.mechanics.equations import Acted
 from lagsim.notes import Event
-from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import Truth
 from lagsim.run.events.impulses import data_at, kick
 from lagsim.run.events.records import NOTHING, ActsAt, Due
-from lagsim.run.events.rounds import MOST_ACTS, act_in_rounds, names_of
+from lagsim.run.events.rounds import act_in_rounds, names_of
 from lagsim.run.instants import width
 from lagsim.run.trajectory import (
     Decision,
@@ -53,8 +52,6 @@ class Transitions(Source):
         The number of the next act of each periodic event; -1 for all other events.
     periodic, event_of : list of int
         The indices of periodic events; the index of the event of each condition.
-    sequence : Accumulation
-        The last acts of each event, by which chatter is found.
     selects : bool
         Whether conditions contain functions with jumps (steps, such as `sign`), whose
         sides are selected at an instant.
@@ -66,11 +63,10 @@ class Transitions(Source):
     """
 
     def __init__(self, arc: Arc) -> None:
-        events, settings = arc.equations.model.events, arc.settings
+        events = arc.equations.model.events
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
-        self.sequence = Accumulation(settings.start, settings.duration)
         self.energetic = arc.system.equations.is_set
         self.kicks = arc.equations.model.kicks
         nodes = [x.node for x in arc.equations.model.located]
@@ -324,16 +320,6 @@ class ArcActs:
         if event.at is None:
             self.by.next[k] += 1
         return ending
-
-    def chatters(self, k: int, count: int) -> bool:
-        """Whether located event k acts too often in negligible time.
-
-        count : the number of its acts at this instant.
-        """
-        sequence = self.by.sequence
-        if count == 1:
-            sequence.add(self.arc.t, k)
-        return count > MOST_ACTS or sequence.is_too_frequent(k)
 
 
 def _with_steps(arc: Arc, nodes: list[int], sides: Sequence[Side]) -> frozenset[int]:

@@ -11,7 +11,7 @@ from lagsim.run.events.accumulation import Accumulation, History
 @pytest.mark.parametrize("ratio", [0.8, 0.3, 0.05])
 def test_a_limit_is_that_of_the_series_alone(before, ratio):
     first, lead = 1e-2, [before * (1.0 + 0.1 * k) for k in range(6)]
-    found, time = Accumulation(0.0, 100.0), 0.0
+    found, time = Accumulation(100.0), 0.0
     exact = sum(lead) + first / (1.0 - ratio)
     for interval in lead + [first * ratio**k for k in range(9)]:
         time += interval

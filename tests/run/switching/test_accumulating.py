@@ -65,7 +65,7 @@ def test_a_body_that_stopped_near_the_limit_stays_beside_its_surface(k, gap, par
 
 
 def test_growing_intervals_do_not_accumulate():
-    sequence = Accumulation(0.0, 1.0)
+    sequence = Accumulation(1.0)
     t = 0.0
     for interval in (0.1, 0.1, 0.1, 0.1, 1e-15, 2e-15, 4e-15, 8e-15):
         sequence.add(t, 0)
@@ -76,7 +76,7 @@ def test_growing_intervals_do_not_accumulate():
 
 
 def test_shrinking_intervals_accumulate_at_their_limit():
-    sequence = Accumulation(0.0, 1.0)
+    sequence = Accumulation(1.0)
     for n in range(40):
         sequence.add(1.0 - 0.5**n, n % 2)
     assert sequence.limit() == pytest.approx(1.0, rel=1e-12)
