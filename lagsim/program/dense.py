@@ -33,11 +33,15 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import columns, of_model
 from lagsim.program import mass
+from lagsim.program.held_rank import (
+    note_held_directions,
+    own_place,
+    update_held_lengths,
+)
 from lagsim.program.laws import (
     clear_open_rows,
     correct,
     factor_held,
-    own_place,
     respond,
     store_sliding_forces,
 )
@@ -134,19 +138,13 @@ def note_directions(p: Parameters, end: int) -> None:
     n, u = p.n, p.mirrored
     p.noted = end
     for k in range(end):
-        z = p.directions[n * k :]
-        momentum = p.momenta[n * k :]
         u[:n] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
             j = k - before
             mirror(n, j, p.Y[j * n :], p.factors[j], u)
         from_places(n, p.places, u)
-        for a in range(n):
-            momentum[a] = 0.0
-            for j in range(a + 1):
-                momentum[a] += p.L[a * n + j] * u[j]
-        mass.backward(n, p.inertia_first, p.L, u, z)
+        mass.store_direction(p, k, u)
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
@@ -600,12 +598,17 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         smallest diagonal element sigma of R (see `reflect`), and the largest
         second-order residual after the step, see `second_order_residual`.
     """
+    noting = p.least_sigma >= NOTE
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     drop_lost(y[p.velocities], p, p.gap_rates, out)
     out[p.n + 1] = p.sigma
     out[p.n + 2] = second_order_residual(p.m, t, y, p, out)
-    if not LAWS:
+    if LAWS:
+        update_held_lengths(p)
+        if noting:
+            note_held_directions(p)
+    else:
         update_lengths(p)
         p.reference = max(p.reference, p.sigma)
 

@@ -44,8 +44,8 @@ from lagsim.methods.parts.parameters import (
 )
 from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import bits, external, from_bits
-from lagsim.program import mass
-from lagsim.program.nearly_dependent import factor_rows, is_frictionless, solve_by_rows
+from lagsim.program import mass, nearly_dependent
+from lagsim.program.held_rank import note_sigma, own_place
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -82,9 +82,14 @@ def couple(p: Parameters, sliding: int) -> None:
             copy_within(p, i, row, push)
         note_column(p, k, i)
     note_still(p)
-    p.least_pivot = 1.0
+    p.least_pivot = p.sigma = 1.0
+    symmetric = sliding == 0 or no_slip_has_force(p)
     for g in range(int(p.groups)):
-        couple_group(p, bits(p.group_starts[g]), bits(p.group_ends[g]), g)
+        begin, end = bits(p.group_starts[g]), bits(p.group_ends[g])
+        couple_group(p, begin, end, g)
+        if symmetric:
+            note_sigma(p, begin, end, p.S[bits(p.group_matrices[g]) :])
+    p.least_sigma = min(p.least_sigma, p.sigma)
 
 
 def note_column(p: Parameters, k: int, i: int) -> None:
@@ -163,18 +168,18 @@ def couple_group(p: Parameters, begin: int, end: int, g: int) -> None:
     for j in range(count):
         least = min(least, abs(matrix[j * count + j]))
     well = regular > 0 and least > SQUARED
-    if count > 1 and not well and is_frictionless(p, begin, end):
+    if count > 1 and not well and nearly_dependent.is_frictionless(p, begin, end):
         least = 0.0
-        regular = factor_rows(p, begin, count, matrix)
-        p.factors[begin] = BY_ROWS
+        regular = nearly_dependent.factor_rows(p, begin, count, matrix)
+        p.factors[begin] = nearly_dependent.BY_ROWS
     if regular == 0:
         p.scales[begin:end] = nan
     p.least_pivot = min(p.least_pivot, least)
 
 
 # A group of rows whose least pivot of S is smaller is factored by rows, see
-# `nearly_dependent`. Instead of the first pivot: the group is factored so.
-SQUARED, BY_ROWS = 1e-10, -1.0
+# `nearly_dependent`.
+SQUARED = 1e-10
 
 
 def add_row(p: Parameters, i: int, k: int, factor: float, out: Floats) -> None:
@@ -219,12 +224,6 @@ def product_within(p: Parameters, i: int, a: Floats, b: Floats) -> float:
         for j in range(mass.range_begin(p, e), mass.range_end(p, e)):
             found += a[j] * b[j]
     return found
-
-
-def own_place(p: Parameters, i: int) -> int:
-    """Return the index of the coordinate on which slider row i acts; else -1."""
-    k = i - p.m + p.laws
-    return int(p.law_place[k]) if k >= 0 else -1
 
 
 def has_sliding_friction(p: Parameters, i: int) -> bool:
@@ -305,8 +304,8 @@ def solve_rows(p: Parameters, sliding: int) -> None:
             S, band = p.S[bits(p.group_matrices[g]) :], bits(p.group_bands[g])
             if count == 1:
                 p.w[begin] /= S[0]
-            elif p.factors[begin] == BY_ROWS:
-                solve_by_rows(p, begin, count, S)
+            elif p.factors[begin] == nearly_dependent.BY_ROWS:
+                nearly_dependent.solve_by_rows(p, begin, count, S)
             else:
                 solve(1, count, band, S, p.factors[begin:], p.w[begin:])
 

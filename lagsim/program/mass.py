@@ -219,6 +219,20 @@ def range_end(p: Parameters, e: int) -> int:
     return bits(p.reach_ends[e])
 
 
+def store_direction(p: Parameters, k: int, u: Floats) -> None:
+    """Store z = L^-T u in row k of p.directions, and M z in row k of p.momenta.
+
+    u : (n,), of length 1, so that z has length 1 in the metric of M.
+    """
+    n = p.n
+    z, momentum = p.directions[n * k :], p.momenta[n * k :]
+    for a in range(n):
+        momentum[a] = 0.0
+        for j in range(a + 1):
+            momentum[a] += p.L[a * n + j] * u[j]
+    backward(n, p.inertia_first, p.L, u, z)
+
+
 def product(length: int, a: Floats, b: Floats) -> float:
     """Return the inner product of the first `length` elements of a and b."""
     value = 0.0

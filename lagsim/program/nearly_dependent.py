@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # A row with a smaller part outside of the span of the rows before it depends on these.
 INDEPENDENT = 1e-13
+# In place of the first exchange of pivots: the group is factored by rows.
+BY_ROWS = -1.0
 
 
 def is_frictionless(p: Parameters, begin: int, end: int) -> bool:

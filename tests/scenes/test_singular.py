@@ -276,6 +276,47 @@ def test_two_mechanisms_side_by_side(speed):
     assert np.max(np.abs(result["a2b"] - pendulum(result["t"], 2, speed))) < 1e-8
 
 
+# A relation that holds at first, a wall out of reach, a limited row that slides from
+# the start: with each of them rows hold at times, and the rank is that of the others.
+BESIDE = [
+    "lock: {relation: a0 = a1, when: t < 0.1}",
+    "wall: {relation: a0 >= -500, restitution: 0}",
+    "rub: {relation: c0_dot = 1, limit: 0}",
+]
+
+
+@pytest.mark.parametrize("law", BESIDE)
+@pytest.mark.parametrize(
+    ("N", "method"),
+    [(1, "dopri5"), (2, "auto"), pytest.param(3, "dopri5", marks=pytest.mark.slow)],
+)
+def test_dead_points_beside_laws(N, method, law):
+    text = in_angles(loops_of(N), duration=5)
+    text = text.replace("constraints:\n", f"constraints:\n  {law}\n", 1)
+    result = run(text, method=method)
+    assert result.trajectory.outcome.complete
+    angle = pendulum(result["t"], N, 1.0)
+    for k in range(N + 1):
+        assert np.max(np.abs(result[f"a{k}"] - angle)) < 1e-8
+    assert rank_losses(result, "x0")
+
+
+@pytest.mark.parametrize("names", ["along", "across", "along across"])
+def test_dead_centre_of_relations_that_hold_at_times(names):
+    text = SLIDER_CRANK.format(start="0.7").replace("duration: 10", "duration: 4")
+    for relation in ("along: cos(a) + cos(b) = x", "across: sin(a) + sin(b) = 0"):
+        name, equation = relation.split(": ")
+        if name in names.split():
+            held = f"{name}: {{relation: {equation}, when: t < 9}}"
+            text = text.replace(relation, held)
+    result = run(text)
+    assert result.trajectory.outcome.complete
+    assert np.max(np.abs(result["a"] + result["b"])) < 1e-8
+    speed = result["a_dot"] ** 2 * (1 + 2 * np.sin(result["a"]) ** 2)
+    assert np.max(np.abs(speed - speed[0])) < 1e-8
+    assert rank_losses(result, "across")
+
+
 # A body of 1e24 that moves beside the mechanism, and is no part of it.
 HEAVY = {
     "coordinates:\n": "coordinates:\n  B: {}\n",

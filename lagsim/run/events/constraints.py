@@ -16,6 +16,7 @@ Where the constraint Jacobian loses rank, the dependent constraints are reported
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,8 @@ from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
+from lagsim.mechanics.pieces import whole
+from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice, Event
 from lagsim.plan.plan import by_loops, usual_lengths, without_partition
@@ -51,6 +54,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
     from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.events.switching import Switching
@@ -389,7 +393,8 @@ class RankLosses(Source):
     """Source that reports losses of rank of a run, once for each set of constraints."""
 
     def __init__(self) -> None:
-        self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
+        # Lengths of the rows of the equalities, by the names of the rows.
+        self._usual: dict[tuple[str, ...], tuple[float, ...]] = {}
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the events and the warning for a loss of rank, with its constraints.
@@ -406,13 +411,16 @@ class RankLosses(Source):
         row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         s = at_loss[arc.state.first_order]
-        if self._usual is None:
-            self._usual = usual_lengths(arc.equations, arc.start)
-        rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
-        point = Point(arc.equations, Instant(time, q, v, s))
-        left, smallest = weakest_rows(point, rank, self._usual)
-        rows = zip(arc.equations.rows, np.abs(left) > HEAVY, strict=True)
-        names = tuple(row.name for row, is_in in rows if is_in)
+        at_times = _held_at_times(arc)
+        equations = replace(arc.equations, rows=arc.equations.rows + at_times)
+        all_names = tuple(row.name for row in equations.rows)
+        if all_names not in self._usual:
+            self._usual[all_names] = usual_lengths(equations, arc.start)
+        rank = arc.plan.rank + len(arc.plan.reduction.eliminated) + len(at_times)
+        point = Point(equations, Instant(time, q, v, s))
+        left, smallest = weakest_rows(point, rank, self._usual[all_names])
+        rows = zip(all_names, np.abs(left) > HEAVY, strict=True)
+        names = tuple(dict.fromkeys(whole(name) for name, is_in in rows if is_in))
         events = tuple(Event(time, "rank", name, smallest) for name in names)
         listed = ", ".join(names)
         text = (
@@ -421,3 +429,11 @@ class RankLosses(Source):
             "where motions branch; their multipliers are large around it"
         )
         return Decision(events, self.once(RANK, text, listed))
+
+
+def _held_at_times(arc: Arc) -> tuple[Row, ...]:
+    """Return the rows of equalities with a condition `when` that hold in the arc."""
+    if not arc.system.laws:
+        return ()
+    held = arc.system.law_table.equal & (arc.system.p.law_mode == kept.HELD)
+    return tuple(arc.system.laws[k].row for k in np.flatnonzero(held).tolist())
