@@ -24,6 +24,7 @@ import numpy as np
 
 from lagsim.mechanics.algebra import multiple_of
 from lagsim.run.events.curve_ends import REACH
+from lagsim.run.events.filippov import Beside, FilippovCone, SideSolution
 from lagsim.run.events.kinematics import Acting, Kinematics
 from lagsim.run.events.law_modes import (
     Chosen,
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.row_modes import RowModes
-    from lagsim.run.events.filippov import Beside, FilippovCone, SideSolution
     from lagsim.run.events.records import LawsAt
     from lagsim.run.events.surface_modes import Rows, SurfaceModes
 
@@ -610,8 +610,6 @@ class Crossing:
 
         Open surfaces are those whose sides the forces decide.
         """
-        from lagsim.run.events.filippov import FilippovCone
-
         modes, arc = self.modes, self.modes.arc
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, ...]:
@@ -677,8 +675,6 @@ class Crossing:
         corner : sequence of int
             Side of each open surface.
         """
-        from lagsim.run.events.filippov import Beside
-
         self._settle(corner)
         here = self._here()
         laws = here.acting(self.laws, left)

@@ -79,6 +79,24 @@ class Beside(NamedTuple):
     surfaces: Floats = NO_LAWS.rates
     across: Floats = NO_LAWS.rates
 
+    @property
+    def matrices(self) -> tuple[Floats, ...]:
+        """The matrices that depend on the sides: of `acting`, then of the record."""
+        return self.acting.response, *self[1:]
+
+    def mean(self, others: Sequence[tuple[float, Beside]]) -> Beside:
+        """Return the record with the weighted means of the matrices of others.
+
+        others : the records, each with its weight.
+        """
+        response, *matrices = (
+            np.asarray(sum(part * other.matrices[i] for part, other in others))
+            for i in range(len(self.matrices))
+        )
+        D = matrices[1] @ response
+        closed = replace(self.acting.closed, D=D, factor=np.eye(len(D)), pushes=D)
+        return Beside(self.acting._replace(closed=closed, response=response), *matrices)
+
 
 class SideSolution(NamedTuple):
     """The solution for one selection of sides of n surfaces.
@@ -305,27 +323,31 @@ class FilippovCone:
 
         w : shape (count,).
         """
-        rates = self._mean(self.rates, w)
+        corners = self._corners(w)
+        rates = np.asarray(sum(part * self.rates(corner) for part, corner in corners))
         if self.kinks:  # the rows and the forces are linear in shares, not the products
-            a = self._mean(lambda corner: self.laws(corner).free, w)
-            rates[self.count :] += self._mean(
-                lambda corner: self.laws(corner).rows @ (a - self.laws(corner).free), w
-            )
+            a = self._beside(w).free
+            for part, corner in corners:
+                laws = self.laws(corner)
+                rates[self.count :] += part * (laws.rows @ (a - laws.free))
         return rates
 
-    def _mean(self, value: Callable[[Corner], Floats], w: Floats) -> Floats:
-        """Return a function of corners at shares w (count,), by interpolation."""
+    def _corners(self, w: Floats) -> list[tuple[float, Corner]]:
+        """Return corners with weights, which interpolate functions of corners at w.
+
+        w : shape (count,), shares of the surfaces.
+        """
         between = np.flatnonzero((w > BELOW) & (w < ABOVE)).tolist()
         low = w.astype(int)
-        base = value(tuple(low.tolist()))
         if len(between) > FEW:
-            effects = (value(on_other_side(low.tolist(), j)) - base for j in between)
-            return sum((w[j] * x for j, x in zip(between, effects, strict=True)), base)
-        found = 0.0 * base
+            base, parts = low.tolist(), w[between].tolist()
+            aside = [on_other_side(base, j) for j in between]
+            return [(1.0 - sum(parts), tuple(base)), *zip(parts, aside, strict=True)]
+        found = []
         for corner in product((BELOW, ABOVE), repeat=len(between)):
             low[between] = corner
             parts = np.where(np.array(corner) == ABOVE, w[between], 1.0 - w[between])
-            found = found + np.prod(parts) * value(tuple(low.tolist()))
+            found.append((float(np.prod(parts)), tuple(low.tolist())))
         return found
 
     def _beside(self, w: Floats) -> Beside:
@@ -336,21 +358,8 @@ class FilippovCone:
         first = self.laws(tuple(w.astype(int).tolist()))
         if not self.kinks or not ((w > BELOW) & (w < ABOVE)).any():
             return first
-        rows, response, effect, free, surfaces, across = (
-            self._mean(value, w)
-            for value in (
-                lambda corner: self.laws(corner).rows,
-                lambda corner: self.laws(corner).acting.response,
-                lambda corner: self.laws(corner).effect,
-                lambda corner: self.laws(corner).free,
-                lambda corner: self.laws(corner).surfaces,
-                lambda corner: self.laws(corner).across,
-            )
-        )
-        D, closed = rows @ response, first.acting.closed
-        closed = replace(closed, D=D, factor=np.eye(len(D)), pushes=D)
-        acting = first.acting._replace(closed=closed, response=response)
-        return Beside(acting, effect, rows, free, surfaces, across)
+        corners = self._corners(w)
+        return first.mean([(part, self.laws(corner)) for part, corner in corners])
 
     def _held_at_kinks(self, sides: Floats) -> Floats:
         """Return the multipliers (r,) of the laws if the motion stays on all kinks.
