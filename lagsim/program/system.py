@@ -118,7 +118,8 @@ def values_part(size: int, order: int, n: int) -> ProgramPart:
     """
     given = size, order, n
     made_from = polynomials.digest(*given)
-    return graph_part(made_from, lambda: (polynomials.series_values(*given), 0))
+    written = polynomials.series_values
+    return graph_part(made_from, lambda: (written(*given), 0), gradual=False)
 
 
 MANNER = Manner(

@@ -9,7 +9,12 @@ import weakref
 
 import pytest
 
-from lagsim.native.link.engine import Engine, NativeError, compile_object
+from lagsim.native.link.engine import (
+    Engine,
+    NativeError,
+    compile_object,
+    quick_objects,
+)
 
 
 def constant(value: float) -> bytes:
@@ -86,3 +91,52 @@ def test_dropped_engines_free_their_code() -> None:
         gc.collect()
         sizes.append(mapped_pages())
     assert sizes[2] - sizes[1] < 5 * 500
+
+
+# Two functions that may be contracted, each called by one that may not, and vice versa.
+MIXED = """\
+declare double @llvm.sqrt.f64(double)
+@table = private constant [2 x double] [double 0.1, double 0.7]
+define internal double @fused(double %x, double %y,
+                              double %z) noinline {
+%product = fmul contract double %x, %y
+%sum = fadd contract double %product, %z
+%root = call double @root(double %sum)
+ret double %root
+}
+define internal double @root(double %x) {
+%y = call double @llvm.sqrt.f64(double %x)
+ret double %y
+}
+define double @apart(double %x) {
+%product = fmul double %x, %x
+%sum = fadd double %product, 0x3FB999999999999A
+%value = call double @fused(double %sum, double %x, double %x)
+ret double %value
+}
+define double @last(double %x) {
+%place = getelementptr double, ptr @table, i64 1
+%a = load double, ptr %place
+%product = fmul contract double %x, %a
+%sum = fadd contract double %product, %a
+%value = call double @apart(double %sum)
+ret double %value
+}
+"""
+
+
+def test_quick_code_has_the_bits_of_contracted_functions():
+    usual, quick = Engine([compile_object(MIXED)]), Engine(quick_objects(MIXED))
+    assert len(quick_objects(MIXED)) == 2
+    number = ctypes.c_double
+    for name in ("apart", "last"):
+        calls = [x.function(name, number, [number]) for x in (usual, quick)]
+        values = [[call(0.01 * k) for k in range(300)] for call in calls]
+        assert values[0] == values[1]
+
+
+def test_quick_code_of_contracted_functions_alone_is_the_usual_one():
+    body = "%y = fmul contract double %x, %x\nret double %y\n"
+    ir = f"define double @f(double %x) {{\n{body}}}\n"
+    assert quick_objects(ir) == [compile_object(ir)]
+    assert len(quick_objects(ir.replace(" contract", ""))) == 1

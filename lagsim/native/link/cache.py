@@ -57,6 +57,8 @@ class ProgramPart:
         Returns the IR, and the length of p that its functions need.
     optimise : bool
         See `engine.compile_object`.
+    gradual : bool
+        Whether the part may be linked as quick code first, see `gradual`.
     """
 
     def __init__(
@@ -65,8 +67,10 @@ class ProgramPart:
         write: Callable[[], tuple[str, int]],
         *,
         optimise: bool,
+        gradual: bool = True,
     ) -> None:
-        self.made_from, self.optimise, self._write = made_from, optimise, write
+        self.made_from, self.optimise, self.gradual = made_from, optimise, gradual
+        self._write = write
         self._written: tuple[str, int] | None = None  # kept beside quick code
 
     @cached_property
@@ -95,7 +99,7 @@ class ProgramPart:
         return self.is_known("content")
 
     def is_known(self, name: str) -> bool:
-        """Whether `content` or `quick_object` (`name`) is known, or is in the cache."""
+        """Whether `content` or `quick_content` (`name`) is known, or in the cache."""
         if name not in self.__dict__:
             key = self._key if name == "content" else self._quick_key
             found = _stored(*_place(key))
@@ -104,14 +108,14 @@ class ProgramPart:
         return name in self.__dict__
 
     def keep(self, name: str, code: bytes) -> None:
-        """Set `content` or `quick_object` (`name`), compiled elsewhere."""
+        """Set `content` or `quick_content` (`name`), compiled elsewhere."""
         self.__dict__[name] = code
         if name == "content":
             self._written = None
 
     @cached_property
-    def quick_object(self) -> bytes:
-        """Object code that is compiled soon and runs longer, with the bits of `object`.
+    def quick_content(self) -> bytes:
+        """`p_size`, and each of `quick_objects` with its length before it.
 
         Raises
         ------
@@ -121,12 +125,31 @@ class ProgramPart:
         return _kept(self._quick_key, self._quickly_compiled)
 
     def _quickly_compiled(self) -> bytes:
-        self._written = self._write()
-        return engine.compile_object(self._written[0], quick=True)
+        self._written = self._written or self._write()
+        ir, p_size = self._written
+        objects = engine.quick_objects(ir, optimise=self.optimise)
+        framed = (_SIZE.pack(len(x)) + x for x in objects)
+        return _SIZE.pack(p_size) + b"".join(framed)
+
+    @property
+    def quick_objects(self) -> list[bytes]:
+        """Object code that is compiled soon and runs longer, with the bits of `object`.
+
+        Raises
+        ------
+        KernelError, NativeError
+            As for `object`.
+        """
+        objects, at, content = [], _SIZE.size, self.quick_content
+        while at < len(content):
+            begin = at + _SIZE.size
+            at = begin + _SIZE.unpack_from(content, at)[0]
+            objects.append(content[begin:at])
+        return objects
 
     @property
     def _quick_key(self) -> list[object]:
-        return [*self._key, "quick"]
+        return [*self._key, "quick objects"]
 
     @property
     def object(self) -> bytes:
@@ -144,10 +167,11 @@ class ProgramPart:
     @property
     def p_size(self) -> int:
         """Length of the array p that the functions read; 0 for kernels."""
-        if not self.is_compiled:
-            self._written = self._written or self._write()
-            return self._written[1]
-        return int(_SIZE.unpack_from(self.content)[0])
+        for name in ("content", "quick_content"):
+            if self.is_known(name):
+                return int(_SIZE.unpack_from(getattr(self, name))[0])
+        self._written = self._written or self._write()
+        return self._written[1]
 
     @property
     def ir(self) -> str:
@@ -161,9 +185,9 @@ def compile_parts(parts: Sequence[ProgramPart], quick: Collection[ProgramPart]) 
 
     A second process compiles half of them where possible.
 
-    quick : the parts whose quick code is wanted, see `ProgramPart.quick_object`.
+    quick : the parts whose quick code is wanted, see `ProgramPart.quick_objects`.
     """
-    names = [(x, "quick_object" if x in quick else "content") for x in parts]
+    names = [(x, "quick_content" if x in quick else "content") for x in parts]
     missing = [(x, name) for x, name in names if not x.is_known(name)]
     made = ahead.shared([partial(getattr, *wanted) for wanted in missing])
     for (part, name), code in zip(missing, made, strict=True):
@@ -171,7 +195,9 @@ def compile_parts(parts: Sequence[ProgramPart], quick: Collection[ProgramPart]) 
     return any(x in quick for x, _ in missing)
 
 
-def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> ProgramPart:
+def graph_part(
+    made_from: str, generate: Callable[[], tuple[str, int]], *, gradual: bool = True
+) -> ProgramPart:
     """Return the `ProgramPart` of functions that are generated from a graph.
 
     Parameters
@@ -180,8 +206,11 @@ def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Progr
         Digest of the graph, see `graph.keys`.
     generate : function
         Returns the IR, and the length of p that the functions need.
+    gradual : bool
+        See `ProgramPart`.
     """
-    return ProgramPart(["graph", made_from], generate, optimise=False)
+    made = ["graph", made_from]
+    return ProgramPart(made, generate, optimise=False, gradual=gradual)
 
 
 def kernel_part(

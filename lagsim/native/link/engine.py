@@ -31,6 +31,13 @@ none is contracted, and elementary functions are lagsim's own."""
 
 _LIBRARY = "lagsim"
 
+_CONTRACTED = " contract "
+_FUNCTION = re.compile(
+    r"^define (?P<internal>internal )?(?P<head>[^@]*@(?P<name>[\w.]+)\([^)]*\))[^\n]*\n"
+    r"(?P<body>.*?)^\}\n?",
+    re.MULTILINE | re.DOTALL,
+)
+
 # Names of processors that are known on all systems.
 _COMMON = (PORTABLE, "generic", "x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4")
 _ASK = """
@@ -158,8 +165,8 @@ def compile_object(ir: str, *, optimise: bool = True, quick: bool = False) -> by
         a graph, in which common subexpressions are shared already: it becomes no
         faster, and compiles five times longer.
     quick : bool
-        Whether to run `QUICK_PASSES` in place of LLVM's usual ones. Code without
-        contraction has equal bits either way.
+        Whether to compile at `QUICK_LEVEL`, with `QUICK_PASSES` in place of LLVM's
+        usual ones. Code without contraction has equal bits either way.
 
     Raises
     ------
@@ -169,12 +176,49 @@ def compile_object(ir: str, *, optimise: bool = True, quick: bool = False) -> by
     chosen = target()
     machine = _machine(chosen, QUICK_LEVEL if quick else LEVEL)
     module = _module(ir, chosen, machine, optimise=optimise and not quick)
-    if quick:
+    if quick and optimise:
         passes = _binding().create_new_module_pass_manager()
         for name in QUICK_PASSES:
             getattr(passes, f"add_{name}_pass")()
         passes.run(module, _passes(machine))
     return bytes(machine.emit_object(module))
+
+
+def quick_objects(ir: str, *, optimise: bool = True) -> list[bytes]:
+    """Compile LLVM IR quickly to one or two objects, with the bits of `compile_object`.
+
+    Functions that LLVM may contract are compiled as always, apart from the others.
+
+    ir, optimise : see `compile_object`.
+    """
+    if _CONTRACTED not in ir or target().portable:
+        return [compile_object(ir, optimise=optimise, quick=True)]
+    found = list(_FUNCTION.finditer(ir))
+    usual = {_CONTRACTED in x["body"] for x in found}
+    if usual == {True}:
+        return [compile_object(ir, optimise=optimise)]
+    # Symbols of one object are visible to the other, under names of their own.
+    rest = _FUNCTION.sub("", ir)
+    internal = "|".join(re.escape(x["name"]) for x in found if x["internal"])
+    split: tuple[list[str], list[str]] = [], []
+    for function in found:
+        contracted = _CONTRACTED in function["body"]
+        text = function[0].replace("define internal ", "define ", 1)
+        split[contracted].append(text)
+        split[not contracted].append(f"declare {function['head']}\n")
+    texts = ["".join(lines) for lines in split]
+    for line in rest.splitlines(keepends=True):
+        name = line.partition(" = ")[0] if line.startswith("@") else ""
+        for text, lines in zip(texts, split, strict=True):
+            if name in text:
+                lines.append(line)  # LLVM allows any order
+    texts = ["".join(lines) for lines in split]
+    if internal:
+        texts = [re.sub(rf"@({internal})\(", r"@apart.\1(", text) for text in texts]
+    return [
+        compile_object(texts[0], optimise=optimise, quick=True),
+        compile_object(texts[1], optimise=optimise),
+    ]
 
 
 def link_object(

@@ -1,12 +1,12 @@
-"""Linked parts whose kernels are compiled quickly, and optimised in longer runs.
+"""Linked parts that are compiled quickly, and optimised in longer runs.
 
 Most runs are short: the first run on a machine would compile for seconds what runs for
-milliseconds. Kernels that the cache does not have optimised are linked as quick code.
-Once they have run for `SHORT` they are optimised, and their code is in the cache from
-then on. Both codes have equal bits.
+milliseconds. Kernels and functions of the model that the cache does not have optimised
+are linked as quick code. Once they have run for `SHORT` they are optimised, and their
+code is in the cache from then on. Both codes have equal bits.
 
 The run that compiles the quick code goes on with it, while a second process optimises
-the kernels into the cache; if the run ends first, the kernel in hand is given up. A
+its parts into the cache; if the run ends first, the part in hand is given up. A
 later run of such code optimises all that is left at once, with a second process.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from lagsim.native.link.cache import ProgramPart
 
-# Processor time in quick code, of one process, from which on kernels are optimised. A
+# Processor time in quick code, of one process, from which on it is optimised. A
 # model that needs less is never optimised, and loses at most half of this time a run;
 # the next run of one that needs more has optimised code.
 SHORT = 0.02
@@ -36,7 +36,7 @@ class GradualParts:
     ----------
     parts : sequence of ProgramPart
     quick : bool
-        Whether kernels may be linked as quick code.
+        Whether parts may be linked as quick code.
 
     Attributes
     ----------
@@ -49,17 +49,18 @@ class GradualParts:
         self._new = False  # whether this process has compiled quick code
         self._is_optimised: Callable[[], bool] | None = None
         self.improvable = [
-            part for part in parts if quick and part.optimise and not part.is_compiled
+            part for part in parts if quick and part.gradual and not part.is_compiled
         ]
 
     @property
     def objects(self) -> list[bytes]:
         """Object code of all parts, for an engine."""
         self._new |= compile_parts(self._parts, self.improvable)
-        return [
-            part.quick_object if part in self.improvable else part.object
-            for part in self._parts
-        ]
+        objects = list[bytes]()
+        for part in self._parts:
+            quick = part in self.improvable
+            objects += part.quick_objects if quick else [part.object]
+        return objects
 
     def used(self, seconds: float) -> bool:
         """Count time in quick code; return whether optimised code is to take over.
@@ -73,7 +74,7 @@ class GradualParts:
             return False
         if self._is_optimised is None and self._new and folder() is not None:
             # The parts that take least time first: more of them are done in a run.
-            parts = sorted(self.improvable, key=lambda part: len(part.quick_object))
+            parts = sorted(self.improvable, key=lambda part: len(part.quick_content))
             tasks = [partial(getattr, part, "content") for part in parts]
             self._is_optimised = ahead.beside(tasks)
         if self._is_optimised is not None and not self._is_optimised():
