@@ -408,6 +408,17 @@ def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
     return written(g, knot), axis[FIRST] if cell < 0.0 else axis[-1]
 
 
+def last_level(g: Builder, knot: int) -> float:
+    """Return the knot number of the last point of a table that ends the run beyond it.
+
+    inf for a table with values beyond its ends, and for other nodes.
+
+    knot : node of the knot number of a table.
+    """
+    axis = g.payload(g.args[knot][0]).values if g.ops[knot] == "table.knot" else None
+    return float(axis[0]) if axis is not None and axis[3] else inf
+
+
 # --- From points to pieces
 
 OUTSIDE = ("error", "hold", "extend", "repeat")

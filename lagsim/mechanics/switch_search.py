@@ -65,8 +65,7 @@ def find_switches(
     conditions, output
         The expressions of conditions, and of columns and sections. A step function that
         these alone contain has a side, see `Side.shown`: in a condition always, in
-        output if laws or surfaces may hold all variables on which it depends. The ends
-        of a table without values beyond them are located if a condition contains it.
+        output if laws or surfaces may hold all variables on which it depends.
     constrained
         The names of variables that laws may hold; variables of surfaces are added.
     cuts
@@ -86,15 +85,6 @@ def find_switches(
     among = frozenset(g.cone(dynamics) if finder.decided else ()) - ignored
     watched = sorted({d for n, d in finder.decided.items() if n in among})
     beside = _shown_steps(g, conditions, (*moving, *driving), speeds)
-    # The end of a table of an argument that jumps (`mod(x, 2)`) is not located: there
-    # rounding would decide whether the argument has passed it.
-    ends = {
-        at_ends(g, *cell): text for d, text in beside.items()
-        if d not in watched and (cell := cell_of(g, d)) and cell[0].values[3]
-        and {g.ops[n] for n in g.cone([cell[1]])}.isdisjoint(STEPS)
-    }  # fmt: skip
-    state |= ends
-    watched += ends
     if output:
         levels = (surface.node for d in watched for surface in surfaces(g, d))
         held = {*constrained} | (g.depends(levels) & {*moving})
@@ -181,7 +171,8 @@ def _passed(
     These levels are the intervals `smooth` and `continuous` of each side. A level of a
     function of positions is met at a rate that forces do not change instantaneously:
     where the rate is not 0 the motion crosses the level, even if y' jumps, unless a
-    velocity jumps because the rate of a row, or the expression of another side, does.
+    velocity jumps because the rate of a row, or the expression of another side, does,
+    or the argument of a table jumps past its end.
 
     orders : cell of a table -> order of its derivatives in y'.
     rates : residuals and rates of rows, or None.
@@ -189,6 +180,7 @@ def _passed(
     found : the switches, without these levels.
     """
     others = [*(rates or ()), *(s.node for s in found.sides if not s.shown)]
+    others += [n for n in found.state if (x := cell_of(g, n)) and x[0].values[3]]
     jumps, decisive = highest_orders(g, others), frozenset(g.cone(others))
     fast = g.dependent([s.node for s in found.sides], speeds)
     sides = []
@@ -293,7 +285,9 @@ def model_switches(
     e = equations
     beside = [row.transport for row in e.every_row]
     beside += [law.when for law in e.laws if law.when is not None]
+    conditions = tuple(x.node for x in e.model.located) if located and shown else ()
     dynamics = (*e.of_motion, *beside)
+    dynamics += tuple(_table_ends(e, dynamics)) if shown and e.model.tables else ()
     works = (x.name for x in e.works)
     # Output is as written: with eliminated coordinates, which have no value here.
     q = [c.name for c in e.model.coordinates]
@@ -304,7 +298,6 @@ def model_switches(
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
     known = (*dynamics, e.energy), moving, dynamics if located else (), e.velocities
     driving = () if {*q} <= {*e.state} else ("t",)
-    conditions = tuple(x.node for x in e.model.located) if located and shown else ()
     output = tuple(_output(e.model)) if located and shown else ()
     of_rows = tuple(x for row in e.every_row for x in (row.residual, row.rate))
     constrained = frozenset({*e.state} & e.graph.depends(of_rows if e.laws else ()))
@@ -322,6 +315,25 @@ def model_switches(
         e.graph, *known, sizes, accelerations, rates, conditions, output, constrained,
         jumping, driving,
     )  # fmt: skip
+
+
+def _table_ends(e: Equations, dynamics: Sequence[int]) -> Iterator[int]:
+    """Yield nodes that step at the ends of tables which the motion does not contain.
+
+    The tables are those in conditions and sections that have no values beyond their
+    ends. Their arguments may jump (`mod(x, 4)`), and an `if` may leave them out: these
+    steps decide whether the run ends, so they have sides as those of the motion.
+
+    dynamics : the expressions that determine the motion.
+    """
+    g, known = e.graph, frozenset(e.graph.cone(dynamics))
+    shown = [n for n in g.cone(e.model.relations) if n not in known]
+    cells = {n: x for n in shown if (x := cell_of(g, n)) and x[0].values[3]}
+    for cell in cells.values():
+        yield at_ends(g, *cell)
+    for n in shown:
+        if cells and g.ops[n] == "if" and not cells.keys().isdisjoint(g.cone([n])):
+            yield g.args[n][0]
 
 
 def _output(model: Model) -> Iterator[int]:

@@ -311,6 +311,13 @@ class Switches:
         of = {d: side for d, side in self._sides_of.items() if side[0] in own}
         return replace(self, _modes_of={}, _sides_of=of)
 
+    @property
+    def decided(self) -> Switches:
+        """The switches without those that conditions and output alone contain."""
+        own = {self.graph.variable(s.variable) for s in self.sides if not s.shown}
+        of = {d: side for d, side in self._sides_of.items() if side[0] in own}
+        return replace(self, _sides_of=of)
+
     def held(self) -> dict[int, int]:
         """Return, for each step function (node), the condition that it is at a level.
 

@@ -810,6 +810,12 @@ class Model:
         conditions = (*(event.at for event in self.events), self.until)
         return tuple(x for x in conditions if x is not None)
 
+    @property
+    def relations(self) -> tuple[int, ...]:
+        """Nodes of the relations that a run searches: of conditions and sections."""
+        sections = (x.at for x in self.output.sections if x.at is not None)
+        return (*(x.node for x in self.located), *sections)
+
     def bind(
         self,
         parameters: Mapping[str, float | str] | None = None,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from math import inf
+from math import inf, isinf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from lagsim.errors import several
 from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
-from lagsim.language.tables import Written, ended, written
+from lagsim.language.tables import PIECES, cell_of, ended, last_level, written
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods import method
 from lagsim.methods.moreau import MOST_SWEEPS
@@ -42,7 +42,7 @@ from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import BROKEN_CONSTRAINT, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.methods.parts.driver import State
@@ -194,45 +194,77 @@ def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
         impact. By default: all but restitutions, and bounds of laws that do not act.
     """
     g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
-    cells = [
-        (x.variable, g.args[x.discrete], p.flat[arc.system.place(x.variable)])
+    acting = zip(switches.sides[: switches.acting], p.side, strict=False)
+    cells = {s.node: math.ceil(v) for s, v in acting if s.whole}
+    cells |= {
+        inner[0]: p.flat[arc.system.place(x.variable)]
         for x in switches.modes
-    ]
-    cells += [
-        (s.variable, (s.node,), math.ceil(v))
-        for s, v in zip(switches.sides, p.side, strict=False)
-        if s.whole
-    ]
-    past: dict[int | Written, tuple[Written, float]] = {}
-    for variable, args, cell in cells:
-        found = ended(g, args[0], cell) if args else None
-        if found is not None:
-            past[g.variable(variable)] = past[found[0]] = found
-    for n in sorted(_effective(arc, given)) if past else ():
-        of_knot = g.ops[n] == "table.knot"  # its cell is not frozen
-        key = written(g, n) if of_knot else n
-        if key not in past:
-            continue
-        table, knot = past[key]
-        of = expression_text(g, *table.args)
-        about = f"`{table.name}` ends at {knot:.9g}, which `{of}` has reached,"
-        return Ending(Outcome.TABLE_ENDS, about)
+        if (inner := g.args[x.discrete])
+    }
+    cells |= _constant_cells(arc, cells)
+    past = [x for node, cell in cells.items() if (x := ended(g, node, cell))]
+    if not past:
+        return None
+    # The arguments as they are in the expressions of `_effective`.
+    frozen = switches.decided.freeze([table.args[0] for table, _ in past])
+    ends = {(x[0].name, n): x for x, n in zip(past, frozen, strict=True)}
+    pieces = [n for n in sorted(_effective(arc, given)) if g.ops[n] in PIECES]
+    for name, _, args in (written(g, n) for n in pieces):
+        for table, knot in (ends[name, x] for x in args if (name, x) in ends):
+            of = expression_text(g, *table.args)
+            about = f"`{name}` ends at {knot:.9g}, which `{of}` has reached,"
+            return Ending(Outcome.TABLE_ENDS, about)
     return None
 
 
+def _constant_cells(arc: Arc, located: Collection[int]) -> dict[int, float]:
+    """Return knot number (a node) -> cell, for tables of arguments constant in arcs.
+
+    Such an argument changes only where another switch jumps: `1 + 3*heaviside(x)`.
+
+    located : nodes of the knot numbers that have a side, or are switches of t alone.
+    """
+    g, switches = arc.equations.graph, arc.system.switches
+    cells = (cell_of(g, n) and g.args[n][0] for n in switches.state)
+    knots = [n for n in cells if n and n not in located and not isinf(last_level(g, n))]
+    if not knots:
+        return {}
+    known = _decided(arc)
+    constant = known.keys() - {"t", *arc.equations.state}
+    frozen = zip(knots, switches.decided.freeze(knots), strict=True)
+    return {
+        n: math.floor(evaluate(g, [x], known)[0])
+        for n, x in frozen
+        if g.depends([x]) <= constant
+    }
+
+
+def _decided(arc: Arc) -> dict[str, float]:
+    """Return the values of t, the state, modes of switches and file, and parameters.
+
+    They decide conditions of frozen expressions; switches that conditions alone contain
+    have the values of the present state.
+    """
+    p, system, model = arc.system.p, arc.system, arc.equations.model
+    switches = system.switches
+    names = [x.variable for x in switches.modes]
+    names += [x.variable for x in switches.sides[: switches.acting]]
+    names += [*model.modes, *(x.name for x in model.parameters)]
+    found = {name: float(p.flat[system.place(name)]) for name in names}
+    state = dict(zip(arc.equations.state, arc.y.tolist(), strict=False))
+    return {"t": arc.t, **state, **found}
+
+
 def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
-    """Return the nodes that affect motion or conditions in the modes in force.
+    """Return the nodes that have an effect on motion, conditions and sections.
 
     Where the sides of switches, modes of the file and parameters decide a condition,
-    the branch not taken has no effect. Output does not count.
+    the branch not taken has no effect. Other output does not count.
 
     given : see `end_of_table`.
     """
-    e, p, system = arc.equations, arc.system.p, arc.system
-    g = e.graph
-    switches, roots = system.switches, [*given]
-    sides = switches.sides[: switches.acting]
-    conditions = []
+    e, p = arc.equations, arc.system.p
+    g, roots = e.graph, [*given]
     if not given:
         of_laws = sum(len(law.given) for law in e.laws)
         roots = e.of_motion[: len(e.of_motion) - of_laws]
@@ -240,14 +272,9 @@ def _effective(arc: Arc, given: Sequence[int]) -> list[int]:
             x for x, mode in zip(e.laws, p.law_mode, strict=True) if mode != kept.OFF
         ]
         roots += [n for law in acting for n in (law.bound, law.static)]
-        conditions = [x.node for x in e.model.located]
-    names = [x.variable for x in switches.modes] + [x.variable for x in sides]
-    names += [*e.model.modes, *(x.name for x in e.model.parameters)]
-    decided = dict(zip(("t", *e.state), (arc.t, *arc.y.tolist()), strict=False))
-    decided |= {name: float(p.flat[system.place(name)]) for name in names}
-    # Other switches in conditions have the values of the present state.
-    waiting = switches.among(range(len(sides))).freeze(conditions)
-    waiting += switches.freeze(roots)
+        roots += e.model.relations
+    decided = _decided(arc)
+    waiting = arc.system.switches.decided.freeze(roots)
     seen = set(waiting)
     for n in waiting:  # the list grows during the loop
         args = g.args[n]

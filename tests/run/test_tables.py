@@ -513,17 +513,6 @@ def test_a_run_ends_with_a_table_that_a_condition_alone_contains(how, condition)
         assert found.complete
 
 
-def test_a_table_of_a_remainder_in_a_condition_ends_no_run():
-    tables = {"f": {"points": [[0, 1], [1, 2], [3, 1]]}}
-    event = {"at": "f(mod(x, 2)) >= 1.9", "set": {"n": 1}}
-    more = {"modes": {"n": 0}, "events": {"act": event}}
-    text = scene(tables, {}, {"x": 0, "x_dot": 1}, duration=7, **more)
-    found = simulate(load(text))
-    assert found.complete
-    acts = [e.time for e in found.events if e.name == "act"]
-    assert acts == pytest.approx([0.9, 2.9, 4.9, 6.9], abs=1e-12)
-
-
 def test_a_table_of_friction_ends_no_run_in_flight():
     floor = {"relation": "y >= 0", "restitution": 0, "friction": "f(slip_speed)"}
     text = scene(

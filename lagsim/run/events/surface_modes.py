@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.tables import last_level
 from lagsim.methods.parts import parameters as kept
 from lagsim.program.functions import on_rates
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, VALUE_ROUNDOFF
@@ -123,14 +124,17 @@ class SurfaceModes:
         self.whole = np.array([s.whole for s in self.sides])
         self.shown = np.array([s.shown for s in self.sides], dtype=bool)
         self.has_whole = bool(self.whole.any())
+        g = arc.equations.graph
+        self._last = [
+            last_level(g, s.node) if s.whole else math.inf for s in self.sides
+        ]
         self.is_corner = np.zeros(self.count, dtype=bool)
         self.is_corner[[*system.switches.corners]] = True
         self.on_rates = np.array(on_rates(arc.equations, system.switches), dtype=bool)
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
-        depends = arc.equations.graph.depends
         self.depends = [
-            {numbers[name] for name in depends([node]) & numbers.keys()}
+            {numbers[name] for name in g.depends([node]) & numbers.keys()}
             for node in nodes
         ]
         order = self._ordered()
@@ -243,7 +247,9 @@ class SurfaceModes:
         level : the level of the surface.
         mode : BELOW, ABOVE, SLIDING, LEVEL or REDUNDANT.
         share : the share w of the upper side in the value at LEVEL and for REDUNDANT.
+            At a table's last point it is 0 at LEVEL, as the table has a value there.
         """
+        share = 0.0 if mode == LEVEL and level == self._last[k] else share
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
         self.kind[k] = KINDS.get(mode, 0.0)
