@@ -48,7 +48,7 @@ from lagsim.program.patterns import RowPattern, fill, pattern, row_pattern
 from lagsim.program.signatures import (
     ADVANCE,
     AT_CONDITIONS,
-    AT_SECTIONS,
+    AT_INSTANTS,
     FUNCTION,
     PROJECTION,
     TABULATE,
@@ -680,12 +680,9 @@ class Runner:
         Pace of the runs so far.
     block : ndarray, shape (rows, 1 + size)
         Times and states of the rows written by the last call of `advance`.
-    at_instants : dict of str to callable
-        Kernels of sections and conditions, which a run calls at its instants.
     """
 
     def __init__(self, system: System, name: str) -> None:
-        at_instants = AT_SECTIONS if system.columns.wants_sections else {}
         self.program = [
             *system.program,
             kernel_parts.of_method(system, name),
@@ -695,13 +692,12 @@ class Runner:
         if system.equations.model.located:
             known = {"RATED": system.moreau is None}
             self.program.append(kernel_part(list(AT_CONDITIONS), known))
-            at_instants = at_instants | AT_CONDITIONS
         self.system = system
         parts = [*self.program, *runtime(target())]
         self.parts = GradualParts(parts, quick=system.quick)
-        self._kinds = {kernel.__name__: kind for kernel, kind in at_instants.items()}
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
+        self._kernels: dict[str, Callable[..., float]] = {}
         self.method = method(name)
         self._link()
         columns, width = system.rows_observed, 1 + system.size
@@ -716,16 +712,7 @@ class Runner:
         self._advance = self.engine.function("advance", *ADVANCE)
         if self.system.watched > 0:
             self._project = self.engine.function("project_sliding", *PROJECTION)
-        if self.system.surfaces > 0:
-            self._at_levels = {
-                kernel.__name__: self.engine.function(kernel.__name__, *FUNCTION)
-                for kernel in departures.KERNELS
-            }
         self._tabulate = self.engine.function("tabulate", *TABULATE)
-        self.at_instants = {
-            name: self.engine.function(name, *kind)
-            for name, kind in self._kinds.items()
-        }
 
     @cached_property
     def empty(self) -> State:
@@ -793,6 +780,14 @@ class Runner:
         self._functions[name, length] = evaluate
         return evaluate
 
+    def kernel(self, name: str) -> Callable[..., float]:
+        """Return a kernel that runs call at instants, see `signatures.AT_INSTANTS`."""
+        known = self._kernels.get(name)
+        if known is None:
+            known = self.engine.function(name, *AT_INSTANTS.get(name, FUNCTION))
+            self._kernels[name] = known
+        return known
+
     def event_functions(self, t: float, y: Floats) -> Floats:
         """Return the event functions (watched,) of surfaces, then of laws."""
         return self.function("event_functions", self.system.watched)(t, y)
@@ -812,7 +807,7 @@ class Runner:
         out = np.zeros(last + 6 * size + 2 * count + 4)
         out[results * count : last] = known
         y = np.array(y, dtype=float, order="C")
-        self._at_levels[kernel](t, address(y), self.system.p.address, address(out))
+        self.kernel(kernel)(t, address(y), self.system.p.address, address(out))
         return out[: results * count].reshape(results, count)
 
     def project_sliding(self, t: float, y: Floats) -> None:
@@ -851,12 +846,13 @@ class Runner:
         )
         if quick and self.parts.used(process_time() - begin):
             self._functions.clear()
+            self._kernels.clear()
             self._link()
         return code
 
     def update_relations(self, state: State) -> None:
         """Evaluate sections at the time reached, before an event changes the state."""
-        self.at_instants["update_relations"](state.address, self.system.p.address)
+        self.kernel("update_relations")(state.address, self.system.p.address)
 
     def finish(self, state: State, *, whole: bool) -> None:
         """Write the states of sections crossed at a run's end; see `crossings.finish`.
@@ -864,7 +860,7 @@ class Runner:
         state : the memory of the method.
         whole : whether the run has reached its end time.
         """
-        finish = self.at_instants["finish"]
+        finish = self.kernel("finish")
         finish(state.address, self.system.p.address, float(whole))
 
     def shown(self, count: int, out: Floats | None = None) -> Floats:

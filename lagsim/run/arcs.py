@@ -525,10 +525,11 @@ class Run:
         last row, and the current state itself.
         """
         arc = self.arc
-        states = np.repeat(arc.row(), 4, 0)
-        states[2] -= back * (states[2] - self.shown)
-        ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
-        aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(states[0]))
+        here, ranges = arc.row()[0], np.empty(1 + len(arc.y))
+        ranges[0], ranges[1:] = arc.settings.duration, arc.ranges_to(arc.y)
+        aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(here))
+        states = np.array([here, here, here, here])
+        states[2] -= back * (here - self.shown)
         # Data stored by `tabulate` are those of the last state, the current one.
         states[0] += aside
         states[1] -= aside

@@ -81,21 +81,25 @@ class TrialModes:
 
     Attributes
     ----------
-    before, found : ArcModes
-        The modes and the truth at the start of the context, and those selected in it,
-        which are in the memory at its end.
+    before : ArcModes
+        The modes and the truth at the start of the context.
+    found : ArcModes or None
+        The modes and the truth selected in the context, which are in the memory at its
+        end; None if they equal those before.
     """
 
     def __init__(self, arc: Arc) -> None:
-        self.arc = arc
-        self.before = self.found = ArcModes.of(arc)
+        self.arc, self.before = arc, ArcModes.of(arc)
+        self.found: ArcModes | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.found = ArcModes.of(self.arc)
-        write(self.arc, self.before)
+        found = ArcModes.of(self.arc)
+        if found != self.before:
+            self.found = found
+            write(self.arc, self.before)
 
 
 class EqualitiesAlone:

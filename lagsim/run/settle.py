@@ -134,16 +134,19 @@ def phase(
 ) -> Callable[[InstantRecord, Deciders], InstantRecord]:
     """Decorate the phase `work`, which then does nothing once the run has ended.
 
-    An overflow in the phase ends the run.
+    An overflow in the phase ends the run, see `unless_overflow`.
     """
-    decided = unless_overflow(work)
 
     @wraps(work)
     def guarded(now: InstantRecord, by: Deciders) -> InstantRecord:
         if now.ending is not None:
             return now
-        found = decided(now, by)
-        return now.replaced(ending=found) if isinstance(found, Ending) else found
+        try:
+            return work(now, by)
+        except (ArithmeticError, ValueError) as error:
+            if not is_overflow(error):
+                raise
+            return now.replaced(ending=Ending(Outcome.NOT_FINITE))
 
     return guarded
 
@@ -464,8 +467,6 @@ def shown_sides(now: InstantRecord, by: Deciders) -> InstantRecord:
         return now
     with TrialModes(now.arc) as trial:
         surfaces = by.shown.select(now.arc, now.surfaces)
-    if surfaces is now.surfaces:
-        return now
     return carried_out(now, GO_ON, modes=trial.found, surfaces=surfaces)
 
 
@@ -486,7 +487,7 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
         due = by.transitions.due_after(
             now.arc, struck=struck, stored_truth=now.stored_truth
         )
-    acted = acted._replace(rounds=()) if struck else acted
+    acted = acted._replace(rounds=()) if struck and acted.rounds else acted
     return carried_out(
         now, GO_ON, modes=trial.found,
         due=due, acts=acted, impacts=False, stored_truth=due.acts,
@@ -523,7 +524,7 @@ def carried_out(
     found : Decision
         The decision of the phase.
     modes : ArcModes, optional
-        The modes, and the truth of conditions, that the phase has selected.
+        The modes, and the truth of conditions, that the phase has changed.
     **others
         Further fields of the next record.
     """
@@ -585,7 +586,9 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
 
     with TrialModes(now.arc) as trial:
         due = by.transitions.due(now.arc, rests, now.acts.waited)
-    acts = now.acts._replace(waited=now.acts.waited | due.waiting)
+    acts = now.acts
+    if due.waiting:
+        acts = acts._replace(waited=acts.waited | due.waiting)
     return carried_out(
         now, GO_ON, modes=trial.found, due=due, acts=acts, stored_truth=True
     )
@@ -615,7 +618,7 @@ def started(arc: Arc, by: Deciders) -> InstantRecord:
         if by.shown is not None:
             by.shown.put_on_levels(arc)
         due = by.transitions.due_at_start(arc)
-    truth = trial.before._replace(truth=trial.found.truth)
+    truth = trial.before._replace(truth=(trial.found or trial.before).truth)
     now = carried_out(now, GO_ON, modes=truth, due=due, stored_truth=True)
     if due.begun is not None and due.begun.impulse:
         first, rest, before = ArcModes.of(arc), now, now.before or row_of(arc)

@@ -8,7 +8,7 @@ constraints and contacts keep at 0 is set.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -81,14 +81,13 @@ class Truth:
     ) -> None:
         self.arc, self.state, self.set_by_modes = arc, arc.state, set_by_modes
         self.steps = steps
-        self._kernels, self._words = arc.runner.at_instants, arc.system.p.address
+        self._kernel, self._words = arc.runner.kernel, arc.system.p.address
         # Orientation and leeway (C,) of the conditions before `satisfied`.
         self._before = np.zeros(0), np.zeros(0)
 
     def run(self, kernel: str, *arguments: float) -> float:
         """Call a kernel of `methods.parts.truth` by its name, and return its result."""
-        call = self._kernels[kernel]
-        return cast("float", call(self.state.address, self._words, *arguments))
+        return self._kernel(kernel)(self.state.address, self._words, *arguments)
 
     def begin(self) -> None:
         """Store the truth of all conditions at the start of the run.
@@ -162,9 +161,8 @@ class Truth:
 
     def falsified(self) -> list[int]:
         """Return indices of the conditions that `satisfied` found to become false."""
-        was_true, now = self._before[0] == 0.0, self.state.orientation
-        found: list[int] = np.flatnonzero(was_true & (now != 0.0)).tolist()
-        return found
+        sides = zip(self._before[0].tolist(), self.state.orientation, strict=True)
+        return [c for c, (before, now) in enumerate(sides) if before == 0.0 != now]
 
     def wait(self, waiting: Iterable[int]) -> None:
         """Restore the truth of the conditions `waiting` until `settled` decides it.

@@ -84,15 +84,15 @@ def act_in_rounds(
         is_over |= len(event_of) in due.conditions
         own = {event_of[c]: c for c in due.conditions if c < len(event_of)}
         on.begin_round(due.conditions, [c for k, c in own.items() if events[k].once])
-        located = tuple(events[k].name for k in sorted(own))
+        visit = tuple(events[k].name for k in sorted(own)), on.modes
         if due.periodic or any(events[k].once for k in own):
             # These events act once at an instant, so no cycle contains this round.
             rounds.clear()
-        elif (located, on.modes) in rounds:
-            chatter = names_of(rounds[rounds.index((located, on.modes)) :])
+        elif visit in rounds:
+            chatter = names_of(rounds[rounds.index(visit) :])
             break
         else:
-            rounds.append((located, on.modes))
+            rounds.append(visit)
         for k in sorted(due.periodic.union(own)):
             names.append(events[k].name)
             if events[k].impulses:
@@ -104,8 +104,8 @@ def act_in_rounds(
             if events[k].at is not None and counts[k] > MOST_ACTS:
                 chatter = chatter or names_of(acts.visits or rounds)
         due = Due(conditions=frozenset(on.changed())) if names else NOTHING
-    total = np.sum(impulses, axis=0) if impulses else np.zeros(0)
-    given = tuple(total.tolist()) if total.any() else ()
+    total = np.sum(impulses, axis=0) if impulses else None
+    given = tuple(total.tolist()) if total is not None and total.any() else ()
     after = acts._replace(counts=tuple(counts), rounds=tuple(rounds))
     return Acted(tuple(names), chatter, is_over, given), after, ending
 

@@ -61,6 +61,7 @@ class ShownSides(Source):
 
     def __init__(self, arc: Arc) -> None:
         self.modes = SurfaceModes(arc)
+        self.whole: list[bool] = self.modes.whole.tolist()
         # Each shown surface, whether it steps at whole numbers, and a bound of values
         # that may be rounding, for magnitudes up to `then`.
         self.far: list[tuple[int, bool, float]] = []
@@ -90,7 +91,7 @@ class ShownSides(Source):
             return False
         slack, slides, least = self._modes
         values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
-        rests = False
+        values, rests = values.tolist(), False
         for k, is_whole, far in self.far:
             level = round(values[k]) if is_whole else 0.0
             off = abs(values[k] - level)
@@ -133,83 +134,77 @@ class ShownSides(Source):
 
         surfaces : the surfaces at the instant, with the modes of the motion.
         """
-        modes = self.modes
-        modes.begin(arc, surfaces.selected)
-        p, shown = modes.p, modes.shown_order
-        slack = p.slack[: modes.count].copy()
-        values = modes.values(arc.t, arc.y)
-        whole = np.where(modes.whole, np.round(values), 0.0)
-        off, sizes, slopes = np.abs(values - whole), *modes.term_sizes()
-        far = HALF_OF_DIGITS * sizes
+        modes, slack, kinds = self.modes, arc.system.p.slack, arc.system.p.slides
+        modes.arc = arc
+        found, shown = modes.values(arc.t, arc.y), modes.shown_order
+        values, (sizes, slopes) = found.tolist(), modes.term_sizes()
+        limits = HALF_OF_DIGITS * sizes
         if arc.system.m:
-            far += BY_ROWS * np.max(arc.magnitudes, initial=0.0) * slopes
-        self.far = [(k, bool(modes.whole[k]), float(far[k])) for k in shown]
+            limits += BY_ROWS * np.max(arc.magnitudes, initial=0.0) * slopes
+        far = limits.tolist()
+        self.far = [(k, self.whole[k], far[k]) for k in shown]
         self.then = 2.0 * arc.magnitudes
-        near = (off <= far) & (off < math.inf) | (off <= slack)
-        is_any = near[shown].any()
-        least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if is_any else sizes)
-        decided = set[int]()
-        before = modes.value.copy(), modes.kind.copy(), slack.copy()
+        levels = {k: float(round(values[k])) if self.whole[k] else 0.0 for k in shown}
+        off = {k: abs(values[k] - level) for k, level in levels.items()}
+        near = [
+            k for k in shown if off[k] <= max(far[k], slack[k]) and off[k] < math.inf
+        ]
+        least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if near else sizes)
+        decided = list[int]()
         for k in shown:
-            free = modes.kind[k] == 0.0
-            if not near[k]:
+            free, own = kinds[k] == 0.0, slack[k]
+            if k not in near or (free and off[k] > max(least[k], own)):
                 modes.set_by_value(k, values[k])
                 slack[k] = 0.0
-            elif free and off[k] <= slack[k] > 0.0 and k not in surfaces.shown:
+            elif free and off[k] <= own > 0.0 and k not in surfaces.shown:
                 continue
-            elif free and off[k] > max(least[k], slack[k]):
-                modes.set_by_value(k, values[k])
-                slack[k] = 0.0
             else:
-                decided.add(k)
-                modes.set_mode(k, float(whole[k]), LEVEL)
-        if decided:
-            if modes.shown_nested:
-                modes.write()
-            self._decide(arc, sorted(decided), values, least, slack)
-        if not decided and bool(np.all((p.least < p.most) | (modes.kind != 0.0))):
-            now = modes.value, modes.kind, slack
-            if all(map(np.array_equal, before, now)):
-                return surfaces
-        modes.watched = [k for k in modes.watched if not modes.shown[k]]
-        modes.watched += [k for k in shown if modes.kind[k] == kept.LEVEL]
-        modes.write()
-        modes.store(slack=slack)
-        return surfaces._replace(shown=surfaces.shown | decided)
+                decided.append(k)
+                modes.set_mode(k, levels[k], LEVEL)
+                if not modes.shown_nested:
+                    continue
+            modes.write_shown(k)
+        if not decided:
+            return surfaces
+        self._decide(arc, decided, found, least)
+        for k in decided:
+            modes.write_shown(k)
+        return surfaces._replace(shown=surfaces.shown.union(decided))
 
-    def _decide(
-        self, arc: Arc, on: list[int], values: Floats, least: Floats, slack: Floats
-    ) -> None:
+    def _decide(self, arc: Arc, on: list[int], values: Floats, least: Floats) -> None:
         """Select the sides of the surfaces `on`, which are at their levels.
 
         values : the expressions of all surfaces (K,).
         least : the rounding of all expressions (K,).
-        slack : the slack of each surface (K,), changed in place.
         """
-        modes = self.modes
-        rates, weak, by_state, reach = modes.deciding_rates()
+        modes, slack = self.modes, arc.system.p.slack
+        rates, weak, by_state, reach = modes.deciding_rates().tolist()
         keeps = arc.system.m > 0 or arc.system.p.sliding > 0.0
-        clear = np.abs(rates) > weak
-        moved = clear & (by_state > HALF_OF_DIGITS * np.abs(rates))
-        drifts = modes.drifts() if keeps else np.zeros(modes.count)
-        apart = np.maximum(CLEAR_OF_ROUNDING * least, drifts)
-        slow = {k: apart[k] for k in on if not clear[k]}
-        ways = np.where(clear, rates, modes.leads(slow) if slow else 0.0)
+        clear = [k for k in on if abs(rates[k]) > weak[k]]
+        moved = [k for k in clear if by_state[k] > HALF_OF_DIGITS * abs(rates[k])]
+        ways, drifts = np.zeros(modes.count), np.zeros(modes.count)
+        if len(clear) < len(on):
+            drifts = modes.drifts() if keeps else drifts
+            apart = np.maximum(CLEAR_OF_ROUNDING * least, drifts)
+            ways = modes.leads({k: apart[k] for k in on if k not in clear})
+        ways[clear] = [rates[k] for k in clear]
         off = np.abs(values - modes.levels)
-        beyond = off > np.maximum(least, slack)
-        leaves = beyond | (ways != 0.0)
-        if leaves[on].any() and (keeps or not moved[on].all()):
-            held = self._held(arc, values, least)
-            ways[held], beyond[held] = 0.0, False
+        beyond = [k for k in on if off[k] > max(least[k], slack[k])]
+        if (keeps or len(moved) < len(on)) and (beyond or ways[on].any()):
+            held = self._held(arc, on, values, least)
+            ways[held], beyond = 0.0, [k for k in beyond if k not in held]
+            if keeps and held and len(clear) == len(on):
+                drifts = modes.drifts()
         # Changes of the expressions by errors within the tolerance.
         step = arc.t - arc.state.step_t if arc.steps else 0.0
-        noise = NOISE * arc.state.rtol * np.where(modes.on_rates, 1.0, step) * reach
+        noise = NOISE * arc.state.rtol
         for k in on:
-            if beyond[k]:
+            if k in beyond:
                 modes.set_by_value(k, values[k])
                 slack[k] = 0.0
                 continue
-            own = max(least[k], math.ulp(0.0), 2.0 * off[k], noise[k])
+            error = noise * (1.0 if modes.on_rates[k] else step) * reach[k]
+            own = max(least[k], math.ulp(0.0), 2.0 * off[k], error)
             if off[k] > slack[k] > 0.0:  # the terms that cancel have become larger
                 own = max(own, GROWS * off[k])
             if ways[k] != 0.0:
@@ -218,20 +213,26 @@ class ShownSides(Source):
             else:
                 slack[k] = max(own + drifts[k], slack[k])
 
-    def _held(self, arc: Arc, values: Floats, least: Floats) -> Flags:
-        """Return a mask (K,) of the expressions that constraints keep at their values.
+    def _held(
+        self, arc: Arc, on: list[int], values: Floats, least: Floats
+    ) -> list[int]:
+        """Return those of the surfaces `on` that constraints keep at their levels.
 
-        Such an expression, like a constant one, has an equal value at all nearby states
-        that are tested, which satisfy the rows in force.
+        The expression of such a surface, like a constant one, has an equal value at all
+        nearby states that are tested, which satisfy the rows in force.
 
         values : the expressions of all surfaces (K,).
         least : their rounding (K,).
         """
-        found = np.zeros(self.modes.count, dtype=bool)
+        held = set[int]()
         for scale in SCALES:
-            stays = (self._stays(arc, scale * x, values, least) for x in APART)
-            found |= np.all([*stays], axis=0)
-        return found
+            left = on
+            for part in APART:
+                if left:
+                    stays = self._stays(arc, scale * part, values, least)
+                    left = [k for k in left if stays[k]]
+            held.update(left)
+        return sorted(held)
 
     def _stays(self, arc: Arc, part: float, values: Floats, least: Floats) -> Flags:
         """Return a mask (K,) of the expressions with equal values at a nearby state.

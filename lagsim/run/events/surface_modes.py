@@ -314,6 +314,20 @@ class SurfaceModes:
         p.least[:] = least
         p.most[:] = most
 
+    def write_shown(self, k: int) -> None:
+        """Write the mode of shown surface k alone to the parameters.
+
+        No other mode depends on it.
+        """
+        p, value, level, whole = self.p, self.value[k], self.levels[k], self.whole[k]
+        at_level = self.kind[k] == kept.LEVEL
+        p.slides[k] = self.kind[k]
+        p.side[k] = p.low[k] = value
+        p.high[k] = value + 1.0 if whole else 1.0
+        p.part_above[k] = value - math.floor(value) if whole else (value + 1.0) / 2.0
+        p.least[k] = level if at_level else -math.inf
+        p.most[k] = level if at_level else math.inf
+
     def ends(self, sides: Floats) -> tuple[Floats, Floats]:
         """Return the least and the largest value (K,) of each expression on its side.
 

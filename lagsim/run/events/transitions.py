@@ -13,6 +13,7 @@ with which they have acted before, the cycle has no end, and the run ends.
 from __future__ import annotations
 
 import math
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,6 +51,8 @@ class Transitions(Source):
     ----------
     next : list of int
         The number of the next act of each periodic event; -1 for all other events.
+    sets : list of int
+        The number of assignments before each event, and of all.
     periodic, event_of : list of int
         The indices of periodic events; the index of the event of each condition.
     selects : bool
@@ -65,6 +68,7 @@ class Transitions(Source):
     def __init__(self, arc: Arc) -> None:
         events = arc.equations.model.events
         self.next = [1 if x.at is None and not x.once else -1 for x in events]
+        self.sets = [0, *accumulate(len(x.sets) for x in events)]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
         self.energetic = arc.system.equations.is_set
@@ -122,8 +126,9 @@ class Transitions(Source):
         truth = self.truth(arc)
         truth.decide_before(int(arc.state.event) - 1)
         satisfied = frozenset(truth.satisfied())
-        # A rate that ends at 0 may be past 0 by rounding.
-        waiting = self.stepping & {*satisfied, *truth.falsified()} - waited
+        waiting = frozenset[int]()
+        if self.stepping:  # a rate that ends at 0 may be past 0 by rounding
+            waiting = self.stepping & {*satisfied, *truth.falsified()} - waited
         if not waiting or not comes_to_rest(arc):
             return Due(periodic, satisfied)
         truth.wait(waiting)
@@ -192,7 +197,7 @@ class Transitions(Source):
             tuple(found), y=y if changed else None, rows=row if kicks else None,
             impulses=given, ending=ending,
         )  # fmt: skip
-        return decision, acts._replace(is_over=acts.is_over or acted.is_over)
+        return decision, acts._replace(is_over=True) if acted.is_over else acts
 
     def _returned(
         self, arc: Arc, due: Due, acts: ActsAt
@@ -306,9 +311,8 @@ class ArcActs:
 
         Return the ending of the run if a value assigned is not finite, else None.
         """
-        arc, events = self.arc, self.arc.equations.model.events
-        event, first = events[k], sum(len(x.sets) for x in events[:k])
-        every = sum(len(x.sets) for x in events)
+        arc, event = self.arc, self.arc.equations.model.events[k]
+        first, every = self.by.sets[k], self.by.sets[-1]
         values = arc.runner.function("sets", every)(arc.t, arc.y)[first:].tolist()
         ending = None
         for (mode, _), value in zip(event.sets, values, strict=False):
