@@ -156,6 +156,14 @@ def _steps(
     return list(dict.fromkeys(found))
 
 
+def has_switches(g: Graph, node: int, state: frozenset[str]) -> bool:
+    """Whether an expression has a switch whose argument depends on variables `state`.
+
+    A switch is a function with a jump or a kink, see `_steps`.
+    """
+    return bool(_steps(g, [node], state, {}))
+
+
 def _is_long(g: Graph, discrete: int) -> bool:
     """Whether `discrete` is the cell number of a smooth table with many points."""
     cell = cell_of(g, discrete)

@@ -12,6 +12,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
 from lagsim.methods.parts.state import MOST_LISTED
+from lagsim.program.localized import has_switches
 from lagsim.run.instants import width
 from lagsim.tolerances import (
     NEARLY_DEPENDENT_ROWS,
@@ -428,6 +429,9 @@ def first_arc(
     state.sigma = 1.0
     _set_watch(state, plan)
     state.equation[:] = [x.equality for x in equations.model.located]
+    names = frozenset(equations.state)
+    located = equations.model.located
+    state.kinked[:] = [has_switches(equations.graph, x.node, names) for x in located]
     state.poles[:] = system.poles
     state.y[:] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)

@@ -28,6 +28,7 @@ from lagsim.methods.parts.search_table import (
     error_between,
     events,
     follows,
+    margin,
     minimum_in_half,
     rows,
     rows_at,
@@ -169,8 +170,11 @@ def zero_at(s: SearchTable, p: Parameters, low: float, past: float) -> float:
     """
     first = inf
     for k in range(s.conditions):
+        if s.kinked[k] == 0.0:
+            continue
         armed = abs(s.orientation[k]) == 1.0 and not follows(s, k)
-        armed = armed and s.armed_at[k] <= s.switch and may_be_zero(s, k, low, past)
+        armed = armed and margin(s, s.surfaces + k) == 0.0 and s.armed_at[k] <= s.switch
+        armed = armed and may_be_zero(s, k, low, past)
         if armed and is_zero_beside(s, p, k, s.switch):
             x = past_jump(s, p, k, s.switch)
             if low < x and x < inf:

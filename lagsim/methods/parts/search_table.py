@@ -174,6 +174,7 @@ class SearchTable(Rank):
     orientation: Floats = part("truth", "conditions")
     leeway: Floats = after("orientation", "conditions")
     equation: Floats = array("conditions")  # 1 for an equation
+    kinked: Floats = array("conditions")  # 1 if its expression has switches, as `abs`
     zero: Floats = array("conditions")  # sizes up to which a value is 0
     # At an instant, see `truth`: the values; their rates, 0 if below rounding; the
     # sizes of their terms; then their slopes by the motion and t.

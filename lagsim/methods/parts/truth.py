@@ -292,13 +292,17 @@ def mark_satisfied(s: SearchTable, p: Parameters) -> int:
 
 
 def mark(s: SearchTable) -> int:
-    """Set `marked` to 1 for conditions that the motion satisfies; return the count."""
+    """Set `marked` to 1 for conditions that the motion satisfies; return the count.
+
+    The sign of a value within its margin is unknown, see `leaving`.
+    """
     count = 0
     for k in range(s.conditions):
-        side = s.orientation[k]
+        side, within = s.orientation[k], margin(s, s.surfaces + k)
         miss = s.worth[k] * side
-        satisfied = miss + s.leeway[k] <= 0.0
-        satisfied = satisfied or (s.trend[k] * side < 0.0 and miss <= s.zero[k])
+        satisfied = miss + s.leeway[k] + within <= 0.0
+        comes = s.trend[k] * side < 0.0 and within == 0.0
+        satisfied = satisfied or (comes and miss <= s.zero[k])
         satisfied = satisfied or is_zero_at_switch(s, k) or rests_at_zero(s, k, miss)
         s.marked[k] = 0.0
         if (satisfied and side != 0.0) or k == int(s.met_first):
@@ -448,12 +452,13 @@ def become(s: SearchTable, rated: int) -> int:
     count = 0
     for k in range(s.conditions):
         side, leeway = s.orientation[k], s.leeway[k]
-        zero = max(float(s.zero[k]), float(leeway))
+        zero, within = max(float(s.zero[k]), float(leeway)), margin(s, s.surfaces + k)
         miss = s.worth[k] * side
         # Negative: an impact has left the value close to 0, see `leeway_of_closed`.
-        true = miss < -zero or (leeway < 0.0 and miss + leeway <= 0.0)
+        true = miss < -zero - within or (leeway < 0.0 and miss + leeway <= 0.0)
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
-        true = true or (miss <= zero and (s.was_clear[k] > 0.0 or rises))
+        rises = within == 0.0 and (rises or s.was_clear[k] > 0.0)
+        true = true or (miss <= zero and rises)
         if rated > 0 and side != 0.0 and not true:
             slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
             error = error_of_state(s, slopes, s.dynamic.stop, 0.0)

@@ -183,6 +183,35 @@ def test_levels_below_the_error_of_a_step(force, method):
     assert all(time <= 0.11 for time in acts.values())
 
 
+# An instant within the first or the second step, by a condition of t alone; or that at
+# which the side of a step is selected anew. It decides nothing about small values.
+INSTANTS = {
+    "set": "{at: t >= late, set: {on: 1}}",
+    "step": "{at: sign(x) <= -0.5, set: {on: 1}}",
+    "steps": "{at: sign(x) + on >= 1, set: {on: 1}}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", [x for x in FIXED if x != "moreau"])
+@pytest.mark.parametrize("force", ["t", "t^2", "7*t^3", "-t^2", "-1"])
+@pytest.mark.parametrize("late", [0.03, 0.07, 0.13])
+@pytest.mark.parametrize("other", INSTANTS)
+def test_an_instant_makes_no_small_value_true(other, late, force, method):
+    events = "\n".join(
+        f"  e{k}: {{at: {at}, set: {{n: n + 1}}}}" for k, at in enumerate(TINY[:3])
+    )
+    found = lagsim.simulate(
+        MODEL.replace("on: 0}}", f"on: 0, late: {late}}}}}").format(
+            far=0.0, m=1.0, laws="", x=0.0, v=0.0, duration=1.0, force=force,
+            method=f"{method}, step: 0.1",
+            events=f"{events}\n  other: {INSTANTS[other]}",
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    acts = [x.name for x in found.events if x.kind == "event" and x.name != "other"]
+    assert sorted(acts) == (["e0", "e1", "e2"] if force.startswith("-") else [])
+
+
 @pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 3, 5, 12])
 @pytest.mark.parametrize("v", [0.5, 0.3, 0.7 / 3])
