@@ -25,7 +25,8 @@ from lagsim.codes.known import (
     SHARED_FRICTION,
 )
 from lagsim.errors import InputError, Problem
-from lagsim.mechanics.impacts import impact
+from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.impacts import Impact, impact
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -33,7 +34,7 @@ from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import allow_closed
 from lagsim.run.events.corner_sides import corner_events
 from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
-from lagsim.run.events.impulses import transmit
+from lagsim.run.events.impulses import data_at, followed, transmit
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.law_modes import (
     Chosen,
@@ -71,7 +72,6 @@ if TYPE_CHECKING:
 
     from lagsim.codes.known import WarningCode
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.impacts import Impact
     from lagsim.notes import Caution
     from lagsim.run.arc import Arc
     from lagsim.run.events.corner_sides import CornerSides, JumpPiece
@@ -513,7 +513,9 @@ class Contacts(Source):
         solution = _solve_impact(here, active, e, equalities)
         if corners is not None and corners.may_bend:
             solution = _solve_impact_beside(corners, here, active, e, equalities)
-        here, _, result, y = solution
+        elif not set(struck).isdisjoint(self.curved):
+            solution = _follow_curves(here, active) or solution
+        here, _, result, y, pushed = solution
         # A flight that begins below the ground by rounding would end lower by as much.
         lift = here.shape.lift
         deep = [k for k in active if k in self.contacts and here.gaps[k] < 0.0]
@@ -529,7 +531,7 @@ class Contacts(Source):
         given = np.zeros(len(self.laws))
         given[active] = result.impulses
         bent = self._at_corners(here, struck, corners)
-        found.impulses = transmit(arc, before, y, given, [*bent.values()])
+        found.impulses = transmit(arc, before, y, given, [*bent.values()], pushed)
         contacts = [k for k in struck if k in self.contacts]
         closed = y.copy()
         closed[arc.state.positions] -= lift(
@@ -554,7 +556,7 @@ class Contacts(Source):
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(active))
         elif missed:
-            # One row gives the impulses: a curve of velocities is left.
+            # One row gives the impulses beside contacts: the curve is left.
             found.ending = Ending(Outcome.NO_ANSWER, self.laws[missed[0]].name)
         elif not result.impulses.any() and not bent:
             # the closing rates were rounding of the other motions of their bodies
@@ -666,12 +668,15 @@ class ImpactSolution(NamedTuple):
         The impulses, and the rates after.
     y : ndarray, shape (size,)
         The state after the impulses.
+    pushed : ndarray, shape (n,), or None
+        The changes of all momenta by the laws, where rows change during the impact.
     """
 
     here: Kinematics
     rates: Floats
     result: Impact
     y: Floats
+    pushed: Floats | None = None
 
 
 def _solve_impact(
@@ -707,6 +712,58 @@ def _solve_impact(
     result = impact(problem, rates, here.still[active], first, more)
     y[here.arc.velocities] += response @ result.impulses
     return ImpactSolution(here, rates, result, y)
+
+
+def _follow_curves(here: Kinematics, active: list[int]) -> ImpactSolution | None:
+    """Compute the impulses of equalities whose rows depend on the velocities.
+
+    An impulse is the limit of a large force in a short time. The velocities follow
+
+        dv = M^-1 A(v)^T dLambda
+
+    until the rates A vanish, all of them in proportion to their values before, with M
+    and A for motions that the equalities without `when` admit. None where no velocities
+    satisfy the rows, or another law is struck.
+
+    here : all laws just before the impulses.
+    active : the indices of the r laws on which impulses may act.
+    """
+    arc, n, equal = here.arc, here.arc.system.n, here.table.equal
+    rows = [k for k in active if equal[k]]
+    rates, laws, function = here.rates[rows], np.zeros(here.count), arc.system.impulses
+
+    def at(x: Floats) -> Kinematics:
+        y = here.y.copy()
+        y[arc.velocities] = x[:n]
+        return here.at(y)
+
+    def change(x: Floats) -> Floats:
+        now = at(x)
+        found = now.shape.delassus
+        laws[rows] = given = least_squares(found.D[np.ix_(rows, rows)], -rates, None)
+        jump = found.response[:, rows] @ given
+        if function is None:
+            return np.append(jump, laws)
+        pushed = laws @ data_at(arc, now.y).rows[len(function.always) :]
+        return np.concatenate([jump, laws, pushed])
+
+    rest = 0 if function is None else len(arc.equations.q)
+    x = np.append(here.y[arc.velocities], np.zeros(here.count + rest))
+    try:
+        x = followed(change, x, n)
+    except np.linalg.LinAlgError:
+        return None
+    x[:n] -= at(x).shape.lift(rows, at(x).rates[rows])
+    there = at(x)
+    struck = any(here.strikes(k) and not equal[k] for k in active)
+    if struck or any(there.strikes(k) for k in active):
+        return None
+    p = x[n : n + here.count][active]
+    result = Impact(
+        p, there.rates[active], open=False, energy=float(p @ here.rates[active]) / 2.0
+    )
+    pushed = x[n + here.count :] if rest else None
+    return ImpactSolution(here, here.rates[active], result, there.y, pushed)
 
 
 def _solve_impact_beside(

@@ -73,7 +73,7 @@ def kick(arc: Arc, y: Floats, P: Floats) -> tuple[Floats, JumpImpulses]:
         return _response(data_at(arc, state(x[:n])), P, groups)
 
     x = np.append(first.velocities, np.zeros(len(first.rows)))
-    x = _followed(change, x, n) if function.is_curved else x + change(x)
+    x = followed(change, x, n) if function.is_curved else x + change(x)
     given, p = x[n:], arc.system.p
     count = len(p.row_impulses)
     laws = given[count : count + len(p.impulses)]  # the method moreau has no laws
@@ -105,6 +105,7 @@ def transmit(
     after: Floats,
     laws: Floats,
     equalities: Sequence[int] = (),
+    pushed: Floats | None = None,
 ) -> JumpImpulses:
     """Return the impulses of laws and equalities in an impact.
 
@@ -118,13 +119,16 @@ def transmit(
         The impulses of the laws in the impact.
     equalities : sequence of int
         The laws that are equalities at a corner: their impulses are computed, too.
+    pushed : ndarray, shape (n,), or None
+        The changes of all momenta by the laws; by default by the rows after the impact.
     """
     function, p = arc.system.impulses, arc.system.p
     if function is None:
         return JumpImpulses(laws[: len(p.impulses)], p.row_impulses)
     first, last = data_at(arc, before), data_at(arc, after)
     always = len(function.always)
-    jump = last.momenta - first.momenta - laws @ last.rows[always:]
+    pushed = laws @ last.rows[always:] if pushed is None else pushed
+    jump = last.momenta - first.momenta - pushed
     solved = {*range(always), *(always + k for k in equalities)}
     given = np.concatenate([np.zeros(always), laws])
     for group, rows in function.groups:
@@ -135,7 +139,7 @@ def transmit(
     return JumpImpulses(given[always:][: len(p.impulses)], given[:always])
 
 
-def _followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
+def followed(change: Callable[[Floats], Floats], x: Floats, n: int) -> Floats:
     """Return x(1) of x' = change(x) from x(0) = x, by the extrapolated midpoint rule.
 
     x and change(x) have shape (k,). The first n components of x are velocities. Only
@@ -163,7 +167,7 @@ def _extrapolated(
 ) -> tuple[Floats, bool]:
     """Return x (k,) after one step of a length, and whether its error is negligible.
 
-    The equation is x' = change(x), as in `_followed`.
+    The equation is x' = change(x), as in `followed`.
 
     length : the length of the step.
     n : the first n numbers of x are compared.
