@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lagsim.codes.known import METHOD_REFUSED
 from lagsim.errors import unusable
 from lagsim.language.elements import payload
+from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.sparse import joined
 from lagsim.mechanics.derivation import OF_ELEMENTS, may_gather
@@ -267,8 +270,46 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     curved = [x.row for x in equations.relations if struck and not x.gapped]
     if row := next(filter(equations.is_curved, curved), None):
         return f"its impacts do not follow the curve of velocities of `{row.name}`"
+    if struck and (met := _met_at_contact(equations)):
+        text = (
+            "its contacts close up to one step below 0, where `{}` is met once more as "
+        )
+        return text.format(met[0]) + f"`{met[1]}` opens: write it with <= or >="
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
+
+
+# Number of random states, and the relative error, by which functions are proportional.
+STATES, PROPORTIONAL = 3, 1e-9
+
+
+def _met_at_contact(e: Equations) -> tuple[str, str] | None:
+    """Return an equation of an event that is met where a contact is closed, or None.
+
+    The results are the text of the equation and the name of the contact, whose gap is
+    in proportion to the difference of both sides of the equation.
+    """
+    g, random = e.graph, np.random.default_rng(5)
+    equations = [x.at for x in e.model.events if x.at is not None and x.at.equality]
+    gaps = [(x.name, x.row.residual) for x in e.laws if x.gapped]
+    nodes = [x.node for x in equations] + [node for _, node in gaps]
+    if not (equations and gaps):
+        return None
+    fixed, found = e.model.parameter_values, []
+    for _ in range(STATES):
+        names = g.depends(nodes).difference(fixed)
+        drawn = dict(
+            zip(sorted(names), random.uniform(0.5, 1.5, len(names)), strict=True)
+        )
+        found.append(evaluate(g, nodes, {**fixed, **drawn}))
+    values, ways = np.split(np.array(found).T, [len(equations)])
+    for x, value in zip(equations, values, strict=True):
+        for (name, _), gap in zip(gaps, ways, strict=True):
+            off = value * gap[0] - gap * value[0]
+            least = PROPORTIONAL * np.abs(value[0] * gap)
+            if value[0] and np.all(np.abs(off) <= least):
+                return x.text, name
+    return None
 
 
 def needs_regular_mass(name: str) -> bool:

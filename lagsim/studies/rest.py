@@ -649,6 +649,8 @@ class Search:
         text = f"{text}: {', '.join(left[:8])} remain at the start"
         if sliding := self._sliding_friction():
             text += f"; the friction of {sliding} slides at rest, and is not considered"
+            text += " (a relation of its slip with `limit: mu*N` is, where the normal "
+            text += "force N is known)"
         return text
 
     def _sliding_friction(self) -> str:

@@ -373,3 +373,9 @@ initial: {x: 0, y: 0}
 """
     with refused("no-rest", "friction of `floor`"):
         lagsim.equilibrium(text)
+    # The way out that the message names, with N = 9.81: 4 x = 0.2*9.81.
+    limit = "restitution: 0}\n  rub: {relation: x_dot = 3, limit: 0.2*9.81}"
+    text = text.replace("restitution: 0, friction: 0.2, slip: x_dot - 3}", limit)
+    [rest] = lagsim.equilibrium(text).equilibria
+    right = {"x": 0.2 * 9.81 / 4, "y": 0.0}
+    assert rest["coordinates"] == pytest.approx(right, abs=1e-12)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from lagsim import InputError
 from tests.scenes.contact.motions import contact, scene
 from tests.scenes.contact.scenes import ball, balls, dry, incline, sphere
 from tests.small_scenes import bounced
@@ -209,3 +210,32 @@ simulation: {{duration: 1, output_step: 0.1, method: moreau, step: 0.01}}
     for name, share in expected.items():
         assert found[f"lambda_{name}"] == pytest.approx(-share, abs=1e-9)
     assert np.max(np.abs(found["x"])) < 1e-12
+
+
+HIT = """
+parameters: {{h: 0.1}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*x}}
+constraints: {{wall: {{relation: {gap}, restitution: 0.5}}}}
+modes: {{n: 0}}
+events: {{hit: {{at: {at}, set: {{n: n + 1}}}}}}
+initial: {{x: 1, y: 0, y_dot: 0.1}}
+simulation: {{duration: 1, output_step: 0.1, method: moreau, step: 0.01}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("at", "gap"),
+    [("x = 0", "x >= 0"), ("0 = 3*h - 3*x", "x >= h"), ("x - h*y = h", "x - h*y >= h")],
+)
+def test_an_event_where_a_contact_closes_is_an_inequality(at, gap):
+    # The body is up to one step below 0 and rises to 0 again: it is met twice.
+    with pytest.raises(InputError, match="write it with <= or >="):
+        simulate(HIT.format(at=at, gap=gap))
+
+
+@pytest.mark.parametrize(("at", "acts"), [("x <= 0", 2), ("x = 0.3", 1), ("x = y", 3)])
+def test_other_events_beside_a_contact(at, acts):
+    # Falls of 1 under 9.81 end at 0.45, 0.90 (after a bounce to 0.25) and 1.13.
+    found = simulate(HIT.format(at=at, gap="x >= 0"), error_bar="never")
+    assert found["n"][-1] == acts
