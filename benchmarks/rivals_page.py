@@ -16,7 +16,9 @@ HOW = """\
   mechanism the multipliers are eliminated by hand along the mechanism, which is shorter
   than what textbooks print. heyoka takes them as its expressions, CVODE and scipy as a
   function compiled from them.
-- Least of several, warm, all solvers taking turns at each tolerance; compiling apart.
+- Least of several, all solvers taking turns at each tolerance; compiling apart. In its
+  turn a solver makes three runs. "First in a turn" compares the first ones, which begin
+  with the data of other solvers in the processor's caches.
 - lagsim: every row with all its columns (accelerations, energies, lambda), and on the
   constraints to rounding; as a sweep makes its runs, in one memory, as those of heyoka.
   Rivals: the states of the same rows alone.
@@ -80,7 +82,7 @@ def by_tolerance(results):
 def by_error(results):
     """Return the table of times at equal errors, and the ratios."""
     head = ["model", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
-    head += ["times faster", "without columns"]
+    head += ["times faster", "without columns", "first in a turn"]
     compared = [
         Compared(result, error)
         for result in results
@@ -111,14 +113,28 @@ class Compared:
 
     def __init__(self, result, error):
         self.result, self.error = result, error
-        costs = {}
-        for name, points in result["points"].items():
-            cost = cost_at([(p["error"], p["seconds"]) for p in points], error)
-            if cost is not None:
-                costs[name] = cost
+        costs = self._costs("seconds")
         self.own = costs.pop("lagsim", None)
         self.name = min(costs, key=costs.get) if costs else None
         self.best = costs.get(self.name)
+
+    def _costs(self, kind):
+        """Return the cost of each solver that reaches the error.
+
+        kind : the key of the cost in a point.
+        """
+        costs = {}
+        for name, points in self.result["points"].items():
+            curve = [(p["error"], p[kind]) for p in points if kind in p]
+            if (cost := cost_at(curve, self.error)) is not None:
+                costs[name] = cost
+        return costs
+
+    def first(self):
+        """Return the factor by which lagsim's first run is faster, or None."""
+        costs = self._costs("first_seconds")
+        own = costs.pop("lagsim", None)
+        return min(costs.values()) / own if own and costs else None
 
     def faster(self, bare=False):
         """Return the factor by which lagsim is faster; `bare` excludes its columns."""
@@ -131,12 +147,13 @@ class Compared:
         shown = [self.result["title"], f"{self.error:.0e}"]
         shown.append(f"{self.own * 1e3:.3g}" if self.own else "never")
         if self.best is None:
-            return [*shown, "none gets there", "", "", ""]
+            return [*shown, "none gets there", "", "", "", ""]
         shown.append(f"{self.name}: {self.best * 1e3:.3g}")
         if self.own is None:
-            return [*shown, "", "", ""]
+            return [*shown, "", "", "", ""]
         ratios = [1 / self.faster(), self.faster(), self.faster(bare=True)]
-        return shown + [f"{x:.2f}" for x in ratios]
+        ratios.append(self.first())
+        return shown + ["-" if x is None else f"{x:.2f}" for x in ratios]
 
 
 def counts(results, tolerance=1e-12):
