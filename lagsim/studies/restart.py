@@ -74,9 +74,9 @@ _MODULES = (
     "methods.parts.fixed", "notes", "run.arc", "run.arcs",
     "run.events.constraints", "run.events.contacts", "run.events.surface_modes",
     "run.events.accumulation", "run.events.records", "run.events.sections",
-    "run.events.switching", "run.events.times", "run.events.transitions",
-    "run.failures", "run.instant", "run.interrupt", "run.progress", "run.settle",
-    "run.trajectory",
+    "run.events.shown_sides", "run.events.switching", "run.events.times",
+    "run.events.transitions", "run.failures", "run.instant", "run.interrupt",
+    "run.progress", "run.settle", "run.trajectory",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
 )  # fmt: skip
 CLASSES = frozenset(

@@ -130,6 +130,32 @@ def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):
     assert found == whole
 
 
+# Steps of the state in conditions, off their levels and at them.
+STEPS = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9*x^2/2}
+forces: {x: "if(t > 6, -3*x_dot, 0)"}
+modes: {n: 0, k: 0}
+events:
+  stairs: {at: "floor(3*x) >= 2", set: {n: n + 1}}
+  signs: {at: "sign(x) + sign(x_dot) + sign(y) >= 1.5", set: {k: k + 1}}
+initial: {x: 1.2, x_dot: 0, y: 0, y_dot: 0}
+simulation: {duration: 9, output_step: 0.01}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [2, 5, 8])
+def test_a_run_with_steps_in_conditions_goes_on(lagsim, begun, write, after):
+    asked = ("run", write(STEPS), "-q", "--no-plots", "-o")
+    assert lagsim(*asked, "whole").code == 0
+    ended((*asked, "cut"), after, signal.SIGKILL)
+    assert lagsim(*asked, "cut", "--resume").code == 0
+    assert len(begun) == 1
+    assert begun[0] > 0.0
+    assert content("cut") == content("whole")
+
+
 @pytest.mark.slow
 def test_of_another_run_nothing_is_taken_and_nothing_is_lost(
     lagsim, begun, write, monkeypatch

@@ -66,8 +66,6 @@ class ShownSides(Source):
         # that may be rounding, for magnitudes up to `then`.
         self.far: list[tuple[int, bool, float]] = []
         self.then = np.zeros(0)
-        self._memory: kept.Parameters | None = None
-        self._modes: tuple[Floats, ...] = ()
 
     @cached_property
     def autonomous(self) -> bool:
@@ -83,13 +81,10 @@ class ShownSides(Source):
         at its level while the motion rests: y' is 0, and nothing depends on t. Values
         are compared with bounds of an earlier instant, far above rounding.
         """
-        p = arc.system.p
-        if p is not self._memory:
-            self._memory, self._modes = p, (p.slack, p.slides, p.least)
+        p, size = arc.system.p, len(arc.y)
+        if len(self.then) != size or (arc.magnitudes > self.then).any():
             return False
-        if (np.maximum(np.abs(arc.y), arc.sizes) > self.then).any():
-            return False
-        slack, slides, least = self._modes
+        slack, slides, least = p.slack, p.slides, p.least
         values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
         values, rests = values.tolist(), False
         for k, is_whole, far in self.far:
