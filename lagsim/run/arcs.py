@@ -12,7 +12,7 @@ import math
 import time
 from collections import Counter
 from operator import attrgetter
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -69,7 +69,7 @@ from lagsim.run.trajectory import (
 from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
@@ -209,8 +209,6 @@ class Recorder:
             observer.add(rows)
 
 
-Kind = TypeVar("Kind", bound=Source)
-
 # Codes of kernels that end an arc within a step, and all codes that end one at an
 # instant.
 LOCATED = (at.EVENT_FOUND, at.SWITCH_FOUND)
@@ -259,8 +257,7 @@ class Run:
         listed: EventList | None = None,
     ) -> None:
         self.arc = self.first = first
-        self.sources = list(_sources(self.arc))
-        self.deciders = _deciders(self.arc, self.sources)
+        self.sources, self.deciders = _sources(first)
         # Most sources have no such function; the others are called at each arc.
         self.timed = _with_own("times", self.sources)
         self.pausing = _with_own("pause_at", self.sources)
@@ -584,10 +581,6 @@ class Run:
         for source in self.preparing:
             self._carry_out(source.set_out(self.arc))
 
-    def _row(self) -> Floats:
-        """Return the columns (1, k) of the current state."""
-        return self.arc.runner.tabulate(self.arc.row())
-
     def _pass_impact(self) -> None:
         """Pass the row after the last impact, if any, to the observers.
 
@@ -605,7 +598,7 @@ class Run:
         if self.cut is not None:
             return
         if not self.recorder.last >= self.t:  # also if there is no row
-            self.recorder.hand_on(self._row())
+            self.recorder.hand_on(self.arc.runner.tabulate(self.arc.row()))
 
     def trajectory(self, ending: Ending) -> Trajectory:
         """Return the result of the run that ends by `ending`."""
@@ -651,72 +644,46 @@ def statistics_of(arc: Arc, arcs: int) -> Statistics:
     )
 
 
-def _sources(arc: Arc) -> Iterator[Source]:
-    """Return the sources that may pause or end arcs, in order of precedence."""
-    if arc.system.m:
-        yield Unmet()
-    if arc.plan.blocks:
-        yield LostPartition()
-    yield Fallback()
-    if clocks(arc):
-        yield KnotTimes(arc)
-    yield TimeBreaks(arc)
-    if arc.equations.model.events or arc.equations.model.located:
-        yield Transitions(arc)
-    if arc.system.acting_surfaces:
+def _sources(arc: Arc) -> tuple[list[Source], Deciders]:
+    """Return the sources that may pause or end arcs, in order of precedence.
+
+    Return also those of them that decide at an instant.
+    """
+    e, system, switches = arc.equations, arc.system, arc.system.switches
+    switching = shown = contacts = None
+    knots = KnotTimes(arc) if clocks(arc) else None
+    breaks = TimeBreaks(arc)
+    transitions = Transitions(arc) if e.model.events or e.model.located else None
+    if system.acting_surfaces:
         from lagsim.run.events.switching import Switching
 
-        yield Switching(arc)
-    if arc.system.surfaces > arc.system.acting_surfaces:
+        switching = Switching(arc)
+    if system.surfaces > system.acting_surfaces:
         from lagsim.run.events.shown_sides import ShownSides
 
-        yield ShownSides(arc)
-    if arc.system.laws:
+        shown = ShownSides(arc)
+    if system.laws:
         from lagsim.run.events.contacts import Contacts
 
-        yield Contacts(arc)
-    if arc.system.m:
-        yield NearDependence()
-        yield RankLosses()
-    yield Stiffness(arc)
-    if method(arc.plan.method).ADAPTIVE and arc.system.timed:
-        yield Pulses()
+        contacts = Contacts(arc)
+    deciders = Deciders(
+        knots, breaks, transitions, switching, shown, contacts,
+        equalities_may_jump(arc), bool(switches.modes or switches.sides),
+    )  # fmt: skip
+    foresees = method(arc.plan.method).ADAPTIVE and system.timed
+    sources = [
+        Unmet() if system.m else None,
+        LostPartition() if arc.plan.blocks else None,
+        Fallback(),
+        *deciders[:6],
+        *((NearDependence(), RankLosses()) if system.m else ()),
+        Stiffness(arc),
+        Pulses() if foresees else None,
+    ]
+    return [x for x in sources if x is not None], deciders
 
 
 def _with_own(name: str, sources: Sequence[Source]) -> list[Source]:
     """Return the sources whose function `name` is not the default of `Source`."""
     default = getattr(Source, name)
     return [x for x in sources if getattr(type(x), name) is not default]
-
-
-def _deciders(arc: Arc, sources: Iterable[Source]) -> Deciders:
-    """Return the sources of the run that decide at an instant."""
-
-    def own(kind: type[Kind]) -> Kind | None:
-        """Return the source of a class, or None."""
-        return next((x for x in sources if isinstance(x, kind)), None)
-
-    switches, switching, contacts = arc.system.switches, None, None
-    shown = None
-    if arc.system.acting_surfaces:
-        from lagsim.run.events.switching import Switching
-
-        switching = own(Switching)
-    if arc.system.surfaces > arc.system.acting_surfaces:
-        from lagsim.run.events.shown_sides import ShownSides
-
-        shown = own(ShownSides)
-    if arc.system.laws:
-        from lagsim.run.events.contacts import Contacts
-
-        contacts = own(Contacts)
-    return Deciders(
-        own(KnotTimes),
-        own(TimeBreaks),
-        own(Transitions),
-        switching,
-        contacts,
-        shown,
-        equalities_may_jump(arc),
-        bool(switches.modes or switches.sides),
-    )  # fmt: skip

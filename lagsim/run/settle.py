@@ -97,8 +97,8 @@ class Deciders(NamedTuple):
     breaks: TimeBreaks | None = None
     transitions: Transitions | None = None
     switching: Switching | None = None
-    contacts: Contacts | None = None
     shown: ShownSides | None = None
+    contacts: Contacts | None = None
     jumping: bool = False
     switches: bool = False
 

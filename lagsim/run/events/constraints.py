@@ -32,7 +32,7 @@ from lagsim.mechanics.ldl import dense_operations
 from lagsim.mechanics.pieces import whole
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution, Choice, Event
+from lagsim.notes import Caution, Event
 from lagsim.plan.plan import by_loops, usual_lengths, without_partition
 from lagsim.program.system import System
 from lagsim.run.arc import NO_LOSS, shift
@@ -318,19 +318,15 @@ class NearDependence(Source):
         if code != at.DEGENERATE:
             return None
         found = f"at t = {arc.t:.9g} the constraints become nearly dependent"
-        if dense_operations(arc.system.n, arc.system.m) > MOST_DENSE:
-            text = (
-                f"{found}, and there are too many for a QR decomposition: from there "
-                "on multipliers may lose digits"
-            )
-            cautions = (Caution(NEARLY_DEPENDENT, text),)
+        then = "; from there on they are solved by a QR decomposition"
+        few = dense_operations(arc.system.n, arc.system.m) <= MOST_DENSE
+        if not few:
+            then = ", and there are too many for a QR decomposition: from there "
+            then += "on multipliers may lose digits"
+        cautions = (Caution(NEARLY_DEPENDENT, found + then),)
+        if not few:
             return Decision(cautions=cautions, numbers={"degenerate_below": 0.0})
-        text = f"{found}; from there on they are solved by a QR decomposition"
-        plan = by_loops(arc.plan)
-        return Decision(
-            cautions=(Caution(NEARLY_DEPENDENT, text),),
-            arc=arc.by(plan, System(arc.equations, plan, quick=arc.system.quick)),
-        )
+        return Decision(cautions=cautions, arc=_by(arc, by_loops(arc.plan)))
 
 
 # With a smaller part of the usual smallest singular value of the rows, where the volume
@@ -362,16 +358,15 @@ class LostPartition(Source):
         if not arc.plan.blocks or not (lost or code in LOST_CODES):
             return None
         plan = without_partition(arc.plan, UNDETERMINED)
-        return Decision(
-            choices=(_last_choice(plan, arc.t),),
-            arc=arc.by(plan, System(arc.equations, plan, quick=arc.system.quick)),
-            numbers={"h": 0.0, **NO_LOSS},
-        )
+        last = plan.choices[-1]
+        last = last._replace(choice=f"{last.choice} from t = {arc.t:.9g} on")
+        numbers = {"h": 0.0, **NO_LOSS}
+        return Decision(choices=(last,), arc=_by(arc, plan), numbers=numbers)
 
 
-def _last_choice(plan: Plan, t: float) -> Choice:
-    last = plan.choices[-1]
-    return last._replace(choice=f"{last.choice} from t = {t:.9g} on")
+def _by(arc: Arc, plan: Plan) -> Arc:
+    """Return the arc at its present state, solved by another plan."""
+    return arc.by(plan, System(arc.equations, plan, quick=arc.system.quick))
 
 
 def _lose_rank(arc: Arc) -> bool:

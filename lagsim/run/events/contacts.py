@@ -48,7 +48,7 @@ from lagsim.run.events.law_modes import (
     write_modes,
 )
 from lagsim.run.events.records import LawsAt, LawState
-from lagsim.run.events.sliders import select_sliding
+from lagsim.run.events.sliders import Sliders
 from lagsim.run.failures import end_of_table
 from lagsim.run.trajectory import (
     Decision,
@@ -203,7 +203,7 @@ class Contacts(Source):
     def approach(self, arc: Arc) -> bool:
         """Whether a closed law would strike at the state reached."""
         here = Kinematics(arc, arc.y)
-        return any(here.closed[k] and here.strikes(k) for k in self.striking)
+        return any(here.closed[k] and here.strikes[k] for k in self.striking)
 
     def located(self, arc: Arc, laws: LawsAt, k: int) -> LawsAt:
         """Store that the mode of law k has ended, and return the laws at the instant.
@@ -292,7 +292,7 @@ class Contacts(Source):
         if self.sliders:
             closed_laws = sorted({*closed_laws, *self.sliders})
         striking = [k for k in self.striking if closed[k]]
-        struck = [k for k in striking if here.strikes(k)]
+        struck = [k for k in striking if here.strikes[k]]
         if struck and self._leaves_tables(arc, closed_laws, struck, found):
             return found
         # Whether the bound of a law decreases depends on sides that are decided later.
@@ -385,7 +385,7 @@ class Contacts(Source):
         here : all laws at the state reached.
         """
         arc, before = here.arc, found.y
-        settled = select_sliding(arc, before)
+        settled = Sliders(arc, before).settled()
         found.y, found.events = settled.y, found.events + settled.events
         if settled.jumps:
             if found.rows is None:
@@ -458,7 +458,7 @@ class Contacts(Source):
         here : all laws just before the impact.
         """
         t = here.arc.t
-        struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
+        struck = {k for k in self.contacts if closed[k] and here.strikes[k]}
         if not struck:
             return {}
         for k in struck:
@@ -502,7 +502,7 @@ class Contacts(Source):
         arc, before, arrived = here.arc, found.y, here
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
-        struck = [k for k in active if here.strikes(k)]
+        struck = [k for k in active if here.strikes[k]]
         rests = {k: here.rest(k, float(here.restitutions[k])) for k in struck}
         ends = {k: arc.t + left for k, left in rests.items() if left is not None}
         ends |= stopped
@@ -755,8 +755,8 @@ def _follow_curves(here: Kinematics, active: list[int]) -> ImpactSolution | None
         return None
     x[:n] -= at(x).shape.lift(rows, at(x).rates[rows])
     there = at(x)
-    struck = any(here.strikes(k) and not equal[k] for k in active)
-    if struck or any(there.strikes(k) for k in active):
+    struck = any(here.strikes[k] and not equal[k] for k in active)
+    if struck or any(there.strikes[k] for k in active):
         return None
     p = x[n : n + here.count][active]
     result = Impact(
@@ -838,7 +838,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
         Duration of the flight so far.
     """
     system = here.arc.system
-    struck = {*here.struck(closed)}
+    struck = {k for k, on in enumerate(closed) if on and here.strikes[k]}
     if not struck or (system.p.slack[: system.acting_surfaces] > 0.0).any():
         return {}
     depths = {k: here.depth(k) for k in struck}

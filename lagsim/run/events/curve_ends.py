@@ -70,14 +70,11 @@ def come_to_rest(
     leaders = [k for k in levels if all(k in modes.depends[j] for j in others[k])]
     if len(levels) < 2 or not leaders:
         return False
-    if _is_still(modes, levels, laws):
-        modes.restore(value, kind)
-        modes.write()
-        return False
+    still = _is_still(modes, levels, laws)
     modes.restore(value, kind)
     modes.write()
     rows = modes.rows()
-    for k in leaders:
+    for k in leaders if not still else ():
         if _rests(modes, rows, k, others[k], levels, sizes, left):
             return True
         modes.restore(value, kind)

@@ -415,7 +415,7 @@ class Kinematics:
         system = self.arc.system
         if not system.p.law_mode.any():
             return self.accelerations
-        a = self._field(self.t, self.y)[self.levels[1]]
+        a = self._forced(self.t, self.y)[0][self.levels[1]]
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
@@ -463,16 +463,10 @@ class Kinematics:
 
     def moved_by(self, active: Sequence[int]) -> Floats:
         """Return y' (size,) with active laws in their present modes, others off."""
-        return self._field(self.t, self.y, active)
-
-    def _field(
-        self, t: float, y: Floats, active: Sequence[int] | None = None
-    ) -> Floats:
-        """Return y' (size,), see `_forced`."""
-        return self._forced(t, y, active)[0]
+        return self._forced(self.t, self.y, active)[0]
 
     def _forced(
-        self, t: float, y: Floats, active: Sequence[int] | None
+        self, t: float, y: Floats, active: Sequence[int] | None = None
     ) -> tuple[Floats, Floats]:
         """Return y' (size,) at t and y, with the shares of the surfaces followed.
 
@@ -573,14 +567,6 @@ class Kinematics:
         self.grazing = depths
         self.closed = self._closed()
 
-    def strikes(self, k: int) -> bool:
-        """Whether law k, if closed, is struck: whether its rate has to jump.
-
-        Beyond rounding, the rate of a one-sided law is negative, or that of an equality
-        not 0.
-        """
-        return self._strikes[k]
-
     def reached(self, struck: Iterable[int], candidates: Collection[int]) -> list[int]:
         """Return the candidates, ascending, on which impulses of `struck` laws act.
 
@@ -606,17 +592,13 @@ class Kinematics:
         return np.asarray(np.where(table.one_sided, rates < -still, jumps))
 
     @cached_property
-    def _strikes(self) -> list[bool]:
-        """Whether each of the L laws is struck if it is closed, `_struck` as a list."""
-        found: list[bool] = self._struck.tolist()
-        return found
+    def strikes(self) -> list[bool]:
+        """Whether each of the L laws, if closed, is struck: its rate has to jump.
 
-    def struck(self, closed: Sequence[bool]) -> list[int]:
-        """Return the laws that are struck, ascending.
-
-        closed : whether each of the L laws is closed.
+        Beyond rounding, the rate of a one-sided law is negative, or that of an equality
+        not 0.
         """
-        found: list[int] = np.flatnonzero(self._struck & closed).tolist()
+        found: list[bool] = self._struck.tolist()
         return found
 
     def is_off(self, parts: Floats) -> Flags:

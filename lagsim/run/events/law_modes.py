@@ -42,7 +42,7 @@ FEW = 8
 def write_modes(arc: Arc, chosen: Chosen) -> None:
     """Write the modes of laws in `chosen` to the memory that the kernels read."""
     p = arc.system.p
-    own = p.law_place < 0.0  # the modes of sliders are set by `select_sliding`
+    own = p.law_place < 0.0  # the modes of sliders are set by `Sliders`
     p.law_mode[own], p.law_direction[own] = chosen.mode[own], chosen.direction[own]
     p.law_forces = float(any(mode in FORCING for mode in chosen.mode.tolist()))
 

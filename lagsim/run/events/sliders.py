@@ -83,18 +83,11 @@ def at_edge(arc: Arc) -> float:
     return float(min(CLOSING * max(arc.plan.tolerance, LEAST_CLOSING), SATISFIED))
 
 
-def select_sliding(arc: Arc, y: Floats) -> Settled:
-    """Select the sliding sliders at the state y (size,), and their velocities.
+class Sliders:
+    """Selection of the sliding sliders at a state (size,), and of their velocities.
 
-    The modes are stored in the parameters of the kernels.
-    """
-    return _Sliders(arc, y).settled()
-
-
-class _Sliders:
-    """Selection of the sliding sliders at a state.
-
-    A slider is identified by the index, among the laws, of its first row.
+    The modes are stored in the parameters of the kernels. A slider is identified by the
+    index, among the laws, of its first row.
     """
 
     def __init__(self, arc: Arc, y: Floats) -> None:

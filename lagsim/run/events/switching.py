@@ -15,7 +15,6 @@ import numpy as np
 
 from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
-from lagsim.mechanics.algebra import multiple_of
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -356,10 +355,6 @@ class Switching(Source):
         y[arc.velocities] += step[: arc.system.n]
         arc.runner.project_sliding(arc.t, y)
 
-    def _followed(self, arc: Arc) -> bool:
-        """Whether the motion follows a corner of an equality."""
-        return any(self.slides[k] for k in arc.system.switches.turns)
-
     def _projected(self, *, resting: bool) -> Floats | None:
         """Return the state (size,) projected onto the surfaces followed, or None.
 
@@ -370,7 +365,7 @@ class Switching(Source):
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
-        if resting and self._followed(arc):
+        if resting and any(self.slides[k] for k in arc.system.switches.turns):
             self._put_on(y)
             arc.add_work(y, arc.energies(former))
         else:
@@ -549,14 +544,13 @@ class Switching(Source):
         for members in [located] + [again] * (again != located):
             if not members or not self._is_negligible(limit - arc.t, members):
                 continue
-            several = members + self._switching_together(members, near)
             if laws is not None:
                 from lagsim.run.events.contacts import rest_soon
 
                 rest_soon(arc, REACH * (limit - arc.t))
             self.sequence.recent.clear()
-            found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
-            if found.decision.ending or not np.any(self.modes.bound[several]):
+            found = self.select(arc, surfaces, laws, at_rest=members, time=limit)
+            if found.decision.ending or not np.any(self.modes.bound[members]):
                 arc.system.p.law_still[:] = still
                 self.sequence.recent.extend(recent)
                 continue  # of impacts `contacts` computes the limit
@@ -600,21 +594,6 @@ class Switching(Source):
             (modes.off_levels() <= most) & ~modes.shown
         ).tolist()
         return near
-
-    def _switching_together(
-        self, surfaces: Collection[int], near: Collection[int]
-    ) -> list[int]:
-        """Return the surfaces of `near` that switch together with `surfaces`.
-
-        Their gradients are parallel: several kinks lie at one place, of which the
-        search locates a single one at each switch.
-        """
-        J = self.modes.rows().J
-        return [
-            j
-            for j in near
-            if j not in surfaces and any(multiple_of(J[k], J[j]) for k in surfaces)
-        ]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
         """Return the event, at `time`, of an accumulation of switches of surface k.

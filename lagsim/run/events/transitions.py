@@ -191,7 +191,8 @@ class Transitions(Source):
                 arc, np.array(acted.impulse), corners, y
             )
             kicking = {x.name for x in events if x.impulses}
-            found = [_with_energy(x, energy, kicking) for x in found]
+            own = [energy if x.name in kicking else x.energy for x in found]
+            found = [x._replace(energy=y) for x, y in zip(found, own, strict=True)]
         changed = kicks or before is not None
         decision = Decision(
             tuple(found), y=y if changed else None, rows=row if kicks else None,
