@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 MOST_ARCS = 400
 # Number of arcs that end at one event function after which a run ends if their ends are
 # apart, on average, by no more than an instant, or by the part HURRIES of the duration.
-MOST_ENDS, HURRIES = 40, 1e-12
+# Intervals of which the last is more than the part GROWS of the sum leave the instant:
+# where a surface is met at rounding of its level, each is some 30 times the one before.
+MOST_ENDS, HURRIES, GROWS = 40, 1e-12, 0.25
 
 
 class Progress:
@@ -61,8 +63,11 @@ class Progress:
         own = self._own.setdefault(end, deque(maxlen=MOST_ENDS))
         own.append(t)
         least = max(least, HURRIES * settings.duration)
-        hurries = len(own) == MOST_ENDS and t - own[0] <= MOST_ENDS * least
-        return own[0] if hurries and code != at.DONE else None
+        if len(own) < MOST_ENDS or code == at.DONE:
+            return None
+        took = t - own[0]
+        is_stuck = took <= MOST_ENDS * least and t - own[-2] <= GROWS * took
+        return own[0] if is_stuck else None
 
 
 def _names(arc: Arc, ends: Iterable[tuple[int, int]]) -> Iterator[str]:
