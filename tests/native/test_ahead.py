@@ -78,6 +78,23 @@ def test_tasks_are_shared_and_their_results_are_in_order():
     assert len(b"".join(seen)) == 5  # each is done once
 
 
+def test_tasks_are_not_shared_while_all_cores_are_busy(monkeypatch):
+    first = number()
+    monkeypatch.setattr(ahead, "_cores", lambda: 2)
+    with ahead.second_processes():
+        helper = ahead.Helper(lambda: None, lambda _: iter([]))
+        try:
+            assert ahead.shared([number] * 5) == [first] * 5
+
+            def late():  # the second process takes a task meanwhile
+                time.sleep(0.2)
+                return number()
+
+            assert set(ahead.shared([late] * 5, alone=True)) > {first}
+        finally:
+            helper.end()
+
+
 def test_tasks_of_a_killed_process_are_done_by_the_first():
     first = os.getpid()
 

@@ -78,7 +78,7 @@ def start(make: Callable[[], bytes]) -> Callable[[], bytes]:
     return result
 
 
-def shared(tasks: Sequence[Callable[[], bytes]]) -> list[bytes]:
+def shared(tasks: Sequence[Callable[[], bytes]], *, alone: bool = False) -> list[bytes]:
     """Return the results of tasks, in their order; a free core does a part of them.
 
     This process and a second one each take the next task when they have finished one,
@@ -86,8 +86,10 @@ def shared(tasks: Sequence[Callable[[], bytes]]) -> list[bytes]:
     in this one.
 
     tasks : at most 255.
+    alone : whether other second processes have no work now.
     """
-    if not _helpers or len(tasks) < 2 or _cores() < 2 + len(_at_work):
+    busy = 0 if alone else len(_at_work)
+    if not _helpers or len(tasks) < 2 or _cores() < 2 + busy:
         return [task() for task in tasks]
     reads, writes = os.pipe()
     os.write(writes, bytes(range(len(tasks))))

@@ -180,16 +180,23 @@ class ProgramPart:
         return _kept(key, lambda: str.encode(self._write()[0])).decode()
 
 
-def compile_parts(parts: Sequence[ProgramPart], quick: Collection[ProgramPart]) -> bool:
+def compile_parts(
+    parts: Sequence[ProgramPart],
+    quick: Collection[ProgramPart],
+    *,
+    alone: bool = False,
+) -> bool:
     """Compile the parts that are not in the cache; return whether one is of `quick`.
 
     A second process compiles half of them where possible.
 
     quick : the parts whose quick code is wanted, see `ProgramPart.quick_objects`.
+    alone : see `ahead.shared`.
     """
     names = [(x, "quick_content" if x in quick else "content") for x in parts]
     missing = [(x, name) for x, name in names if not x.is_known(name)]
-    made = ahead.shared([partial(getattr, *wanted) for wanted in missing])
+    tasks = [partial(getattr, *wanted) for wanted in missing]
+    made = ahead.shared(tasks, alone=alone)
     for (part, name), code in zip(missing, made, strict=True):
         part.keep(name, code)
     return any(x in quick for x, _ in missing)

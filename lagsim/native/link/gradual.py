@@ -74,11 +74,18 @@ class GradualParts:
             return False
         if self._is_optimised is None and self._new and folder() is not None:
             # The parts that take least time first: more of them are done in a run.
-            parts = sorted(self.improvable, key=lambda part: len(part.quick_content))
+            parts = sorted(self.improvable, key=_work)
             tasks = [partial(getattr, part, "content") for part in parts]
             self._is_optimised = ahead.beside(tasks)
         if self._is_optimised is not None and not self._is_optimised():
             self._left = SHORT  # asked again later: an answer costs as much as an event
             return False
         self.improvable = []
+        # The second process that draws pictures waits for the results of the run.
+        compile_parts(self._parts, [], alone=True)
         return True
+
+
+def _work(part: ProgramPart) -> int:
+    """Return a number that grows with the time in which a part is optimised."""
+    return len(part.quick_content) * (8 if part.optimise else 1)
