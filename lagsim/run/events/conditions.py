@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
 
-# Time after the start, as a part of the output step, at which jumps show. Positions
+# Time after an instant, as a part of the output step, at which jumps show. Positions
 # that accelerations alone separate must differ in doubles at `PART` of this time.
 SOON = 2.0**-30
 # Least number of units in the last place by which the state moves meanwhile.
@@ -105,14 +105,12 @@ class Truth:
         true = ~off & ~fixed
         state.leeway[true] = 2.0 * zero[true]
 
-    def _store_start_jumps(self) -> None:
-        """Store the jumps of conditions just after the start of the run in `ahead`.
+    def _store_jumps(self) -> None:
+        """Store in `ahead` the jumps by which conditions become true after the instant.
 
-        After the first step no jump is stored.
+        They count for the instant and for the step after it.
         """
         state, arc = self.state, self.arc
-        if arc.steps:
-            return
         now, delay = arc.located(arc.t, arc.y), SOON * arc.settings.output_step
         soon, sooner = self._located_after(delay, 1.0), self._located_after(delay, PART)
         true = (sooner >= 0.0) & (soon >= 0.0)
@@ -122,9 +120,9 @@ class Truth:
         state.ahead[:] = np.where(true, sooner - now, 0.0)
 
     def _located_after(self, delay: float, part: float) -> Floats:
-        """Return the values (C,) of the conditions shortly after the start.
+        """Return the values (C,) of the conditions shortly after the instant.
 
-        The time after the start is `part` times `delay`; time and state move by at
+        The time after the instant is `part` times `delay`; time and state move by at
         least some units in the last place.
         """
         arc, places = self.arc, PLACES * part / PART
@@ -146,6 +144,13 @@ class Truth:
         found : index of the condition located at the instant, or -1.
         """
         self.run("decide_before", found)
+        if found < 0 or self.state.equation[found] > 0.0:
+            return
+        if self.state.worth[found] < -self.state.zero[found]:
+            # By a step of the time, whose value at its own time is that before it:
+            # floor(1 - t) is 0 at 1.
+            self._store_jumps()
+            self.run("decide_before", found)
 
     def satisfied(self) -> set[int]:
         """Return indices of the conditions that the motion satisfies at the instant.
@@ -199,7 +204,8 @@ class Truth:
         """
         if not self.set_by_modes:
             return set()
-        self._store_start_jumps()
+        if not self.arc.steps or np.any(self.state.ahead != 0.0):
+            self._store_jumps()
         return self._marked(self.run("change"))
 
     def settled(self, *, struck: bool) -> set[int]:
@@ -209,7 +215,8 @@ class Truth:
         """
         by_modes = self.set_by_modes or self.steps
         jumped = int(struck or by_modes or not self.arc.steps)
-        self._store_start_jumps()
+        if not self.arc.steps:
+            self._store_jumps()
         return self._marked(self.run("settle", jumped))
 
     def _marked(self, count: float) -> set[int]:

@@ -62,6 +62,39 @@ def test_a_step_of_the_time_acts_once_by_each_method(method, holds):
     assert [e.time for e in result.events if e.name == "act"] == pytest.approx([1.4375])
 
 
+# A clock c = t - 1.5, given by a relation, by its velocity, or as a definition.
+CLOCKS = {
+    "relation": "coordinates: {y: {}, c: {}}\nconstraints: {p: c = t - 1.5}\n"
+    "initial: {y: 0, c: -1.5, c_dot: 1}",
+    "velocity": "coordinates: {y: {}, c: {}}\ninitial: {y: 0, c: -1.5, c_dot: 1}",
+    "definition": "coordinates: {y: {}}\ndefinitions: {c: t - 1.5}\ninitial: {y: 0}",
+}
+FALLING = """
+modes: {n: 0, m: 1}
+energy: {kinetic: KINETIC, potential: 0}
+events:
+  e: {at: "mod(floor(-c), 2)*m + y <= 0.5*m", set: {n: n + 1, m: 3 - m}}
+  f: {at: "mod(floor(-c), 2) + y <= 0.7", set: {n: n + 10}}
+  g: {at: n >= 11, set: {n: n + 100}}
+simulation: {duration: 6, output_step: 0.25}
+"""
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize("method", ["auto", "dop853", "rk4"])
+def test_falling_steps_of_the_time_act_once_at_their_times(clock, method):
+    # floor(1.5 - t) is 1 at 0.5, and 0 after it: the step acts by its value after it.
+    kinetic = "y_dot^2" if clock == "definition" else "y_dot^2 + c_dot^2"
+    text = CLOCKS[clock] + FALLING.replace("KINETIC", kinetic)
+    fixed = {"step": 0.1} if method == "rk4" else {}
+    result = lagsim.simulate(text, error_bar="never", method=method, **fixed)
+    found = [(e.name, e.time) for e in result.events if e.kind == "event"]
+    names, times = zip(*found, strict=True)
+    assert names == ("e", "f", "g", "e", "f", "e", "f")
+    assert times == pytest.approx([0.5, 0.5, 0.5, 2.5, 2.5, 4.5, 4.5], abs=1e-12)
+    assert result["n"][-1] == 133.0
+
+
 def test_a_run_without_progress_ends_with_the_name_of_the_condition(monkeypatch):
     # The condition is located again and again, and its event never acts.
     monkeypatch.setattr(Transitions, "due", lambda *_: NOTHING)
