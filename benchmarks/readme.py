@@ -22,12 +22,13 @@ TABLE = """\
 TEXT = (
     "lagsim, from energies, and the others, from given equations, are about equally "
     "fast. The ratio of the best other's time to lagsim's is {tight} in this "
-    "table, and {loose} at an error of 1e-8. lagsim's times include every row with all "
-    "columns, projected onto the constraints. The others give states only; they "
-    "neither derive equations nor handle contacts. This was measured on an {rivals} "
-    "([all results](benchmarks/results-rivals.md)). A whole process with pictures "
-    "takes {run}, a script for sympy, scipy and pyplot that does the same {script}, on "
-    "an {whole} ([all results](benchmarks/results.md))."
+    "table, and {loose} at an error of 1e-8; for runs that begin with the data of "
+    "other solvers in the processor's caches, {first}. lagsim's times include every "
+    "row with all columns, projected onto the constraints. The others give states "
+    "only; they neither derive equations nor handle contacts. This was measured on an "
+    "{rivals} ([all results](benchmarks/results-rivals.md)). A whole process with "
+    "pictures takes {run}, a script for sympy, scipy and pyplot that does the same "
+    "{script}, on an {whole} ([all results](benchmarks/results.md))."
 )
 WIDTH = 125
 
@@ -50,9 +51,12 @@ def duration(milliseconds: str) -> str:
     return f"{digits(Decimal(milliseconds) / 1000)} s"
 
 
-def span(rows: list[list[str]]) -> str:
-    """Return the range of the ratios in the column `times faster` as text."""
-    ratios = [Decimal(row[5]) for row in rows]
+def span(rows: list[list[str]], column: int = 5) -> str:
+    """Return the range of the ratios in a column as text.
+
+    column : its index, by default that of `times faster`.
+    """
+    ratios = [Decimal(row[column]) for row in rows]
     return f"{digits(min(ratios))} to {digits(max(ratios))}"
 
 
@@ -70,6 +74,7 @@ def numbers(rivals: str, whole: str) -> str:
     text = TEXT.format(
         tight=span([*tight.values()]),
         loose=span(loose),
+        first=span(loose, 7),
         rivals=" and an ".join(
             dict.fromkeys(re.findall(r"Measured \S+ on (.*?),", rivals))
         ).replace("(R)", ""),
