@@ -168,10 +168,13 @@ class Accumulation:
 
         None where the intervals within the last window do not shrink, or shrink less
         than the last two windows: a long window before a short one, as of a motion that
-        meets several surfaces close to each other, is not an accumulation.
+        meets several surfaces close to each other, is not an accumulation. None also
+        where the limit is farther ahead than the duration of the run: windows of a
+        periodic motion differ by rounding.
         """
         end = self.end()
-        return end if end is not None and self._shrinks() else None
+        near = end is not None and end - self.recent[-1][0] <= self.span
+        return end if near and self._shrinks() else None
 
     def _shrinks(self) -> bool:
         """Whether the second half of the last window is shorter than its first half.

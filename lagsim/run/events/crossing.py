@@ -301,7 +301,7 @@ class Crossing:
         elif k not in self.levels:
             self._set_by_value(k)
             return
-        elif modes.is_constant_around(k):
+        elif modes.is_constant_around(k, rows):
             self._set_mode(k, LEVEL)
             self._watch(k)
             return

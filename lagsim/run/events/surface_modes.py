@@ -124,6 +124,7 @@ class SurfaceModes:
         self.whole = np.array([s.whole for s in self.sides])
         self.shown = np.array([s.shown for s in self.sides], dtype=bool)
         self.has_whole = bool(self.whole.any())
+        self.heights = np.where(self.whole, 1.0, 2.0)
         g = arc.equations.graph
         self._last = [
             last_level(g, s.node) if s.whole else math.inf for s in self.sides
@@ -155,8 +156,9 @@ class SurfaceModes:
         # Before the first selection all surfaces count as on their upper sides.
         none = (p.least == p.most) & (self.kind == 0.0)
         self.value = np.where(none, 1.0, p.side)
-        mixed = (self.kind == kept.REDUNDANT_SIDE) & ~self.is_corner
-        self.value[mixed] += (p.part_above * (p.high - p.low))[mixed]
+        if self.kind.any():
+            mixed = (self.kind == kept.REDUNDANT_SIDE) & ~self.is_corner
+            self.value[mixed] += (p.part_above * (p.high - p.low))[mixed]
         self.levels = np.zeros(self.count)
         self.carried: dict[int, Carried] = {}
         self.watched: list[int] = []  # surfaces whose mode ends off their level
@@ -228,9 +230,11 @@ class SurfaceModes:
         value : (K,), as the attribute; for redundant surfaces between both sides.
         """
         low = np.where(self.whole, np.floor(value), -1.0)
-        size = np.where(self.whole, 1.0, 2.0)
+        part = (value - low) / self.heights
+        if not self.kind.any():
+            return part, value
         mixed = (self.kind == kept.REDUNDANT_SIDE) & ~self.is_corner
-        return (value - low) / size, np.where(mixed, low, value)
+        return part, np.where(mixed, low, value)
 
     def forget(self) -> None:
         """Set the surfaces of the motion to be neither followed, carried nor watched.
@@ -284,18 +288,19 @@ class SurfaceModes:
 
     def write(self) -> None:
         """Write the modes to the parameters of the compiled functions."""
-        p, slides, value = self.p, self.slides, self.value
-        free = self.bound | self.shown
-        p.sliding = float(np.count_nonzero(self.holds))
-        p.part_above[:], value = self._parts(value)
+        p, free = self.p, self.shown.copy()
+        p.part_above[:], value = self._parts(self.value)
         p.side[:] = value
         p.slides[:] = self.kind
-        p.low[:] = np.where(self.whole | free, value, -1.0)
         p.high[:] = np.where(self.whole, value + 1.0, 1.0)
-        bent = self.is_corner & (self.kind == kept.REDUNDANT_SIDE)
-        p.high[bent] = value[bent]
-        p.leader[:] = p.ends_above = 0.0
+        p.leader[:] = p.ends_above = p.sliding = 0.0
         least, most = self.ends(value)
+        if self.kind.any():
+            free |= self.bound
+            p.sliding = float(np.count_nonzero(self.holds))
+            bent = self.is_corner & (self.kind == kept.REDUNDANT_SIDE)
+            p.high[bent] = value[bent]
+        p.low[:] = np.where(self.whole | free, value, -1.0)
         for k, carried in self.carried.items():
             p.leader[k] = carried.leader + 1
             p.high[k] = carried.high
@@ -309,6 +314,7 @@ class SurfaceModes:
         if self.watched:
             least[self.watched] = most[self.watched] = self.levels[self.watched]
         if p.sliding:
+            slides = self.slides
             least[slides] = np.where(self.on_rates, 0.0, self.levels)[slides]
             most[slides] = np.where(self.on_rates, self.levels, 0.0)[slides]
         p.least[:] = least
@@ -347,21 +353,23 @@ class SurfaceModes:
         (residuals, rates, b, scales), J = arc.surface_rows(t, y)
         return Rows(residuals, rates, b, scales, J)
 
-    def is_constant_around(self, k: int) -> bool:
-        """Whether surface k's expression is constant at nearby states and later on."""
-        here, there = self.rows(), self.rows(*self.displaced())
+    def is_constant_around(self, k: int, here: Rows | None = None) -> bool:
+        """Whether surface k's expression is constant at nearby states and later on.
+
+        here : the rows of the surfaces at the state reached, if they are known.
+        """
+        here = self.rows() if here is None else here
+        if here.b[k] != 0.0 or np.any(here.J[k]):
+            return False
+        there = self.rows(*self.displaced())
         if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
                 here.rates[k]
             )
         else:
             still = here.rates[k] == there.rates[k] == 0.0
-        return bool(
-            still
-            and here.b[k] == there.b[k] == 0.0
-            and not np.any(here.J[k])
-            and not np.any(there.J[k])
-        )
+        constant = here.b[k] == there.b[k] == 0.0
+        return bool(still and constant and not np.any(there.J[k]))
 
     def roundoff_around(self, k: int) -> float:
         """Return the roundoff of an expression that is constant around the state.
