@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from lagsim.language.columns import (
@@ -82,7 +83,7 @@ class Columns:
         self.wants_sections = bool(model.output.sections)
         self.sections = list(g.substitute(relations, recovered))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """All names, in order."""
         return tuple(self.nodes)

@@ -233,7 +233,8 @@ def by_other_means(
     # If no feature of the model can be missed, a series with other steps is independent
     # enough of the run.
     sees_all = not system.indicators
-    for tighter in (tightened(plan, TIGHTER), tightened(plan, LOOSER)):
+    for times in (TIGHTER, LOOSER):
+        tighter = tightened(plan, times)
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
         # At the tightest tolerance another method cannot be more accurate.
         room = not plan.rtol or ((tighter.rtol or 0.0) > TIGHTEST_RTOL and is_tighter)
