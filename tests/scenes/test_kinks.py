@@ -618,3 +618,34 @@ simulation: {{duration: 2.5, output_step: 0.1}}
     assert timed.t == pytest.approx(always.t, abs=1e-9)
     for name in ("x", "x_dot", "y_dot", "work", "impulse.wire"):
         assert timed[name] == pytest.approx(always[name], abs=1e-8)
+
+
+# Parts of the radius of the table, from its centre, at which a point lies.
+TURNS = np.linspace(-1, 1, 31)
+
+
+def test_a_corner_and_a_point_of_a_table_that_a_rod_joins_are_one_corner():
+    # A bead on y = 0.3 |x - X| + T(x), where T rises by 0.2 before X and by 0.7 after
+    # it. A rod gives the sum 1e5 + x the rounding of 1e5, the table that of its radius:
+    # its point is located where the argument of abs is still off 0 by more than its own
+    # rounding. One impact onto the slope 1 from the slope -0.1; two in turn would leave
+    # 0.73 of the speed.
+    X, radius, speed = 7.77, 23.164145156627626, 1.2889537870930932
+    points = np.column_stack([X + radius * TURNS, np.zeros(31)])
+    points[15, 0] = X
+    points[:, 1] = np.where(TURNS < 0, 0.2, 0.7) * (points[:, 0] - X)
+    found = simulated(f"""
+    tables: {{T: {{points: {points.tolist()}, outside: hold}}}}
+    coordinates: {{x: {{}}, y: {{}}, u: {{}}}}
+    energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+    constraints:
+      wire: y = 0.3*abs(u - 1e5 - {X}) + T(x)
+      rod: u - x = 1e5
+    initial:
+      {{x: {X - 0.5}, x_dot: {speed}, y: {{guess: 0}}, y_dot: {{guess: 0}},
+      u: {{guess: 0}}, u_dot: {{guess: 0}}}}
+    simulation: {{duration: 3}}
+    """)
+    assert [e.kind for e in found.events].count("corner") == 1
+    left = (1 - 0.1 * 1.0) / (1 + 1.0**2)
+    assert found["x_dot"][-1] == pytest.approx(left * speed, rel=1e-9)

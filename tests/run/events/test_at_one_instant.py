@@ -46,3 +46,25 @@ def test_until_that_an_act_makes_false_at_the_start_alone_ends_the_run(then, end
     found = simulate(MODEL.format(condition="k >= 5", u=1.5, then=then, more=more))
     assert found.record["end"] == end
     assert found.outcome == ("until" if end == 0.0 else "done")
+
+
+# Conditions that are false at t = 0, x = 0, and jump to true just after it, if x has
+# the given velocity.
+JUMPS = {
+    "atan2(x, -1) <= -3": -1, "0^abs(x) <= 0.5": 1, "sign(t) + x >= 0.5": 1,
+    "exp(-abs(x)/1e-300) <= 0.5": -1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["auto", "rk4, step: 0.05"])
+@pytest.mark.parametrize("condition", JUMPS)
+def test_a_condition_that_jumps_just_after_the_start_acts_at_the_start(
+    condition, method
+):
+    found = simulate(
+        "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: 0}\n"
+        f"modes: {{n: 0}}\nevents: {{act: {{at: '{condition}', set: {{n: n + 1}}}}}}\n"
+        f"initial: {{x: 0, x_dot: {JUMPS[condition]}}}\n"
+        f"simulation: {{duration: 1, method: {method}}}\n"
+    )
+    assert [(e.name, e.time) for e in found.events] == [("act", 0.0)]
