@@ -44,7 +44,7 @@ def note_sigma(p: Parameters, begin: int, end: int, factors: Floats) -> None:
     for j in range(count):
         square = abs(factors[j * count + j])
         if by_rows:
-            square *= square
+            square = square * square if square < OVERFLOW else 0.0
         else:
             best = int(p.factors[begin + j])
             rows[j], rows[best] = rows[best], rows[j]

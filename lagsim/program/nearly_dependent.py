@@ -11,11 +11,12 @@ Gram-Schmidt with reorthogonalisation.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.program import mass
+from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -45,8 +46,9 @@ def is_frictionless(p: Parameters, begin: int, end: int) -> bool:
 def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
     """Factor the scaled columns of Y of a group as Q R.
 
-    Return 0 if the columns are dependent, else 1. Q replaces the rows of p.Y from place
-    `begin` on.
+    Return 0 if the columns are not finite, else 1. Q replaces the rows of p.Y from
+    place `begin` on. A column that depends on the ones before it, as at a change point,
+    has a column 0 of Q and an infinite element of R, so that its multiplier is 0.
 
     begin, count : the places of the group's rows.
     R : (count, count).
@@ -64,8 +66,10 @@ def factor_rows(p: Parameters, begin: int, count: int, R: Floats) -> int:
                 R[j * count + k] += part
                 row[:n] -= part * other[:n]
         rest = sqrt(mass.product(n, row, row))
-        if not rest > INDEPENDENT:
+        if not rest < OVERFLOW:
             return 0
+        if not rest > INDEPENDENT:
+            rest = inf
         R[k * count + k] = rest
         row[:n] /= rest
     return 1
@@ -81,7 +85,8 @@ def solve_by_rows(p: Parameters, begin: int, count: int, R: Floats) -> None:
     """
     w, scales = p.w[begin:], p.scales[begin:]
     for k in range(count):
-        w[k] /= sqrt(scales[k])
+        if scales[k] > 0.0:
+            w[k] /= sqrt(scales[k])
         for j in range(k):
             w[k] -= R[j * count + k] * w[j]
         w[k] /= R[k * count + k]

@@ -301,6 +301,18 @@ def test_dead_points_beside_laws(N, method, law):
     assert rank_losses(result, "x0")
 
 
+@pytest.mark.parametrize("law", ["a >= -500, restitution: 0", "a_dot = 0, limit: 0"])
+@pytest.mark.parametrize("method", ["auto", "dopri5"])
+def test_a_start_at_a_dead_point_beside_a_law(law, method):
+    # Where all lies in a line at the start, one row depends on the others.
+    text = PARALLELOGRAM.format(weight=0, start="0")
+    row = f"constraints:\n  law: {{relation: {law}}}\n"
+    result = run(text.replace("constraints:\n", row, 1), method=method)
+    assert result.trajectory.outcome.complete
+    assert np.max(np.abs(result["a"] - result["t"])) < 1e-9
+    assert np.max(np.abs(result["c"])) < 1e-9
+
+
 @pytest.mark.parametrize("names", ["along", "across", "along across"])
 def test_dead_centre_of_relations_that_hold_at_times(names):
     text = SLIDER_CRANK.format(start="0.7").replace("duration: 10", "duration: 4")
