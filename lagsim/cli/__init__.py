@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from lagsim import files
 from lagsim.codes.known import USAGE
 from lagsim.errors import Problem
+from lagsim.native.link.ahead import second_processes
 from lagsim.run.interrupt import (
     AGAIN_SECONDS,
     ENDING,
@@ -40,6 +41,9 @@ COMMANDS = (
     "spectrum", "golden", "bench", "stability", "equilibrium", "modes", "fit",
     "methods", "explain", "schema",
 )  # fmt: skip
+# Commands that compile with a second process: in others, threads or workers may be at
+# work then, and a fork would copy their locks.
+COMPILED_BY_TWO = ("run", "equilibrium", "modes", "fit")
 
 
 def main() -> int:
@@ -48,7 +52,7 @@ def main() -> int:
 
     _shared.prepare()
     try:
-        with signals_raised():
+        with signals_raised(), _helped():
             return _guarded(_application)
     except Terminated:
         return 128 + signal.SIGTERM
@@ -117,6 +121,13 @@ def _application() -> typer.Typer:
         summary = (command.__doc__ or "").partition("\n")[0]
         app.command(name, short_help=summary)(reporting(command))
     return app
+
+
+def _helped() -> contextlib.AbstractContextManager[None]:
+    """Return a context manager within which second processes may be started."""
+    if is_watched() and sys.argv[1:2] and sys.argv[1] in COMPILED_BY_TWO:
+        return second_processes()
+    return contextlib.nullcontext()
 
 
 def _guarded(application: Callable[[], typer.Typer]) -> int:

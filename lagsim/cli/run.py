@@ -49,7 +49,6 @@ from lagsim.methods import names
 from lagsim.model.loading import model_text
 from lagsim.model.reader import read
 from lagsim.model.reader.fields import OPTIONS, SIMULATION
-from lagsim.native.link.ahead import second_processes
 from lagsim.outputs import TableFormat
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.results import (
@@ -298,8 +297,7 @@ class Job:
             from lagsim.studies.drawing import artist
 
             aside = artist(model)
-        helped = second_processes() if is_watched() else contextlib.nullcontext()
-        with helped, aside as self._draw:
+        with aside as self._draw:
             with self.interrupt.raised():
                 settings = settings_of(model, "run", hint="add it, or give --duration")
                 self.clock.lap("read")
