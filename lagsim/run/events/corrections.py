@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
-from lagsim.tolerances import SUM_ROUNDOFF
+from lagsim.tolerances import HALF_OF_DIGITS, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -57,6 +57,8 @@ def _raised_state(here: Kinematics) -> Floats:
 def _is_stopping(here: Kinematics, k: int) -> bool:
     """Whether the slip of law k stops before a position changes by more than rounding.
 
+    It has to be straight: a force across its direction turns a slip until it stops.
+
     k : the index of the law whose mode has ended; False if it is no slip with two
         directions.
     here : all laws at the end of the step.
@@ -68,7 +70,10 @@ def _is_stopping(here: Kinematics, k: int) -> bool:
     places = here.shape.slopes[pair] @ here.magnitudes[here.arc.state.positions]
     back = float(np.linalg.norm(here.present[pair]))
     short = speed**2 <= 2.0 * back * SUM_ROUNDOFF * float(places.max())
-    return short and speed > p.law_still[k]
+    pull = here.accelerations[pair]
+    across = _across(pull, p.law_direction[pair])
+    turns = np.linalg.norm(across) > HALF_OF_DIGITS * np.linalg.norm(pull)
+    return short and speed > p.law_still[k] and not turns
 
 
 def _straightened_state(here: Kinematics, k: int) -> Floats:
@@ -85,10 +90,14 @@ def _straightened_state(here: Kinematics, k: int) -> Floats:
         The number of one of the two laws of the slip.
     """
     y, pair = here.y.copy(), [k, here.laws[k].pair]
-    along = here.arc.system.p.law_direction[pair]
-    across = here.rates[pair] - along * (along @ here.rates[pair])
+    across = _across(here.rates[pair], here.arc.system.p.law_direction[pair])
     y[here.arc.velocities] -= here.shape.lift(pair, across)
     return y
+
+
+def _across(x: Floats, along: Floats) -> Floats:
+    """Return the component of x (2,) across the unit vector `along`."""
+    return np.asarray(x - along * (along @ x))
 
 
 def kept_at_rest(here: Kinematics, stopped: Ints) -> Kinematics:

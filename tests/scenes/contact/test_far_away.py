@@ -68,3 +68,21 @@ simulation: {{duration: 0.5, output_step: 0.1}}
 """
     found = run(text)
     assert [event.kind for event in found.trajectory.events] == ["impact", "contact"]
+
+
+@pytest.mark.parametrize("at", [0.0, 1e4, 1e6])
+def test_a_slip_that_a_force_turns_stops_at_its_time_far_away(at):
+    # Of a mass of 1 under a limit of 2, with a path of 4 um: it turns until it stops.
+    speed, push, limit = 4e-3, np.array([-0.3, 0.5]), 2.0
+    found = run(
+        "coordinates: {x: {}, y: {}}\n"
+        "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
+        f"forces: {{x: {push[0]}, y: {push[1]}}}\n"
+        f"constraints: {{f: {{relation: [x_dot = 0, y_dot = 0], limit: {limit}}}}}\n"
+        f"initial: {{x: 0, y: {at!r}, x_dot: {speed}, y_dot: 0}}\n"
+        "simulation: {duration: 0.01}\n"
+    )
+    # By v' = P - L v/|v|, v.P + L |v| falls at the constant rate L^2 - P^2.
+    stop = speed * (push[0] + limit) / (limit**2 - push @ push)
+    times = [e.time for e in found.trajectory.events if e.kind == "stick"]
+    assert times == pytest.approx([stop], rel=1e-9)
