@@ -23,6 +23,20 @@ def test_a_limit_is_that_of_the_series_alone(before, ratio):
     assert limit == pytest.approx(exact, abs=1e-6 * first + 1e-13 * exact)
 
 
+@pytest.mark.parametrize(("ratio", "span"), [(1.0 - 1e-12, 1e6), (0.9, 4.0)])
+def test_a_limit_farther_ahead_than_the_duration_is_none(ratio, span):
+    """A motion that is periodic but for rounding, and one that outlasts the run."""
+    found, time, interval = Accumulation(span), 0.0, 2.0
+    for _ in range(12):
+        time, interval = time + interval, interval * ratio
+        found.add(time, 0)
+    ahead = interval / (1.0 - ratio)
+    assert found.end() == pytest.approx(time + ahead, rel=1e-3)
+    assert found.limit() is None
+    found.span = 2.0 * ahead
+    assert found.limit() == found.end()
+
+
 # What flights that end are, scenes/contact/test_columns.py shows by runs.
 def test_flights_that_are_none():
     # As long as each other; longer; too few; two strikes at one time.
