@@ -22,7 +22,7 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import floor, inf, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import (
@@ -192,15 +192,21 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def store_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Store the distances (surfaces,) of expressions or shares from ends of sides."""
+    """Store the distances (surfaces,) of expressions or shares from ends of sides.
+
+    A side without ends does not end where its expression has no value, either.
+    """
     if p.sliding > 0.0:
         combine(t, y, p)
     if p.ends_above > 0.0:
         store_margins_above(t, y, p)
     surfaces(t, y, p, out)
     for k in range(p.surfaces):
-        low = out[k] - p.least[k]
-        high = p.most[k] - out[k]
+        low = inf
+        high = inf
+        if p.least[k] > -inf or p.most[k] < inf:
+            low = out[k] - p.least[k]
+            high = p.most[k] - out[k]
         if p.ends_above > 0.0 and p.slides[k] == CARRIED:
             low = min(low, p.margin_above[k])
         if p.slides[k] == FOLLOWED:

@@ -88,7 +88,7 @@ class ShownSides(Source):
         values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
         values, rests = values.tolist(), False
         for k, is_whole, far in self.far:
-            level = round(values[k]) if is_whole else 0.0
+            level = nearest(values[k]) if is_whole else 0.0
             off = abs(values[k] - level)
             free = slides[k] == slack[k] == 0.0 and least[k] == -math.inf
             if free and off > far:
@@ -118,7 +118,7 @@ class ShownSides(Source):
             if abs(value - modes.level(k, value)) <= near[k]:
                 modes.set_mode(k, modes.level(k, value), LEVEL)
             else:
-                modes.set_by_value(k, value)
+                modes.set_by_value(k, defined(value))
         modes.write()
 
     def select(self, arc: Arc, surfaces: SurfacesAt) -> SurfacesAt:
@@ -139,7 +139,7 @@ class ShownSides(Source):
         far = limits.tolist()
         self.far = [(k, self.whole[k], far[k]) for k in shown]
         self.then = 2.0 * arc.magnitudes
-        levels = {k: float(round(values[k])) if self.whole[k] else 0.0 for k in shown}
+        levels = {k: nearest(values[k]) if self.whole[k] else 0.0 for k in shown}
         off = {k: abs(values[k] - level) for k, level in levels.items()}
         near = [
             k for k in shown if off[k] <= max(far[k], slack[k]) and off[k] < math.inf
@@ -149,7 +149,7 @@ class ShownSides(Source):
         for k in shown:
             free, own = kinds[k] == 0.0, slack[k]
             if k not in near or (free and off[k] > max(least[k], own)):
-                modes.set_by_value(k, values[k])
+                modes.set_by_value(k, defined(values[k]))
                 slack[k] = 0.0
             elif free and off[k] <= own > 0.0 and k not in surfaces.shown:
                 continue
@@ -195,7 +195,7 @@ class ShownSides(Source):
         noise = NOISE * arc.state.rtol
         for k in on:
             if k in beyond:
-                modes.set_by_value(k, values[k])
+                modes.set_by_value(k, defined(values[k]))
                 slack[k] = 0.0
                 continue
             error = noise * (1.0 if modes.on_rates[k] else step) * reach[k]
@@ -250,3 +250,13 @@ class ShownSides(Source):
         least = np.maximum(least, RESIDUAL_ROUNDOFF * rows.scales)
         most = np.maximum(HALF_OF_DIGITS * terms, CLEAR_OF_ROUNDING * least)
         return np.asarray(np.abs(modes.values(t, y) - values) <= most)
+
+
+def nearest(value: float) -> float:
+    """Return the whole number closest to `value`; a value that is not finite itself."""
+    return float(round(value)) if math.isfinite(value) else value
+
+
+def defined(value: float) -> float:
+    """Return `value`, or 0 if it is not finite: its step has no value on any side."""
+    return value if math.isfinite(value) else 0.0

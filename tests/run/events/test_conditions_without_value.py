@@ -24,6 +24,26 @@ initial: {x: 0, x_dot: 1}
 simulation: {duration: 7, output_step: 0.5, until: "CONDITION"}
 """
 
+# Steps whose arguments have no value on a part of the motion, x = t.
+STEPS = {
+    "floor(3*sqrt(1 - x)) <= -1": [],
+    "floor(3*sqrt(1 - x)) <= 1": [5 / 9],
+    "mod(sqrt(1 - x), 0.4) >= 0.3": [0.36, 0.84],
+    "sign(log(x - 1)) >= 0.5": [2],
+    "sign(log(x - 1)) <= -0.5": [1],
+    "floor(sqrt(x - 2)) >= 1": [3],
+    "ceil(asin(x - 4)) >= 1": [4],
+}
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "rk4"])
+@pytest.mark.parametrize("condition", STEPS)
+def test_a_step_without_a_value_is_false(condition, method):
+    found = simulated(MODEL, condition, method)
+    assert found.t[-1] == 7
+    assert times_of(found) == pytest.approx(STEPS[condition], abs=1e-9)
+
+
 FIRST = 1.5 + math.asin(0.25) / math.pi
 
 
