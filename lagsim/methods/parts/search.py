@@ -300,6 +300,7 @@ def add_margins(s: SearchTable, p: Parameters) -> None:
             s.own_leeway[k] = s.leeway[k]
             s.armed_at[k] = 0.0
             s.zero_at[k] = -inf
+            s.passed_at[k] = -1.0
             s.leeway[k] += margin(s, s.surfaces + k)
 
 
@@ -311,7 +312,6 @@ def continue_past(s: Crossings, p: Parameters) -> None:
     leeway, since their truth is decided when the instant is settled: the velocity of a
     slip that stops there, for example, has not passed 0.
     """
-    s.passed_at[:] = -1.0
     while s.event > 0.0:
         k = int(s.event) - 1
         side, leeway = s.orientation[k], s.leeway[k]
@@ -366,6 +366,10 @@ def continues_past(s: Crossings, p: Parameters, k: int) -> bool:
     if follows(s, k):
         if s.equation[k] == 0.0:
             s.orientation[k] = -1.0
+            conditions_at(s, p, s.cut)
+            if abs(s.values[k]) <= s.zero[k]:  # not clear of 0 yet
+                s.leeway[k] = 2.0 * s.zero[k]
+                return True
         else:
             conditions_at(s, p, min(s.cut + NEXT, 1.0))
             s.orientation[k] = 1.0 if s.values[k] > 0.0 else -1.0

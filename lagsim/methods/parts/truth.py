@@ -312,16 +312,23 @@ def mark(s: SearchTable) -> int:
 
 
 def rests_at_zero(s: SearchTable, k: int, miss: float) -> bool:
-    """Whether the value of equation k has come to rest at 0, to rounding.
+    """Whether the value of condition k has come to rest at 0, to rounding.
 
-    It does where friction stops a body at `x = 1`. A value without leeway has been
-    clear of 0 since the equation was true; one that waits has reached 0 since.
+    It does where friction stops a body at `x = 1`, or `x >= 1`. A value that waits for
+    a more precise condition has reached 0, too.
 
     miss : the value, positive on the side of the motion before.
     """
-    if s.equation[k] == 0.0 or s.trend[k] != 0.0 or miss > s.zero[k]:
+    if s.trend[k] != 0.0 or miss > s.zero[k] or margin(s, s.surfaces + k) > 0.0:
         return False
-    return not (s.leeway[k] != 0.0 and s.imprecise[k] == 0.0)
+    return s.imprecise[k] > 0.0 or not is_leaving(s, k)
+
+
+def is_leaving(s: SearchTable, k: int) -> bool:
+    """Whether the value of condition k has not been clear of 0 since it was true."""
+    if s.leeway[k] != 0.0:
+        return True
+    return float(s.passed_at[k]) >= 0.0
 
 
 def wait(s: SearchTable, p: Parameters) -> int:
@@ -497,6 +504,9 @@ def choose_sides(s: SearchTable, _p: Parameters) -> None:
             continue
         if s.margins[s.surfaces + k] >= 0.0 and s.orientation[k] == 0.0:
             continue
+        leaves = leeway >= 0.0 and is_leaving(s, k)
+        if rate == 0.0 and s.equation[k] == 0.0 and leaves:
+            s.orientation[k] = 0.0  # it has become false by rounding
         turns = s.orientation[k] == 0.0 and rate < 0.0
         if s.equation[k] > 0.0:
             turns = rate != 0.0

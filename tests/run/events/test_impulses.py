@@ -189,6 +189,31 @@ def test_kicks_that_call_each_other_end_the_run(events, names):
     assert names in result.reason
 
 
+@pytest.mark.parametrize("method", ["auto", "radau", "taylor", "rk4", "gauss4"])
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize(
+    ("place", "end"), [("x >= 1", 1.0), ("-x <= -1", 1.0), ("x = 1", 2.5)]
+)
+def test_kicks_that_turn_a_motion_to_and_fro_at_a_place(place, end, reverse, method):
+    """With x = 1 and falling, `x >= 1` is false: the second kick makes it true again.
+
+    `x = 1` becomes true once, since x does not leave 1.
+    """
+    kicks = [
+        f"u: {{at: {place}, impulse: {{x: -2}}}}",
+        "d: {at: x_dot <= -0.5, impulse: {x: 2}}",
+    ]
+    text = scene(", ".join(kicks[::-1] if reverse else kicks), initial="x: 0, x_dot: 1")
+    step = {"step": 0.13} if method in FIXED else {}
+    result = lagsim.simulate(text, method=method, error_bar="never", **step)
+    assert [(e.name, e.time) for e in result.events] == [("u", 1.0), ("d", 1.0)]
+    assert result.t[-1] == end
+    assert result.complete == (end > 1.0)
+    if not result.complete:
+        assert result.record["failure"]["number"] == "E512"
+        assert "`u`, `d`" in result.reason
+
+
 ROD = "constraints: {rod: x^2 + y^2 = 1}"
 
 
