@@ -108,6 +108,23 @@ def test_kernels_of_an_earlier_run_are_optimised_at_once() -> None:
 
 
 @pytest.mark.usefixtures("empty")
+@pytest.mark.skipif(not ahead.is_possible(), reason="no second process")
+def test_kernels_of_an_earlier_run_are_optimised_before_new_functions() -> None:
+    kernels = program()[1:]
+    assert len(GradualParts(kernels, quick=True).objects) == 2
+    with ahead.second_processes():
+        parts = GradualParts(program(), quick=True)
+        found = values(parts)
+        assert parts.used(gradual.SHORT)
+        assert len(parts.improvable) == 1
+        assert values(parts) == found
+        while not parts.used(gradual.SHORT):
+            time.sleep(1e-3)
+        assert parts.improvable == []
+        assert values(parts) == found
+
+
+@pytest.mark.usefixtures("empty")
 def test_quick_code_of_an_earlier_process_is_used_again() -> None:
     before = GradualParts(program(), quick=True)
     found = values(before)

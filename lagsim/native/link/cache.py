@@ -185,8 +185,8 @@ def compile_parts(
     quick: Collection[ProgramPart],
     *,
     alone: bool = False,
-) -> bool:
-    """Compile the parts that are not in the cache; return whether one is of `quick`.
+) -> list[ProgramPart]:
+    """Compile the parts that are not in the cache, and return them.
 
     A second process compiles half of them where possible.
 
@@ -199,7 +199,7 @@ def compile_parts(
     made = ahead.shared(tasks, alone=alone)
     for (part, name), code in zip(missing, made, strict=True):
         part.keep(name, code)
-    return any(x in quick for x, _ in missing)
+    return [part for part, _ in missing]
 
 
 def graph_part(

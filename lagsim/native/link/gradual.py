@@ -7,7 +7,7 @@ code is in the cache from then on. Both codes have equal bits.
 
 The run that compiles the quick code goes on with it, while a second process optimises
 its parts into the cache; if the run ends first, the part in hand is given up. A
-later run of such code optimises all that is left at once, with a second process.
+later run optimises what is left of earlier ones at once, with a second process.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class GradualParts:
 
     def __init__(self, parts: Sequence[ProgramPart], *, quick: bool) -> None:
         self._parts, self._left = parts, SHORT
-        self._new = False  # whether this process has compiled quick code
+        self._new: list[ProgramPart] = []  # compiled in this process
         self._is_optimised: Callable[[], bool] | None = None
         self.improvable = [
             part for part in parts if quick and part.gradual and not part.is_compiled
@@ -55,7 +55,7 @@ class GradualParts:
     @property
     def objects(self) -> list[bytes]:
         """Object code of all parts, for an engine."""
-        self._new |= compile_parts(self._parts, self.improvable)
+        self._new += compile_parts(self._parts, self.improvable)
         objects = list[bytes]()
         for part in self._parts:
             quick = part in self.improvable
@@ -65,14 +65,16 @@ class GradualParts:
     def used(self, seconds: float) -> bool:
         """Count time in quick code; return whether optimised code is to take over.
 
-        If so, `objects` has optimised code from now on, and must be linked again.
+        If so, `objects` has more optimised code from now on, and must be linked again.
 
         seconds : further processor time in quick code.
         """
         self._left -= seconds
         if self._left > 0.0 or not self.improvable:
             return False
-        if self._is_optimised is None and self._new and folder() is not None:
+        if any(x not in self._new for x in self.improvable):
+            return self._optimise([x for x in self.improvable if x in self._new])
+        if self._is_optimised is None and folder() is not None:
             # The parts that take least time first: more of them are done in a run.
             parts = sorted(self.improvable, key=_work)
             tasks = [partial(getattr, part, "content") for part in parts]
@@ -80,9 +82,13 @@ class GradualParts:
         if self._is_optimised is not None and not self._is_optimised():
             self._left = SHORT  # asked again later: an answer costs as much as an event
             return False
-        self.improvable = []
+        return self._optimise([])
+
+    def _optimise(self, but: list[ProgramPart]) -> bool:
+        """Optimise all parts of quick code except `but`, and return True."""
+        self.improvable = but
         # The second process that draws pictures waits for the results of the run.
-        compile_parts(self._parts, [], alone=True)
+        compile_parts([x for x in self._parts if x not in but], [], alone=True)
         return True
 
 
