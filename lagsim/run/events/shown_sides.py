@@ -44,6 +44,9 @@ APART = (1.0, 0.61)
 SCALES = (1.0, 2.0**-10)
 # Factor of the slack of an argument at its level whose rounding exceeds the slack.
 GROWS = 16.0
+# Factor of the slack of sides on which other expressions depend, while the rounding of
+# these is measured.
+WIDER = 16.0
 # Error of a nearly constant coordinate, see `switching`.
 NOISE = 1e-4
 # Bounds of rounding by rows, as a part of the largest component.
@@ -129,24 +132,47 @@ class ShownSides(Source):
 
         surfaces : the surfaces at the instant, with the modes of the motion.
         """
+        self.modes.arc = arc
+        self.far, self.then = [], 2.0 * arc.magnitudes
+        decided, left = list[int](), self.modes.shown_order
+        slack = arc.system.p.slack
+        while left:
+            found, left = self._select(arc, surfaces, left)
+            # Changes of the state by rounding keep these sides.
+            slack[found] *= WIDER
+            decided += found
+        slack[decided] /= WIDER
+        if not decided:
+            return surfaces
+        return surfaces._replace(shown=surfaces.shown.union(decided))
+
+    def _select(
+        self, arc: Arc, surfaces: SurfacesAt, order: list[int]
+    ) -> tuple[list[int], list[int]]:
+        """Select the sides of the first surfaces of `order`.
+
+        Return those that are at their levels, and the surfaces that are left: the first
+        of these depends on a side selected here.
+        """
         modes, slack, kinds = self.modes, arc.system.p.slack, arc.system.p.slides
-        modes.arc = arc
-        found, shown = modes.values(arc.t, arc.y), modes.shown_order
-        values, (sizes, slopes) = found.tolist(), modes.term_sizes()
+        found, (sizes, slopes) = modes.values(arc.t, arc.y), modes.term_sizes()
+        values = found.tolist()
         limits = HALF_OF_DIGITS * sizes
         if arc.system.m:
             limits += BY_ROWS * np.max(arc.magnitudes, initial=0.0) * slopes
         far = limits.tolist()
-        self.far = [(k, self.whole[k], far[k]) for k in shown]
-        self.then = 2.0 * arc.magnitudes
-        levels = {k: nearest(values[k]) if self.whole[k] else 0.0 for k in shown}
+        levels = {k: nearest(values[k]) if self.whole[k] else 0.0 for k in order}
         off = {k: abs(values[k] - level) for k, level in levels.items()}
         near = [
-            k for k in shown if off[k] <= max(far[k], slack[k]) and off[k] < math.inf
+            k for k in order if off[k] <= max(far[k], slack[k]) and off[k] < math.inf
         ]
         least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if near else sizes)
-        decided = list[int]()
-        for k in shown:
+        decided, left = list[int](), list[int]()
+        for place, k in enumerate(order):
+            if decided and not modes.depends[k].isdisjoint(decided):
+                left = order[place:]
+                break
+            self.far.append((k, self.whole[k], far[k]))
             free, own = kinds[k] == 0.0, slack[k]
             if k not in near or (free and off[k] > max(least[k], own)):
                 modes.set_by_value(k, defined(values[k]))
@@ -159,12 +185,11 @@ class ShownSides(Source):
                 if not modes.shown_nested:
                     continue
             modes.write_shown(k)
-        if not decided:
-            return surfaces
-        self._decide(arc, decided, found, least)
+        if decided:
+            self._decide(arc, decided, found, least)
         for k in decided:
             modes.write_shown(k)
-        return surfaces._replace(shown=surfaces.shown.union(decided))
+        return decided, left
 
     def _decide(self, arc: Arc, on: list[int], values: Floats, least: Floats) -> None:
         """Select the sides of the surfaces `on`, which are at their levels.

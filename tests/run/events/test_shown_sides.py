@@ -124,3 +124,37 @@ simulation: {{duration: 1.4, output_step: 0.05}}
         error_bar="never",
     )
     assert [e.time for e in found.events if e.name == "e"] == [0.75]
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "rk4"])
+@pytest.mark.parametrize("shift", [0.0, 7.0])
+@pytest.mark.parametrize("rate", [0.7, -0.7])
+@pytest.mark.parametrize(
+    ("condition", "low", "high"),
+    [
+        ("sign(mod(X, 2) - 1) >= 0.5", 1, 2),
+        ("sign(mod(X, 2) - 1) <= -0.5", 0, 1),
+        ("if(mod(X, 2) > 1, 1, -1) >= 0.5", 1, 2),
+        ("abs(mod(X, 2) - 1) - sign(mod(X, 2) - 1) <= 0", 1, 2),
+        ("floor(2*mod(-X/4, 0.5)) + floor(mod(-X, 2)) <= 0.5", 1, 2),
+    ],
+)
+def test_steps_of_steps_have_the_side_past_the_inner_step(
+    condition, low, high, rate, shift, method
+):
+    # True while mod(x, 2) is between low and high: a falling x enters at high.
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+modes: {{n: 0}}
+events: {{e: {{at: "{condition.replace("X", f"(x - {shift})")}", set: {{n: n + 1}}}}}}
+initial: {{x: {shift} - 1.1, x_dot: {rate}}}
+simulation: {{duration: 9, output_step: 0.1}}
+"""
+    fixed = {"step": 0.1} if method == "rk4" else {}
+    result = lagsim.simulate(text, error_bar="never", method=method, **fixed)
+    enters = low if rate > 0 else high
+    times = [(enters + 2 * k + 1.1) / rate for k in range(-9, 9)]
+    expected = sorted(t for t in times if 0 < t < 9)
+    found = [e.time for e in result.events if e.kind == "event"]
+    assert found == pytest.approx(expected, abs=1e-11)
