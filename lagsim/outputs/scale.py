@@ -43,8 +43,12 @@ STEPS = (1, 2, 2.5, 5, 10)
 OF_LABELS, ABOVE, SPARE, SPARE_ABOVE, LEAST_NAME = 12, 15, 0.4, 0.25, 7
 # Ratio of the ends above which ticks of a logarithmic scale are powers of ten.
 DECADES = 1000.0
-# Decades up to which all multiples of a power of ten have a number.
+# Decades up to which all multiples of a power of ten have a number. Otherwise 1, 2, 3,
+# 4 and 6 times the power have one; without room between 3 and 4, 1, 2 and 5 times.
 FULL = 0.4
+FEW = {1.0, 2.0, 5.0}
+# Room of a number in ticks of matplotlib, which are two lines high.
+ROOM = 0.55
 
 # Longest part of the time that a spike lasts, and least ratio of its height to all
 # other values.
@@ -220,6 +224,11 @@ class Powers(LogFormatterSciNotation):
             # Finite: with inf all ticks have a number, on any scale.
             self.minor_thresholds = (0.0 if powers > 1 else OVERFLOW, FULL)
         super().set_locs(locs)
+        if low > 0.0:
+            decades = math.log10(high / low)
+            gap = math.log10(4 / 3) * self.axis.get_tick_space()
+            if powers < 2 and decades > FULL and gap < ROOM * decades:
+                self._sublabels = FEW
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """Return the text at a tick; "" if the tick is not finite."""
