@@ -15,11 +15,12 @@ from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from lagsim.language.elements import payload, sums
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoize, memoized
-from lagsim.language.tables import cell_of, is_smooth
 from lagsim.mechanics.surfaces import WHOLE, surfaces
 from lagsim.methods.parts.search_table import FALLING, LARGE, LARGEST, NEAR_ZERO, SMALL
 from lagsim.tolerances import TINY
@@ -39,9 +40,10 @@ ACTS_WHERE = {
 }  # fmt: skip
 # A scene without any of these has no localized terms.
 MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div", ELEMENTS))
-# A smooth table in a condition with more points than this is searched without regard to
-# its points, as other smooth functions are.
-MANY_POINTS = 256.0
+# A smooth table in a condition with more points than MANY_POINTS is searched without
+# regard to its points, as other smooth functions are, if it has at most MANY_TURNS
+# maxima and minima.
+MANY_POINTS, MANY_TURNS = 256.0, 64
 # Products of more factors are not decomposed.
 MOST_FACTORS = 64
 
@@ -132,7 +134,9 @@ def _steps(
     held : see `indicators`.
     """
     found: list[Indicator] = []
-    for n in g.cone(nodes):
+    cone = g.cone(nodes)
+    calm = {g.args[n][-1] for n in cone if g.ops[n] == "table.piece" and _is_calm(g, n)}
+    for n in cone:
         op, row = g.ops[n], OPERATIONS.get(g.ops[n])
         if row is None or op in JOINING:
             continue
@@ -141,7 +145,7 @@ def _steps(
             continue
         for surface in surfaces(g, n if plain else g.call(row.decided_by, *g.args[n])):
             u = surface.node
-            if g.depends([u]).isdisjoint(state) or _is_long(g, surface.discrete):
+            if g.depends([u]).isdisjoint(state) or surface.discrete in calm:
                 continue
             if surface.op in WHOLE:
                 u = g.call("sin", g.call("mul", g.constant(math.pi), u))
@@ -164,12 +168,16 @@ def has_switches(g: Graph, node: int, state: frozenset[str]) -> bool:
     return bool(_steps(g, [node], state, {}))
 
 
-def _is_long(g: Graph, discrete: int) -> bool:
-    """Whether `discrete` is the cell number of a smooth table with many points."""
-    cell = cell_of(g, discrete)
-    return (
-        cell is not None and is_smooth(g, discrete) and cell[0].values[0] > MANY_POINTS
-    )
+def _is_calm(g: Graph, piece: int) -> bool:
+    """Whether a smooth table of many points has few maxima and minima.
+
+    piece : the node of the table's value.
+    """
+    axis, pieces = (g.payload(n).numbers for n in g.args[piece][:2])
+    if axis[1] == 0.0 or axis[0] <= MANY_POINTS:
+        return False
+    rises = np.diff(pieces[1 :: int(pieces[0])]) > 0.0
+    return int(np.count_nonzero(rises[1:] != rises[:-1])) <= MANY_TURNS
 
 
 def _moves(e: Equations) -> tuple[str, ...]:

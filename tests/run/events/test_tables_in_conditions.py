@@ -82,3 +82,26 @@ def test_a_section_is_crossed_again_soon_after_an_event_on_it(method):
     exact = x[k] + (0.5 - z[k]) / (z[k + 1] - z[k]) * (x[k + 1] - x[k])
     assert times == pytest.approx(exact[::2], abs=1e-12)
     assert crossings == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize("points", [300, 1000])
+@pytest.mark.parametrize("interpolation", ["monotone", "cubic"])
+@pytest.mark.parametrize("at", ["z(x) = 0.1", "x >= 100"])
+def test_all_crossings_of_a_rough_smooth_table(at, interpolation, points):
+    random = np.random.default_rng(points)
+    x = np.cumsum(random.uniform(0.5, 1.5, points))
+    x, z = 10.0 * (x - x[0]) / (x[-1] - x[0]), random.standard_normal(points)
+    times, crossings = simulated(
+        np.stack([x, z], axis=1), at, "z(x) = 0.1", x=0.0, duration=9.99,
+        interpolation=interpolation,
+    )  # fmt: skip
+    k = np.flatnonzero((z[1:] > 0.1) != (z[:-1] > 0.1))
+    inside = np.searchsorted(x, crossings) - 1
+    k, inside = k[k < points - 9], inside[inside < points - 9]
+    if interpolation == "monotone":  # one crossing between points on both sides
+        assert inside.tolist() == k.tolist()
+    else:  # an odd number between such points, an even one between others
+        number = np.bincount(inside, minlength=points)
+        assert np.flatnonzero(number % 2).tolist() == k.tolist()
+    if at != "x >= 100":
+        assert times == pytest.approx(crossings, abs=1e-12)
