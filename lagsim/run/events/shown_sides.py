@@ -219,12 +219,13 @@ class ShownSides(Source):
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         noise = NOISE * arc.state.rtol
         for k in on:
-            if k in beyond:
+            error = noise * (1.0 if modes.on_rates[k] else step) * reach[k]
+            own = max(least[k], math.ulp(0.0), 2.0 * off[k], error)
+            # An expression of unbounded slope (a root at 0) leaves its level at once.
+            if k in beyond or not own < math.inf:
                 modes.set_by_value(k, defined(values[k]))
                 slack[k] = 0.0
                 continue
-            error = noise * (1.0 if modes.on_rates[k] else step) * reach[k]
-            own = max(least[k], math.ulp(0.0), 2.0 * off[k], error)
             if off[k] > slack[k] > 0.0:  # the terms that cancel have become larger
                 own = max(own, GROWS * off[k])
             if ways[k] != 0.0:
