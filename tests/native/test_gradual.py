@@ -64,6 +64,9 @@ def test_kernels_that_run_longer_are_optimised() -> None:
     found = values(parts)
     assert len(parts.improvable) == 3
     assert parts.used(gradual.SHORT)
+    assert len(parts.improvable) == 1  # functions of the model, after the kernels
+    assert values(parts) == found
+    assert parts.used(gradual.SHORT)
     assert values(parts) == found
     assert parts.improvable == []
     assert not parts.used(1e9)
@@ -74,7 +77,7 @@ def test_kernels_that_run_longer_are_optimised() -> None:
 
 @pytest.mark.usefixtures("empty")
 @pytest.mark.skipif(not ahead.is_possible(), reason="no second process")
-def test_new_kernels_are_optimised_beside_the_run(
+def test_new_functions_are_optimised_beside_the_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     in_this_process = []
@@ -87,6 +90,8 @@ def test_new_kernels_are_optimised_beside_the_run(
     with ahead.second_processes():
         parts = GradualParts(program(), quick=True)
         found = values(parts)
+        assert parts.used(gradual.SHORT)
+        assert values(parts) == found
         monkeypatch.setattr(cache.ProgramPart, "_compiled", noted)
         assert not parts.used(gradual.SHORT)
         while not parts.used(gradual.SHORT):

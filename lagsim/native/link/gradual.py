@@ -5,9 +5,9 @@ milliseconds. Kernels and functions of the model that the cache does not have op
 are linked as quick code. Once they have run for `SHORT` they are optimised, and their
 code is in the cache from then on. Both codes have equal bits.
 
-The run that compiles the quick code goes on with it, while a second process optimises
-its parts into the cache; if the run ends first, the part in hand is given up. A
-later run optimises what is left of earlier ones at once, with a second process.
+A second process optimises half of the parts where a core is free. New functions of the
+model, which take less time, it optimises into the cache while the run goes on; if the
+run ends first, the part in hand is given up.
 """
 
 from __future__ import annotations
@@ -72,11 +72,12 @@ class GradualParts:
         self._left -= seconds
         if self._left > 0.0 or not self.improvable:
             return False
-        if any(x not in self._new for x in self.improvable):
-            return self._optimise([x for x in self.improvable if x in self._new])
+        new = [x for x in self.improvable if x in self._new and not x.optimise]
+        if len(new) < len(self.improvable):
+            return self._optimise(new)
         if self._is_optimised is None and folder() is not None:
-            # The parts that take least time first: more of them are done in a run.
-            parts = sorted(self.improvable, key=_work)
+            # The shortest first: more of them are optimised before a short run ends.
+            parts = sorted(new, key=lambda part: len(part.quick_content))
             tasks = [partial(getattr, part, "content") for part in parts]
             self._is_optimised = ahead.beside(tasks)
         if self._is_optimised is not None and not self._is_optimised():
@@ -90,8 +91,3 @@ class GradualParts:
         # The second process that draws pictures waits for the results of the run.
         compile_parts([x for x in self._parts if x not in but], [], alone=True)
         return True
-
-
-def _work(part: ProgramPart) -> int:
-    """Return a number that grows with the time in which a part is optimised."""
-    return len(part.quick_content) * (8 if part.optimise else 1)
