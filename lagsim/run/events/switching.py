@@ -471,8 +471,8 @@ class Switching(Source):
         pushes = arc.state.parts[:n]
         if arc.system.laws:
             pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
-        # At the time of an event the last step is the step that ended there.
-        step = (arc.t - arc.state.step_t or arc.state.step_h) if arc.steps else 0.0
+        # The step that ended at an event may be as short as rounding of the time.
+        step = max(arc.t - arc.state.step_t, arc.state.step_h) if arc.steps else 0.0
         ranges, velocities = arc.ranges_to(y), arc.velocities
         ranges[velocities] += step * pushes
         ranges[arc.state.positions] += step * ranges[velocities]
