@@ -47,12 +47,11 @@ def test_nobody_is_left_behind(tmp_path):
 
 
 def test_tasks_are_shared_and_their_results_are_in_order():
-    first, began = os.getpid(), time.monotonic()
+    first = os.getpid()
     large = os.urandom(10**6)  # more than a pipe holds
 
     def task(k):
         while os.getpid() == first and not others():  # the other one takes a task first
-            assert time.monotonic() < began + 30.0
             time.sleep(1e-3)
         written()
         return b"%d" % k + large

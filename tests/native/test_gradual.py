@@ -159,6 +159,7 @@ def test_optimised_code_is_used_where_it_is_stored(empty: Path) -> None:
     assert len(list(empty.iterdir())) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 @pytest.mark.parametrize("name", ["hopper", "newtons-cradle"])
 def test_rows_are_those_of_optimised_code(

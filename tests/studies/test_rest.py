@@ -363,6 +363,7 @@ simulation: {duration: 1}
     assert np.array(pairs) == pytest.approx(np.array([damped, [0.0, 2.0]]), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_sliding_friction_of_contacts_is_named_where_no_rest_is_found():
     text = """
 coordinates: {x: {}, y: {}}
