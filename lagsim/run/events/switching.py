@@ -15,6 +15,7 @@ import numpy as np
 
 from lagsim.codes.known import UNRESOLVED_SWITCH
 from lagsim.language.tables import is_smooth
+from lagsim.mechanics.algebra import multiple_of
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
@@ -544,13 +545,14 @@ class Switching(Source):
         for members in [located] + [again] * (again != located):
             if not members or not self._is_negligible(limit - arc.t, members):
                 continue
+            several = members + self._switching_together(members, near)
             if laws is not None:
                 from lagsim.run.events.contacts import rest_soon
 
                 rest_soon(arc, REACH * (limit - arc.t))
             self.sequence.recent.clear()
-            found = self.select(arc, surfaces, laws, at_rest=members, time=limit)
-            if found.decision.ending or not np.any(self.modes.bound[members]):
+            found = self.select(arc, surfaces, laws, at_rest=several, time=limit)
+            if found.decision.ending or not np.any(self.modes.bound[several]):
                 arc.system.p.law_still[:] = still
                 self.sequence.recent.extend(recent)
                 continue  # of impacts `contacts` computes the limit
@@ -594,6 +596,21 @@ class Switching(Source):
             (modes.off_levels() <= most) & ~modes.shown
         ).tolist()
         return near
+
+    def _switching_together(
+        self, surfaces: Collection[int], near: Collection[int]
+    ) -> list[int]:
+        """Return the surfaces of `near` that switch together with `surfaces`.
+
+        Their gradients are parallel: several kinks lie at one place, of which the
+        search locates a single one at each switch.
+        """
+        J = self.modes.rows().J
+        return [
+            j
+            for j in near
+            if j not in surfaces and any(multiple_of(J[k], J[j]) for k in surfaces)
+        ]
 
     def _rested(self, arc: Arc, k: int, time: float) -> Event:
         """Return the event, at `time`, of an accumulation of switches of surface k.

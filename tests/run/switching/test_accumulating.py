@@ -157,3 +157,31 @@ def test_a_bead_rests_in_its_corner_after_flights_of_very_different_length(
     rest = result["t"] > last
     assert np.all(np.abs(result["x"][rest]) < 1e-12)
     assert np.all(np.abs(result["x_dot"][rest]) < 1e-12)
+
+
+NESTED_STEPS = """
+definitions:
+  d0: max(x_dot + 0.34375, -x - 0.5)
+  d1: 0.984375*sign(floor(-z - 1.21875*d0) - 0.09375)
+  d2: if(mod(2*u + 1.921875, 1.546875) - 0.8125 <= 1.203125, -0.09375, -0.0625)
+  d3: min(z - 0.859375 - max(-1.609375*u - 1, -t), 0.6875)
+  d4: sin(1.703125*x) - 0.5*z
+coordinates: {x: {}}
+states:
+  z: {rate: 1.1875*sign(0.5*u + 0.78125*d3)*floor(0.5*x - 1.609375) + d4}
+modes: {u: 1}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: d1 + 0.03955078125*d2}
+events:
+  e: {every: 1.28125, set: {u: '-0.390625*max(u - 1.046875, 0.5*z - 0.875)'}}
+initial: {x: 0.671875, x_dot: 0.171875, z: -0.5}
+simulation: {duration: 4, output_step: 0.1}
+"""
+
+
+def test_a_held_surface_does_not_rest_with_another_that_switches():
+    # The floor switches at 3.92 while the sign is held: they have no limit at 4.83.
+    found = lagsim.simulate(lagsim.load(NESTED_STEPS), error_bar="never")
+    assert max(event.time for event in found.events) <= 4
+    # z at the end by pieces between switches, solved by scipy's DOP853 at 1e-13.
+    assert found["z"][-1] == pytest.approx(-0.8306603509685146, abs=1e-8)
