@@ -321,8 +321,9 @@ def _table_ends(e: Equations, dynamics: Sequence[int]) -> Iterator[int]:
     """Yield nodes that step at the ends of tables which the motion does not contain.
 
     The tables are those in conditions and sections that have no values beyond their
-    ends. Their arguments may jump (`mod(x, 4)`), and an `if` may leave them out: these
-    steps decide whether the run ends, so they have sides as those of the motion.
+    ends. An argument may jump (`mod(x, 4)`), and a table may stand in a branch of `if`.
+    The steps in arguments and conditions of `if` decide whether the run ends, so they
+    have sides like the switches of the motion.
 
     dynamics : the expressions that determine the motion.
     """

@@ -269,15 +269,8 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
 
 
 def most_error(s: Taylor, h: float) -> float:
-    """Return the error in tolerances up to which a step h is accepted.
-
-    It is 1 where rounding sets a tolerance.
-    """
-    for i in range(s.size):
-        rough = max(STATE_ROUNDOFF * s.sizes[i], h * s.roundoff[i])
-        if 2.0 * rough > s.tolerances[i]:
-            return 1.0
-    return PASSED
+    """Return the error in tolerances up to which a step h is accepted, see `PASSED`."""
+    return 1.0 if control.is_set_by_rounding(s, h) else PASSED
 
 
 def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:

@@ -41,7 +41,7 @@ AT_CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     truth.settle: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.choose_sides: (None, (_POINTER, _POINTER)),
 }
-# These by name; further kernels have the signature of functions.
+# The signatures of these kernels by name. Other kernels at instants have FUNCTION.
 AT_INSTANTS = {k.__name__: kind for k, kind in (AT_SECTIONS | AT_CONDITIONS).items()}
 TABULATE = (
     None,

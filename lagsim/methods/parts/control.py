@@ -423,6 +423,18 @@ def limit_works(s: Control, p: Parameters, h: float, new: Floats) -> None:
         tolerances[k] = max(tolerances[k], energies[k])
 
 
+def is_set_by_rounding(s: Control, h: float) -> bool:
+    """Whether rounding in a step h, more than rtol, sets the tolerance of a component.
+
+    This is so far from the origin, and where terms of forces cancel.
+    """
+    for i in range(s.size):
+        rough = max(STATE_ROUNDOFF * s.sizes[i], h * s.roundoff[i])
+        if 2.0 * rough > s.tolerances[i]:
+            return True
+    return False
+
+
 def allow_roundoff(
     s: Control, p: Parameters, h: float, new: Floats, k: Floats, sigma: float
 ) -> bool:

@@ -29,7 +29,7 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import check_features, derivative
 from lagsim.native.kernels.words import apart, total, unrolled
 from lagsim.native.layout import array, part
-from lagsim.tolerances import OVERFLOW, STATE_ROUNDOFF
+from lagsim.tolerances import OVERFLOW
 
 Row = tuple[float, ...]
 
@@ -165,11 +165,8 @@ def start(s: Embedded, p: Parameters) -> None:
     from the origin): only shorter steps show the error past a root in a force.
     """
     resumed = min(RESUMED * s.h, s.row_step, s.end - s.t)
-    longest = max(s.step_h, s.h)
-    for i in range(s.size):
-        rough = max(STATE_ROUNDOFF * s.sizes[i], longest * s.roundoff[i])
-        if 2.0 * rough > s.tolerances[i]:
-            resumed = 0.0
+    if control.is_set_by_rounding(s, max(s.step_h, s.h)):
+        resumed = 0.0
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0

@@ -79,7 +79,7 @@ def start(make: Callable[[], bytes]) -> Callable[[], bytes]:
 
 
 def shared(tasks: Sequence[Callable[[], bytes]], *, alone: bool = False) -> list[bytes]:
-    """Return the results of tasks, in their order; a free core does a part of them.
+    """Return the results of tasks in order; a second process does some on a free core.
 
     This process and a second one each take the next task when they have finished one,
     so that long tasks should come first. Tasks that fail in the second process are done

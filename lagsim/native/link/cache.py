@@ -186,7 +186,7 @@ def compile_parts(
     *,
     alone: bool = False,
 ) -> list[ProgramPart]:
-    """Compile the parts that are not in the cache, and return them.
+    """Compile the parts that are not in the cache; return these parts.
 
     A second process compiles half of them where possible.
 

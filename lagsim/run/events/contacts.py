@@ -729,6 +729,8 @@ def _follow_curves(here: Kinematics, active: list[int]) -> ImpactSolution | None
     active : the indices of the r laws on which impulses may act.
     """
     arc, n, equal = here.arc, here.arc.system.n, here.table.equal
+    if any(here.strikes[k] and not equal[k] for k in active):
+        return None
     rows = [k for k in active if equal[k]]
     rates, laws, function = here.rates[rows], np.zeros(here.count), arc.system.impulses
 
@@ -753,10 +755,10 @@ def _follow_curves(here: Kinematics, active: list[int]) -> ImpactSolution | None
         x = followed(change, x, n)
     except np.linalg.LinAlgError:
         return None
-    x[:n] -= at(x).shape.lift(rows, at(x).rates[rows])
     there = at(x)
-    struck = any(here.strikes[k] and not equal[k] for k in active)
-    if struck or any(there.strikes[k] for k in active):
+    x[:n] -= there.shape.lift(rows, there.rates[rows])
+    there = at(x)
+    if any(there.strikes[k] for k in active):
         return None
     p = x[n : n + here.count][active]
     result = Impact(

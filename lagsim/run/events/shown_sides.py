@@ -151,8 +151,8 @@ class ShownSides(Source):
     ) -> tuple[list[int], list[int]]:
         """Select the sides of the first surfaces of `order`.
 
-        Return those that are at their levels, and the surfaces that are left: the first
-        of these depends on a side selected here.
+        Return the surfaces that are at their levels, and the remaining ones, of which
+        the first depends on a side selected here.
         """
         modes, slack, kinds = self.modes, arc.system.p.slack, arc.system.p.slides
         found, (sizes, slopes) = modes.values(arc.t, arc.y), modes.term_sizes()
