@@ -224,6 +224,8 @@ class Run:
             if now.start and now.struck:
                 raise UndecidedError("the start is not admissible")
             arc = self.flights.choose(t, y, modes)
+            if not now.reached:
+                now.reached = {k: float(first_sign(x)) for k, x in arc.lines.items()}
             now.jumped = now.struck or modes != now.before.modes
             if now.start and now.acted:
                 self._notice_falsehood(arc)
@@ -387,7 +389,10 @@ class Run:
         """
         side, sign = self._side[name], float(first_sign(arc.lines[name]))
         if sign == side:
-            return None
+            # The relation itself has jumped at this instant, and a mode back.
+            back = now.jumped and not now.start and now.reached[name] == -sign != 0.0
+            why = "a relation jumps, and a mode back"
+            return sign if back and self.flights.fork(("back", name), 2, why) else None
         if sign == 0.0:
             raise UndecidedError("a relation stays 0")
         self._side[name] = sign
@@ -456,6 +461,7 @@ class Instant:
         self.struck = self.jumped = False
         self.acted: list[str] = []
         self.round: set[str] = set()  # the events that acted together last
+        self.reached: dict[str, float] = {}  # signs of relations before all acts
         self.alone: set[str] = set()  # whose conditions are true at this time alone
         self.seen: list[dict[str, float]] = []  # modes before acts of located events
 

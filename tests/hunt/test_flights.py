@@ -153,3 +153,25 @@ def test_events_that_undo_each_other_end_a_motion():
     ]  # fmt: skip
     run = Run(model(number(0.0), modes={"u1": 0.0}, events=events), 0.5, Script())
     assert run.made().chatters == pytest.approx(1.0, abs=CLOSE)
+
+
+def test_a_relation_that_jumps_at_a_time_at_which_a_mode_jumps_back_may_cross():
+    """At t = 1 the relation jumps up, itself, and down by the act of the event."""
+    u = var("u1")
+    step = Tree("heaviside", (plus(plus(Q, u), number(-1.0)),))
+    relation = plus(step, number(-0.5))
+    events = [
+        Event("a", at=compare(step, ">=", 0.5), sets=[("u1", plus(u, number(-3.0)))])
+    ]
+    made = model(
+        number(0.0), duration=2.0, modes={"u1": 0.0}, events=events,
+        sections=[Section("s", at=relation)],
+    )  # fmt: skip
+    found, script = [], Script()
+    while script is not None:
+        script.asked = 0
+        run = Run(made, 0.5, script).made()
+        assert [t for t, _ in run.events] == pytest.approx([1.0])
+        found.append([t for t, *_ in run.crossings["s"]])
+        script = script.next()
+    assert sorted(found) == [[], pytest.approx([1.0])]
