@@ -581,11 +581,12 @@ class Lengths:
 
     def _motion(self, form: _ScaledGradient) -> float:
         shortest, table = form.shortest, form.table
-        if np.isinf(shortest) or not np.all(np.isfinite(table)):
+        square = shortest * shortest
+        if np.isinf(square) or not np.all(np.isfinite(table)):
             return np.inf
         # Derivatives are scaled by their contribution to the gradient over the shortest
         # length.
-        factors = [1.0, *[shortest, shortest**2] * len(form.lengths)]
+        factors = [1.0, *[shortest, square] * len(form.lengths)]
         seen = table * np.array(factors)[:, None]
         v = (self.weights * self.point.v)[form.columns]
         self.point.g.count(seen.size * min(seen.shape) / FITTED)

@@ -224,3 +224,10 @@ def test_a_guess_that_runs_away_from_afar(guess, least, monkeypatch):
     start = judged(scene("x = sqrt(1 + x^2)", {"x": f"{{guess: {guess}}}"}))
     check(start, unsolved="diverges")
     assert "other-roots" not in codes(start)
+
+
+@pytest.mark.parametrize("speed", [1, 0.5])
+@pytest.mark.parametrize("length", ["1e100", "1e160"])
+def test_a_relation_may_have_a_length_whose_square_is_no_number(length, speed):
+    text = scene(f"(1 - y/{length})*x_dot = 1", {"x": 0, "y": 0, "x_dot": speed})
+    assert judged(text).admissible is (speed == 1)
