@@ -246,13 +246,16 @@ class Crossing:
         other surfaces. Two examples: a surface at x = 0 that is a knot of a long table
         is located to the rounding of the table's range, although `abs(x)` at this place
         has no rounding of its own; and a surface that is reached slowly is located
-        earlier or later than one that is reached fast at the same time.
+        earlier or later than one that is reached fast at the same time. Where the time
+        alone changes an expression, as in `cos(t)*(1 + x)` at cos(t) = 0, the state has
+        no such error, although the slope, 0 but for rounding, is not 0.
         """
         modes, J, rates = self.modes, self.rows.J, np.abs(self.rows.rates)
         found, moving = np.zeros(modes.count), np.array(modes.on_rates)
         speeds = np.abs(J) @ modes.arc.magnitudes[modes.arc.state.driven]
         # the expression of one surface depends on the side of another
         nested = any(modes.depends)
+        by_motion = self._parts_of_motion(speeds)
         for k, level in self.levels.items():
             beside, square = moving == moving[k], float(J[k] @ J[k])
             off = 2.0 * abs(float(self.values[k]) - level)
@@ -262,12 +265,31 @@ class Crossing:
                 found = np.fmax(found, along)
             if not square > 0.0:
                 continue
+            least *= by_motion[k]
             change = modes.along_rows(least / square * J[k])
             own = abs(float(J[k] @ change))
             if own > HALF_OF_DIGITS * least:  # not determined by the rows
                 change *= least / own
             found = np.fmax(found, np.where(beside, np.abs(J @ change), 0.0))
         return np.asarray(found)
+
+    def _parts_of_motion(self, speeds: Floats) -> Floats:
+        """Return the part (K,) of each surface's rate that is due to the motion.
+
+        The remainder is due to the time in its expression. At most 1.
+
+        speeds : the largest rates (K,) due to the motion, of surfaces of positions.
+        """
+        modes, rows, moving = self.modes, self.rows, np.array(self.modes.on_rates)
+        whole = np.abs(rows.rates)
+        if moving.any():
+            a = modes.accelerations(modes.arc.y)
+            with np.errstate(invalid="ignore"):  # undefined accelerations
+                speeds = np.where(moving, np.abs(rows.J) @ np.abs(a), speeds)
+                whole = np.where(moving, np.abs(rows.J @ a - rows.b), whole)
+        parts = np.ones(modes.count)
+        np.divide(speeds, whole, out=parts, where=whole > speeds)
+        return parts
 
     def _set_by_value(self, k: int) -> None:
         """Set surface k, off its levels, to the side of its expression's value."""

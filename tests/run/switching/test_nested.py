@@ -350,3 +350,29 @@ def test_poles_are_known_from_the_expression(argument, expected):
     # A jump of rounding, of an expression without a pole, is none.
     text = scene(force=f"if({argument} > 0, 1, 0)") + "parameters: {k: 2}\n"
     assert np.any(ready(text).system.poles) == expected
+
+
+# w rises; the switch is one of the time alone, at cos(t + 0.6) = 0.
+TIMED = """
+coordinates: {{w: {{}}, z: {{}}}}
+energy: {{kinetic: (w_dot^2 + z_dot^2)/2, potential: 0}}
+forces: {{w: {pull}, z: "0.3*sign(cos(t + 0.6)*(1 + {x})) + abs({x} - 3.5)"}}
+initial: {{w: 0.5, w_dot: 0.1, z: 0}}
+simulation: {{duration: 2, output_step: 1, method: {method}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau", "taylor"])
+@pytest.mark.parametrize("x", ["w", "2*w", "w_dot"])
+@pytest.mark.parametrize("pull", [0.0, 0.5])
+def test_switches_of_the_time_with_a_factor_of_the_state(method, x, pull):
+    """Surfaces beside a switch of the time keep their sides, whatever its slope is.
+
+    At cos(t + 0.6) = 0 the slope of cos(t + 0.6)*(1 + w) by w is 1e-16, not 0.
+    """
+    found = run(TIMED.format(method=method, x=x, pull=pull))
+    at = math.pi / 2 - 0.6
+    way = 0.5 * 2.0 + 0.1 * 2.0 + pull * 2.0**3 / 6.0
+    shown = {"w": way, "2*w": 2.0 * way, "w_dot": 0.1 * 2.0 + pull * 2.0}[x]
+    expected = 0.3 * (at - (2.0 - at)) + 3.5 * 2.0 - shown
+    assert found["z_dot"][-1] == pytest.approx(expected, rel=1e-11)
