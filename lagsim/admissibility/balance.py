@@ -96,7 +96,7 @@ class Rest(Relations):
         place = {g.variable(name): k for k, name in enumerate(names)}
         forces = [[f] for f in e.f]
         for row, name in zip(self.rows, lam, strict=True):
-            for j, entry in row.A.entries.items():
+            for j, entry in row.force(g).items():
                 forces[j].append(g.call("mul", entry, g.variable(name)))
         sums = map(g.sum, forces)
         nodes = [*zip(e.accelerations, sums, strict=True)]
@@ -123,7 +123,7 @@ class Rest(Relations):
 
         The multipliers minimise the accelerations.
         """
-        A, lam = point.jacobian(self.rows), np.zeros(len(self.rows))
+        A, lam = point.forces_of(self.rows), np.zeros(len(self.rows))
         if len(A):
             sizes = self.point.sizes
             lam = least_squares(A.T / sizes[:, None], -point.array(point.e.f) / sizes)

@@ -22,7 +22,7 @@ from lagsim.admissibility.point import Point, gradient_of
 from lagsim.admissibility.verdict import CAUTION, accelerations, verdicts_on
 from lagsim.language.derivatives import slopes
 from lagsim.language.functions import CHOOSING, STEPS
-from lagsim.mechanics.constraints import constraint_row
+from lagsim.mechanics.constraints import Drag, constraint_row
 from lagsim.mechanics.switch_search import model_switches
 from lagsim.mechanics.switches import mixed
 from lagsim.tolerances import RESIDUAL_ROUNDOFF
@@ -181,12 +181,19 @@ class Kinks:
 
         sides, pins : see `frozen`.
         """
-        rows, e = list(rows), self.e
-        nodes = self.frozen(sides, pins)([x.residual for x in rows])
-        return [
+        rows, e, of = list(rows), self.e, self.frozen(sides, pins)
+        nodes = of([x.residual for x in rows])
+        found = [
             x if x.residual == node else constraint_row(self.g, x.name, node, e.flow)
             for x, node in zip(rows, nodes, strict=True)
         ]
+        for k, row in enumerate(rows):
+            if row.drags:
+                slips = self.rows([x.slip for x in row.drags], sides, pins)
+                parts = of([x.part for x in row.drags])
+                drags = tuple(map(Drag, slips, parts))
+                found[k] = found[k]._replace(drags=drags)
+        return found
 
     def on(self, sides: Mapping[int, float], pins: Mapping[int, Pin]) -> Equations:
         """Return the equations with each surface on a fixed side, or held at its level.

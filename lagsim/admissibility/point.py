@@ -232,6 +232,15 @@ class Point:
         found = self.jacobian_entries(rows, rounded=rounded)
         return found.dense(len(rows), self.n)
 
+    def forces_of(self, rows: Sequence[Row]) -> Floats:
+        """Return the generalized forces (m, n) per unit of the multipliers of rows.
+
+        They are the gradients of the rows, plus their drags.
+        """
+        return self._entries([row.force(self.g) for row in rows]).dense(
+            len(rows), self.n
+        )
+
     def jacobian_entries(
         self, rows: Sequence[Row], *, rounded: bool = False
     ) -> Entries:

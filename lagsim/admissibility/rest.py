@@ -32,7 +32,15 @@ from lagsim.admissibility.verdict import (
 from lagsim.mechanics.algebra import (
     least_squares,
 )
-from lagsim.tolerances import SAME_RESULT, STATE_ROUNDOFF, TINY
+from lagsim.mechanics.constraints import Drag
+from lagsim.mechanics.rows import Mode
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    SAME_RESULT,
+    SATISFIED,
+    STATE_ROUNDOFF,
+    TINY,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -521,13 +529,14 @@ def find_rest(
         The ways that are tried, in order. If FAR is among the ways, NEAR is tried again
         at last, with each contact in turn in force.
     """
-    laws = point.e.laws
+    laws, own_rows = point.e.laws, acting_rows(point)
+    slides = set(range(len(laws))) - own_rows.keys()
     apart = [k for k in _by_gap(point) if laws[k].constraint not in off]
     judged_active = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
     # The force of a slider without mass is known; a row keeps it at its limit.
-    begun = {k for k in judged_active if not laws[k].slider}
+    begun = {k for k in judged_active if not laws[k].slider} - slides
     limits = one_sided(point, {law.constraint for law in laws if law.slider})
-    rows = [limits.get(law.constraint, law.row) for law in laws]
+    rows = {k: limits.get(laws[k].constraint, row) for k, row in own_rows.items()}
     rounds = [(way, False) for way in ways]
     for way, wide in rounds + [(Way.NEAR, True)] * (Way.FAR in ways):
         active, bases, tried = begun, list[set[int]](), set[frozenset[int]]()
@@ -554,12 +563,55 @@ def find_rest(
                 more = [laws[k].constraint for k in apart if k not in active]
                 changes = _of(laws, more[:1])
                 bases.append(active)
-            active = active ^ changes
+            active = (active ^ changes) - slides
             if wide and frozenset(active) in tried:
-                each = [_of(laws, {laws[k].constraint}) for k in apart]
+                each = [_of(laws, {laws[k].constraint}) - slides for k in apart]
                 beside = (base | x for base in bases for x in each)
                 active = next((x for x in beside if frozenset(x) not in tried), active)
     return None
+
+
+def acting_rows(point: Point) -> dict[int, Row]:
+    """Return the rows of laws that may act at a steady state, by the index of the law.
+
+    Where a contact slides, as at rest on a moving belt (x_dot - 3 is -3), the row of
+    the contact has the friction as drags, and the rows of its slips are left out.
+    """
+    drags = _sliding_friction(point)
+    return {
+        k: law.row._replace(drags=drags.get(k, ()))
+        for k, law in enumerate(point.e.laws)
+        if not (law.slips and law.normal in drags)
+    }
+
+
+def _sliding_friction(point: Point) -> dict[int, tuple[Drag, ...]]:
+    """Return the friction of the contacts that slide at a state.
+
+    The result has the index of each such contact among the laws -> the friction along
+    its slips.
+    """
+    laws, g = point.e.laws, point.g
+    slips: dict[int, list[Law]] = {}
+    for law in laws:
+        if law.slips:
+            slips.setdefault(law.normal, []).append(law)
+    found = {}
+    for k, own in slips.items():
+        rates = [law.row.rate for law in own]
+        speeds, rounding = point.array(rates), point.rounding(rates)
+        if not np.linalg.norm(speeds) > CLEAR_OF_ROUNDING * np.max(rounding):
+            continue
+        if len(rates) == 1:
+            along = [g.call("sign", rates[0])]
+        else:
+            size = g.call("sqrt", g.product_sum((x, x) for x in rates))
+            along = [g.call("div", x, size) for x in rates]
+        found[k] = tuple(
+            Drag(law.row, g.call("neg", g.call("mul", law.bound, x)))
+            for law, x in zip(own, along, strict=True)
+        )
+    return found
 
 
 def _changes(
@@ -581,7 +633,16 @@ def _changes(
     if pulling:
         most = max(pulling, key=lambda k: pulls[k])
         return _of(laws, {laws[most].constraint}) & active
-    sliding = active - acting(there, verdicts).holding
+    laws_there = acting(there, verdicts)
+    sliding = active - laws_there.holding
+    loads = dict(zip(sorted(active), x[len(x) - len(active) :].tolist(), strict=True))
+    for k in active & laws_there.holding:
+        # Other rows can bear the load of a redundant slip.
+        if laws_there.modes[k] is Mode.REDUNDANT and laws[k].slips:
+            (bound,) = there.array([laws[k].static or laws[k].bound])
+            bound *= loads.get(laws[k].normal, 0.0)
+            own = np.hypot(loads[k], loads.get(laws[k].pair, 0.0))
+            sliding |= {k} if own > bound * (1.0 + SATISFIED) else set()
     return {k for k in sliding if laws[k].bounded}
 
 

@@ -34,7 +34,7 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import joined
-from lagsim.mechanics.algebra import least_squares
+from lagsim.mechanics.algebra import Metric, least_squares
 from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.reduction import at_limit
@@ -755,6 +755,9 @@ def accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
         targets = point.array([row.b for row in e.rows])
         forced = least_squares(A / point.sizes, targets, None) / point.sizes
     K = delassus(M, A, np.eye(point.n)).response
+    if e.has_drags:
+        drags = point.forces_of(e.rows) - A
+        f = Metric(M, A, drags).with_drags(f, forced)
     terms = np.abs(K) @ (np.abs(f) + np.abs(M) @ np.abs(forced)) + np.abs(forced)
     return forced + K @ (f - M @ forced), terms, K
 

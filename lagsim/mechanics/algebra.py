@@ -252,6 +252,8 @@ class Metric:
         The mass matrix, positive definite on the null space of A.
     A : ndarray, shape (m, n)
         The constraint rows, which may be linearly dependent.
+    drags : ndarray, shape (m, n), optional
+        Generalized forces per unit of each multiplier, in addition to those of A^T.
 
     Attributes
     ----------
@@ -269,8 +271,8 @@ class Metric:
         Where G is not positive definite.
     """
 
-    def __init__(self, M: Floats, A: Floats) -> None:
-        self.M, self.G = M, completed(M, A)
+    def __init__(self, M: Floats, A: Floats, drags: Floats | None = None) -> None:
+        self.M, self.G, self._drags = M, completed(M, A), drags
         self.L = cholesky(self.G)
         rows, lengths = whitened_rows(A, self.L)
         U, s, V = np.linalg.svd(rows)
@@ -292,16 +294,32 @@ class Metric:
             The right-hand sides of the rows.
         """
         q = self.inverse @ b
+        f = self.with_drags(f, q)
         q = q + self.free @ (self.free.T @ (f - self.M @ q))
         return q, self.multipliers(f - self.M @ q)
+
+    def with_drags(self, f: Floats, forced: Floats) -> Floats:
+        """Return forces f (n,) or (n, k) with the drags of the multipliers added.
+
+        A^T lambda + D^T lambda + f - M (a + forced) = 0 with A a = 0, for drags D.
+
+        forced : the accelerations that the rows prescribe, in the shape of f.
+        """
+        if self._drags is None:
+            return f
+        D, Z = self._drags, self.free
+        held = self.multipliers(np.eye(len(Z)) - self.M @ Z @ Z.T)
+        loads = np.eye(len(D)) - held @ D.T
+        lam = np.linalg.lstsq(loads, held @ (f - self.M @ forced), rcond=None)[0]
+        return np.asarray(f + D.T @ lam)
 
     def multipliers(self, f: Floats) -> Floats:
         """Solve f + A^T lambda = 0 for lambda (m,), by least squares in G^-1.
 
         Parameters
         ----------
-        f : ndarray, shape (n,)
-            The forces.
+        f : ndarray, shape (n,) or (n, k)
+            The forces; the result has the shape (m,) or (m, k).
         """
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 

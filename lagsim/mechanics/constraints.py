@@ -58,6 +58,9 @@ class Row(NamedTuple):
         The residual does not depend on t.
     pfaffian : bool
         The rate is a polynomial of at most first degree in q'.
+    drags : tuple of Drag
+        Forces along other rows, in proportion to the multiplier of this row: friction
+        of a contact that slides while its body rests. Empty in runs.
     """
 
     name: str
@@ -71,6 +74,34 @@ class Row(NamedTuple):
     rate_scale: int
     scleronomic: bool
     pfaffian: bool
+    drags: tuple[Drag, ...] = ()
+
+    def force(self, g: Graph) -> dict[int, int]:
+        """Return the generalized force per unit of the multiplier, by coordinate.
+
+        Without drags it is A. The result has index of a coordinate -> node.
+        """
+        found = dict(self.A.entries)
+        for drag in self.drags:
+            for j, entry in drag.slip.A.entries.items():
+                push = g.call("mul", drag.part, entry)
+                found[j] = g.call("add", found.get(j, g.zero), push)
+        return found
+
+
+class Drag(NamedTuple):
+    """Force along a row, in proportion to the multiplier of another row.
+
+    Attributes
+    ----------
+    slip : Row
+        The row of the slip, along which the force acts.
+    part : int
+        The force along the slip, per unit of the multiplier of the contact: a node.
+    """
+
+    slip: Row
+    part: int
 
 
 class Flow:

@@ -315,6 +315,11 @@ class Equations:
         return tuple(x.row.A for x in self.relations)
 
     @property
+    def has_drags(self) -> bool:
+        """Whether a row has drags: in the linearisation of rests, and never in runs."""
+        return any(row.drags for row in self.rows)
+
+    @property
     def every_row(self) -> tuple[Row, ...]:
         """Row in the linear system of the motion, for each of `relations`."""
         return tuple(x.solved for x in self.relations)
@@ -387,12 +392,15 @@ class Equations:
         ]
 
     def constraint_forces(self) -> list[int]:
-        """Return Qc = A^T lambda (n,), with the multipliers as variables."""
+        """Return Qc = A^T lambda (n,), with the multipliers as variables.
+
+        The result includes the drags of rows.
+        """
         g = self.graph
         forces = [g.zero] * len(self.q)
-        for A, name in zip(self.slopes, self.multipliers, strict=True):
+        for own, name in zip(self.relations, self.multipliers, strict=True):
             lam = g.variable(name)
-            for j, entry in A.entries.items():
+            for j, entry in own.row.force(g).items():
                 forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
         return forces
 

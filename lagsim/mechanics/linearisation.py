@@ -214,6 +214,9 @@ class Linearisation:
         accelerations = [g.variable(name) for name in e.accelerations]
         A = [node for row in e.rows for node in row.A]
         A = frozen(A)
+        forces = [row.force(g) for row in e.rows] if e.has_drags else []
+        nodes = [x.get(j, g.zero) for x in forces for j in range(self.n)]
+        self._drags = frozen(nodes) if nodes else []
         self._terms = [
             *frozen([node for row in e.M for node in row]), *A,
             *frozen([*e.f, *(row.b for row in e.rows), *(x.rate for x in e.states)]),
@@ -278,10 +281,11 @@ class Linearisation:
         n, m, Z, Zh = self.n, self.m, x.metric.free, x.position_metric.free
         K, dv, change = self.changes(x)
         turned = -x.metric.inverse @ (x.turning @ Z)
-        G = x.metric.G
+        G, f, b = x.metric.G, x.slopes[:n], x.slopes[n : n + m]
+        f = -x.metric.with_drags(-f, -x.metric.inverse @ b)
         R = np.vstack([
             Zh.T @ G @ dv,
-            turned.T @ G @ K - Z.T @ (x.slopes[:n] @ change),
+            turned.T @ G @ K - Z.T @ (f @ change),
             x.slopes[n + m :] @ change,
         ])  # fmt: skip
         if noise is not None:
@@ -330,9 +334,14 @@ class Linearisation:
         n, m, (P, Z), (dv, change) = self.n, self.m, bases, map(np.abs, changes)
         k, end = len(P), len(R) - self.first
         terms = noise + RESIDUAL_ROUNDOFF * np.abs(x.slopes)
+        own = terms[:n]
+        if self._drags:
+            of_f = x.metric.with_drags(np.eye(n), np.zeros((n, n)))
+            of_b = x.metric.with_drags(np.zeros((n, m)), x.metric.inverse)
+            own = np.abs(of_f) @ own + np.abs(of_b) @ terms[n : n + m]
         error = np.vstack([
             STATE_ROUNDOFF * np.abs(P) @ dv,
-            np.abs(Z.T) @ terms[:n] @ change,
+            np.abs(Z.T) @ own @ change,
             terms[n + m :] @ change,
         ])  # fmt: skip
         # Forces and directions that cancel leave their rounding, independent of their
@@ -396,7 +405,10 @@ class Linearisation:
         found = self._evaluated(self._terms, values)
         M, A, f, b, rates = np.split(found, np.cumsum([n * n, m * n, n, m]))
         M, A = M.reshape(n, n), A.reshape(m, n)
-        metric = Metric(M, A)
+        drags = None
+        if self._drags:
+            drags = self._evaluated(self._drags, values).reshape(m, n) - A
+        metric = Metric(M, A, drags)
         acceleration, lam = metric.motion(f, b)
         values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
         values |= dict(zip(e.multipliers, map(float, lam), strict=True))

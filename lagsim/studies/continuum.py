@@ -18,6 +18,7 @@ import numpy as np
 
 from lagsim.admissibility.balance import Rest
 from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import acting_rows
 from lagsim.admissibility.verdict import judge_laws
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -66,9 +67,11 @@ class Continuum:
         unknowns: tuple[Sequence[int], Sequence[int]],
     ) -> None:
         laws, at = equations.laws, Point(equations, state)
-        self._laws = [law for law in laws if law.row.name in multipliers]
+        rows = acting_rows(at)
+        chosen = [k for k in rows if laws[k].row.name in multipliers]
+        self._laws = [laws[k] for k in chosen]
         self._all = laws
-        self.active = [law.row for law in self._laws]
+        self.active = [rows[k] for k in chosen]
         self._rest = rest = Rest(at, (), self.active, unknowns)
         free, states = (list(x) for x in unknowns)
         lam = np.array([multipliers[row.name] for row in rest.rows])

@@ -18,7 +18,7 @@ import numpy as np
 from lagsim.admissibility.balance import Rest, Way
 from lagsim.admissibility.kinks import CORNER, Kinks
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rest import AtRest, RestCorner, find_rest
+from lagsim.admissibility.rest import AtRest, RestCorner, acting_rows, find_rest
 from lagsim.admissibility.verdict import (
     RelationResiduals,
     acting,
@@ -38,6 +38,7 @@ from lagsim.mechanics.linearisation import (
     eigenvalues_of,
 )
 from lagsim.mechanics.pieces import whole
+from lagsim.mechanics.rows import Mode
 from lagsim.notes import Caution
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
@@ -46,7 +47,6 @@ from lagsim.studies.continuum import Continuum
 from lagsim.studies.nonlinear import Linearised, not_linear
 from lagsim.studies.setting import Setting, with_sliding
 from lagsim.tolerances import (
-    CLEAR_OF_ROUNDING,
     COMPUTED_ZERO,
     HALF_OF_DIGITS,
     SAME_RESULT,
@@ -191,8 +191,10 @@ def steady_rest(setting: Setting, found: AtRest) -> Steady:
     laws = point.e.laws
     active = {row.name: row for row in found.active}
     if laws:
-        own = acting(point, judge_laws(point, setting.off)).holding
-        active |= {laws[k].row.name: laws[k].row for k in sorted(own)}
+        own = acting(point, judge_laws(point, setting.off))
+        for k in sorted(own.holding):
+            if not (laws[k].slips and own.modes[k] is Mode.REDUNDANT):
+                active.setdefault(laws[k].row.name, laws[k].row)
     bounded = {x.row.name for x in laws if x.bounded}
     free = found.undetermined
     sticks = not bounded.isdisjoint(active)
@@ -217,7 +219,8 @@ def steady_start(setting: Setting) -> Steady:
     point = Point(e, state)
     verdicts = judge_laws(point, setting.off)
     own = acting(point, verdicts)
-    modes = {k: e.laws[k] for k in own.modes}
+    rows = acting_rows(point)
+    modes = {k: e.laws[k] for k in own.modes if k in rows}
     sliding = [x for k, x in modes.items() if x.bounded and k not in own.holding]
     if sliding or own.struck:
         names = ", ".join(dict.fromkeys(f"`{x.name}`" for x in sliding))
@@ -226,7 +229,7 @@ def steady_start(setting: Setting) -> Steady:
             f"the start is no steady motion: {why}, and small motions about it would "
         )
         raise NoRestError(text + "not be linear")
-    active = [e.laws[k].row for k in sorted(own.holding)]
+    active = [rows[k] for k in sorted(own.holding & rows.keys())]
     found = _steady(setting, state, active)
     x = found.linearisation.values(state.t, state.q, state.v, state.s)
     moving = _unsteady(Point(found.equations, state))
@@ -329,6 +332,9 @@ class Equilibrium(NamedTuple):
             own, value = whole(row.name), values[f"lambda_{row.name}"]
             into = more if own.startswith("friction.") else forces
             into[own] = into.get(own, 0.0) + value + 0.0
+            for drag in row.drags:
+                (part,) = evaluate(g, [drag.part], values)
+                more[drag.slip.name] = part * value + 0.0
         forces |= x.sliding
         # A relation between vectors has a multiplier for each component.
         parts = {name.rpartition(".")[0] for name in forces}
@@ -449,7 +455,7 @@ class Search:
     def _without_force(self) -> Flags:
         """Return a mask (n,) of the coordinates on which no force depends."""
         point, random = self._point, np.random.default_rng(SEED)
-        rest = Rest(point, (), [law.row for law in point.e.laws], self._every)
+        rest = Rest(point, (), [*acting_rows(point).values()], self._every)
         found = np.ones(point.n, bool)
         for part in (0.0, *BESIDE):
             x = rest.x0 + part * random.standard_normal(len(rest.x0))
@@ -553,12 +559,11 @@ class Search:
         """
         point = self._point
         active = {v.name for v in judge_laws(point, self.setting.off) if v.active}
-        laws = [
-            law for law in point.e.laws if law.constraint in active and law.by_forces
-        ]
-        if not any(law.bounded for law in laws):
+        laws, rows = point.e.laws, acting_rows(point)
+        own = [k for k in rows if laws[k].constraint in active and laws[k].by_forces]
+        if not any(laws[k].bounded for k in own):
             return None
-        rest = Rest(point, (), [law.row for law in laws], self.unknowns)
+        rest = Rest(point, (), [rows[k] for k in own], self.unknowns)
         lam = rest.first(point)[len(rest.x0) - len(rest.rows) :]
         names = [row.name for row in rest.rows]
         forces = dict(zip(names, lam.tolist(), strict=True))
@@ -646,21 +651,7 @@ class Search:
         left = [f"{v.name} = {v.position.value:.6g}" for v in verdicts]
         text = "no position of rest was found, from the start"
         text += f" and from {starts} others" if starts else ""
-        text = f"{text}: {', '.join(left[:8])} remain at the start"
-        if sliding := self._sliding_friction():
-            text += f"; the friction of {sliding} slides at rest, and is not considered"
-            text += " (a relation of its slip with `limit: mu*N` is, where the normal "
-            text += "force N is known)"
-        return text
-
-    def _sliding_friction(self) -> str:
-        """Return the contacts whose friction slides although the coordinates rest."""
-        laws = [law for law in self._point.e.laws if law.slips]
-        rates = [law.row.rate for law in laws]
-        slips, rounding = self._point.array(rates), self._point.rounding(rates)
-        slide = (np.abs(slips) > CLEAR_OF_ROUNDING * rounding).tolist()
-        own = {law.constraint for law, on in zip(laws, slide, strict=True) if on}
-        return ", ".join(f"`{name}`" for name in sorted(own))
+        return f"{text}: {', '.join(left[:8])} remain at the start"
 
     def _add(self, rests: list[Equilibrium], other: Equilibrium) -> None:
         """Add a rest to `rests`, unless `rests` has it or a rest of its family.
@@ -670,7 +661,7 @@ class Search:
         """
         for k, one in enumerate(rests):
             if self._is_same(one.steady, other.steady):
-                nearer = min(one, other, key=lambda x: x.distance)
+                nearer = min(one, other, key=_rank)
                 from_start = one.from_start or other.from_start
                 rests[k] = nearer._replace(from_start=from_start)
                 return

@@ -95,7 +95,8 @@ def with_sliding(setting: Setting) -> Setting:
     """Return the setting with limited equalities that slide at rest as forces.
 
     A body at rest on a moving belt slides (x_dot = 3 is off by -3): the limit acts
-    against the slip. Friction of contacts depends on multipliers and is not included.
+    against the slip. For friction of contacts, which depends on multipliers, see
+    `admissibility.rest.acting_rows`.
     """
     e, point, g = setting.equations, setting.point, setting.equations.graph
     own: dict[int, list[Law]] = {}

@@ -363,20 +363,152 @@ simulation: {duration: 1}
     assert np.array(pairs) == pytest.approx(np.array([damped, [0.0, 2.0]]), abs=1e-9)
 
 
-@pytest.mark.slow
-def test_sliding_friction_of_contacts_is_named_where_no_rest_is_found():
-    text = """
+SLIDING_CONTACT = """
 coordinates: {x: {}, y: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y + 2*x^2}
 constraints:
-  floor: {relation: y >= 0, restitution: 0, friction: 0.2, slip: x_dot - 3}
-initial: {x: 0, y: 0}
+  floor: {relation: y >= 0, restitution: 0.5, friction: MU, slip: x_dot - 3}
+initial: {x: 0.1, y: 0}
+simulation: {duration: 1}
 """
-    with refused("no-rest", "friction of `floor`"):
-        lagsim.equilibrium(text)
-    # The way out that the message names, with N = 9.81: 4 x = 0.2*9.81.
-    limit = "restitution: 0}\n  rub: {relation: x_dot = 3, limit: 0.2*9.81}"
-    text = text.replace("restitution: 0, friction: 0.2, slip: x_dot - 3}", limit)
-    [rest] = lagsim.equilibrium(text).equilibria
-    right = {"x": 0.2 * 9.81 / 4, "y": 0.0}
-    assert rest["coordinates"] == pytest.approx(right, abs=1e-12)
+
+
+@pytest.mark.parametrize(("mu", "value", "growth"), [
+    ("0.2", 0.2, 0.0),
+    ("{static: 0.9, dynamic: 0.2}", 0.2, 0.0),
+    # x'' = -4 x + 9.81 (0.2 + exp(v - 3)).
+    ("0.2 + exp(-slip_speed)", 0.2 + math.exp(-3), 9.81 * math.exp(-3) / 2),
+])  # fmt: skip
+def test_a_mass_rests_on_a_moving_belt_by_the_friction_of_its_contact(
+    mu, value, growth
+):
+    text = SLIDING_CONTACT.replace("MU", mu)
+    [found] = lagsim.equilibrium(text, starts=3).equilibria
+    x = value * 9.81 / 4
+    assert found["coordinates"] == pytest.approx({"x": x, "y": 0.0}, abs=1e-12)
+    assert found["lambda"] == pytest.approx({"floor": 9.81})
+    assert found["friction"] == pytest.approx({"friction.floor": value * 9.81})
+    assert found["stable"] is (growth <= 0)
+    assert found["continuum"] is False
+    wanted = [growth, math.sqrt(4 - growth**2)]
+    at_start = text.replace("x: 0.1", f"x: {x!r}")
+    for model, at in ((text, "rest"), (at_start, "start")):
+        [mode] = lagsim.modes(model, at=at).modes
+        assert mode["eigenvalue"] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_start_at_rest_slides_on_a_moving_belt():
+    text = SLIDING_CONTACT.replace("MU", "0.2").replace("x: 0.1", "x: {guess: 0.1}")
+    text = text.replace("duration: 1", "duration: 1, begin: rest")
+    result = lagsim.simulate(text, error_bar="never")
+    assert result["x"] == pytest.approx(np.full(len(result["x"]), 0.4905), abs=1e-12)
+
+
+@pytest.mark.parametrize("inwards", [True, False])
+def test_a_bar_on_two_turning_rollers_has_the_frequency_of_their_friction(inwards):
+    """The loads are m g (1 +- x/c)/2: x'' = -mu g x/c (S. Timoshenko)."""
+    v = 2 if inwards else -2
+    [found] = (
+        one
+        for one in lagsim.equilibrium(f"""
+coordinates: {{x: {{}}, y: {{}}, a: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2 + a_dot^2/20, potential: 9.81*y}}
+constraints:
+  right: {{relation: y + a*(0.5 - x) >= 0, restitution: 0, friction: 0.3,
+          slip: x_dot + {v}}}
+  left: {{relation: y - a*(0.5 + x) >= 0, restitution: 0, friction: 0.3,
+         slip: x_dot - {v}}}
+initial: {{x: 0.1, y: 0, a: 0}}
+""", starts=3).equilibria
+        if abs(one["coordinates"]["a"]) < 0.1
+    )  # fmt: skip
+    assert found["coordinates"] == pytest.approx({"x": 0, "y": 0, "a": 0}, abs=1e-12)
+    assert found["lambda"] == pytest.approx({"left": 4.905, "right": 4.905})
+    push = 0.3 * 4.905 * (1 if inwards else -1)
+    wanted = {"friction.left": push, "friction.right": -push}
+    assert found["friction"] == pytest.approx(wanted)
+    assert found["stable"] is inwards
+    rate = math.sqrt(0.3 * 9.81 / 0.5)
+    values = {complex(*z) for z in found["eigenvalues"]}
+    for z in (1j * rate, -1j * rate) if inwards else (rate, -rate):
+        assert min(abs(z - x) for x in values) <= 1e-9
+
+
+@pytest.mark.parametrize("speed", [5, -5])
+@pytest.mark.parametrize("unit", [1, 1000])
+def test_a_self_energising_brake_shoe_presses_by_its_own_friction(speed, unit):
+    """A shoe on a lever, 0.2 beside and 0.1 above its pivot: N (0.2 -+ 0.1 mu) = F b.
+
+    The pivot is on a slide with a spring. `unit` is the number of units of length in a
+    metre.
+    """
+    u, mu = unit, 0.4
+    text = f"""
+coordinates: {{s: {{}}, a: {{}}}}
+energy: {{kinetic: s_dot^2/2 + {0.03 * u**2}*a_dot^2/2, potential: 200*s^2}}
+forces: {{a: {-9 * u**2}}}
+constraints:
+  shoe: {{relation: "{0.2 * u}*sin(a) + {0.1 * u}*(cos(a) - 1) >= 0", restitution: 0,
+         friction: {mu}, slip: "s_dot + ({0.1 * u}*cos(a) - {0.2 * u}*sin(a))*a_dot
+         - ({speed * u})"}}
+initial: {{s: 0, a: 0}}
+"""
+    found = lagsim.equilibrium(text, starts=0).equilibria[0]
+    side = math.copysign(1.0, speed)
+    N = 9 * u / (0.2 + 0.1 * mu * side)
+    assert found["lambda"] == pytest.approx({"shoe": N})
+    assert found["friction"] == pytest.approx({"friction.shoe": mu * N * side})
+    wanted = {"s": mu * N * side / 400, "a": 0.0}
+    assert found["coordinates"] == pytest.approx(wanted, abs=1e-12 * u)
+
+
+def test_friction_of_two_slips_that_slides_at_rest_damps_motion_across_the_slip():
+    """Across the slip the friction is mu N v/3, with mu N = 1.5."""
+    text = """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 2*(x^2 + y^2) + 10*z}
+constraints:
+  belt: {relation: z >= 0, restitution: 0, friction: 0.15, slip: [y_dot - 3, x_dot]}
+initial: {x: 0.1, y: 0.2, z: 0}
+"""
+    [found] = lagsim.equilibrium(text, starts=3).equilibria
+    wanted = {"x": 0, "y": 0.375, "z": 0}
+    assert found["coordinates"] == pytest.approx(wanted, abs=1e-12)
+    friction = {"friction.belt.1": 1.5, "friction.belt.2": 0.0}
+    assert found["friction"] == pytest.approx(friction, abs=1e-12)
+    pairs = sorted(z for z in found["eigenvalues"] if z[1] > 0)
+    damped = [-0.25, math.sqrt(4 - 0.25**2)]
+    assert np.array(pairs) == pytest.approx(np.array([damped, [0.0, 2.0]]), abs=1e-9)
+
+
+def test_friction_that_sticks_bears_no_more_than_friction_that_slides_pushes():
+    """A block between a belt and a platen: the belt has friction 4, the platen 3.
+
+    Friction of the belt counted as sticking: the rest was at any x, in silence. Now the
+    spring balances 4 - 3 or more: 2 x is in [1, 7], and the start is nearest to 0.5.
+    """
+    text = """
+coordinates: {x: {}, y: {}, p: {}}
+energy: {kinetic: x_dot^2/2 + y_dot^2/2 + p_dot^2/2, potential: x^2 + 4*y + 6*p}
+constraints:
+  platen: {relation: p - y >= 0, restitution: 0, friction: 0.5, slip: x_dot}
+  belt: {relation: y >= 0, restitution: 0, friction: 0.4, slip: x_dot - 2}
+initial: {x: 0.1, y: 0, p: 0}
+"""
+    [found] = lagsim.equilibrium(text, starts=3).equilibria
+    assert found["coordinates"]["x"] == pytest.approx(0.5, abs=1e-9)
+    assert found["lambda"] == pytest.approx({"platen": 6, "belt": 10})
+    wanted = {"friction.platen": -3, "friction.belt": 4}
+    assert found["friction"] == pytest.approx(wanted)
+    assert found["continuum"] is True
+
+
+@pytest.mark.slow
+def test_the_rest_on_a_belt_is_followed_over_the_speed_of_the_belt():
+    text = SLIDING_CONTACT.replace("MU", "0.2 + exp(-slip_speed)")
+    text = "parameters: {V: 3}" + text.replace("x_dot - 3", "x_dot - V")
+    [branch] = lagsim.equilibrium(text, starts=0, vary={"V": (0.5, 4)}).branches
+    V = np.array([point["value"] for point in branch])
+    assert [V[0], V[-1]] == [0.5, 4]
+    x = np.array([point["coordinates"]["x"] for point in branch])
+    assert x == pytest.approx((0.2 + np.exp(-V)) * 9.81 / 4, rel=1e-12)
