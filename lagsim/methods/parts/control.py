@@ -153,14 +153,16 @@ def record_measured(s: Control, p: Parameters) -> None:
         k = s.states - 1 - back
         parts[s.velocities.stop + k] = parts[s.n + k]
     # From here on as accelerations, and the whole in the metric of M.
-    s.pushes[0] = 0.0
+    masses, whole = s.masses, 0.0
     for i in range(s.n):
         push = parts[i]
-        parts[i] = 0.0
-        if s.masses[i] > 0.0:
-            parts[i] = push / s.masses[i]
-            s.pushes[0] += push * parts[i]
-        accelerations[i] = parts[i]
+        part = 0.0
+        if masses[i] > 0.0:
+            part = push / masses[i]
+            whole += push * part
+        parts[i] = part
+        accelerations[i] = part
+    s.pushes[0] = whole
 
 
 def record_extents(s: Control) -> None:
@@ -168,18 +170,20 @@ def record_extents(s: Control) -> None:
 
     Methods with a fixed step record this alone; others also record energies.
     """
-    for i in range(s.size):
-        now = s.y[i]
-        s.sizes[i] = max(s.sizes[i], abs(now))
-        s.low[i] = min(s.low[i], now)
-        s.high[i] = max(s.high[i], now)
+    y, sizes, low, high = s.y, s.sizes, s.low, s.high
+    for i in apart(s.size):
+        now = y[i]
+        sizes[i] = max(sizes[i], abs(now))
+        low[i] = min(low[i], now)
+        high[i] = max(high[i], now)
     forget_roundoff(s)
 
 
 def forget_roundoff(s: Control) -> None:
     """Set the roundoff bounds to 0, so that they are computed again where needed."""
-    for i in range(s.size):
-        s.roundoff[i] = 0.0
+    roundoff = s.roundoff
+    for i in apart(s.size):
+        roundoff[i] = 0.0
     s.rounding_known = 0.0
     s.bounded_step = 0.0
     s.limited = 0.0
@@ -220,9 +224,9 @@ def set_tolerances(
 
 def is_within(s: Control, y: Floats) -> bool:
     """Whether a state y (size,) is within the ranges of the components so far."""
-    out = 0
+    low, high, out = s.low, s.high, 0
     for i in range(s.size):
-        out += 0 if s.low[i] <= y[i] <= s.high[i] else 1
+        out += 0 if low[i] <= y[i] <= high[i] else 1
     return out == 0
 
 
@@ -260,11 +264,13 @@ def compute_tolerances(
     if shorter and (s.limited > 0.0 or (SWITCHES and p.surfaces > 0)):
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
+    tolerances, sizes, low, high = s.tolerances, s.sizes, s.low, s.high
+    parts, foreseen, onset = s.parts, s.foreseen, s.onset
     s.wide = 1.0
     if s.atol >= 0.0:
         for i in range(size):
             scale = max(abs(s.y[i]), abs(new[i]))
-            s.tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
+            tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
     roundoff, of_velocities = s.roundoff, s.roundoff[s.velocities]
     accelerations = rates[s.velocities]
@@ -275,18 +281,19 @@ def compute_tolerances(
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
-    s.balanced = 0.0
+    balanced, wide, alone = 0.0, 1.0, 1.0 - s.balanced_alone
     amplification = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
+    laws = p.laws > 0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
-        width = max(s.high[i], after) - min(s.low[i], after)
+        width = max(high[i], after) - min(low[i], after)
         sized = WIDTH * width if width > 0.0 else h * rate
-        sized = max(sized, AT_ONSET * s.onset[i])
+        sized = max(sized, AT_ONSET * onset[i])
         if instant > 0.0:
-            sized = max(sized, instant * rate, s.foreseen[i])
-        part = s.parts[i]
-        if p.laws > 0:
+            sized = max(sized, instant * rate, foreseen[i])
+        part = parts[i]
+        if laws:
             part = max(part, p.law_pushes[i])
         if i < n:
             # Positions: their change by the velocities in the step.
@@ -294,12 +301,13 @@ def compute_tolerances(
             roundoff[i] = max(floor * rate, of_velocities[i] * h)
             sized = max(sized, instant * instant * abs(accelerations[i]))
         least = FLOOR * moment * part
-        s.balanced = max(s.balanced, 1.0 if sized < least else 0.0)
-        s.wide = min(s.wide, 1.0 if sized >= WIDE * least else 0.0)
-        rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
-        counts = amplification if sized < least else 1.0 - s.balanced_alone
+        balanced = max(balanced, 1.0 if sized < least else 0.0)
+        wide = min(wide, 1.0 if sized >= WIDE * least else 0.0)
+        rough = max(floor * max(sizes[i], abs(after)), UNDERFLOW)
+        counts = amplification if sized < least else alone
         rough = max(rough, counts * roundoff[i] * h)
-        s.tolerances[i] = max(rtol * max(sized, least), rough)
+        tolerances[i] = max(rtol * max(sized, least), rough)
+    s.balanced, s.wide = balanced, wide
     if p.m > 0:
         share_tolerances(s)
         share_rounding(s)
@@ -862,7 +870,9 @@ def keep_compensation(s: Control) -> None:
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
-    s.compensation[:] = s.remainder
+    compensation, remainder = s.compensation, s.remainder
+    for i in apart(s.size):
+        compensation[i] = remainder[i]
 
 
 def drop_compensation(s: Control) -> None:

@@ -59,6 +59,7 @@ from lagsim.methods.parts.state import (
     rounding,
     signals,
 )
+from lagsim.native.kernels.words import apart
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     OVERFLOW,
@@ -146,7 +147,7 @@ def shape_step(
     and new_rates (size,) at the ends, and for positions also the terms that match the
     second derivatives there.
     """
-    shape = s.shape
+    shape, n = s.shape, s.n
     old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
     for i in range(s.sampled):
         change = new[i] - old[i]
@@ -156,7 +157,7 @@ def shape_step(
         Q = A + B - 2.0 * change
         a = 0.0
         b = 0.0
-        if i < s.n:
+        if i < n:
             # value u^2 (1 - u)^2 ((1 - u) a + u b) of the correction
             a = 0.5 * h * h * old_a[i] - P
             b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
@@ -178,11 +179,11 @@ def sample_roughly(
 
     beside : the distance over which slopes are differenced, a power of 2.
     """
-    z, shape, count = s.point, s.shape, rows(s)
+    z, shape, count, components = s.point, s.shape, rows(s), s.sampled
     first = events(s)
     for point in range(2):
         u = x if point == 1 else x + beside
-        for i in range(s.sampled):
+        for i in range(components):
             k = DEGREES * i
             high = shape[k + 4] + u * shape[k + 5]
             middle = shape[k + 2] + u * shape[k + 3]
@@ -599,9 +600,12 @@ def store_extents(s: SearchTable) -> None:
 
     They are restored if the step is shortened to end at an event.
     """
-    s.sizes_before[:] = s.sizes
-    s.low_before[:] = s.low
-    s.high_before[:] = s.high
+    sizes, low, high = s.sizes, s.low, s.high
+    sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
+    for i in apart(s.size):
+        sizes_before[i] = sizes[i]
+        low_before[i] = low[i]
+        high_before[i] = high[i]
 
 
 def restore_extents(s: SearchTable) -> None:
