@@ -50,10 +50,11 @@ from lagsim.methods.parts.state import (
     reached_twice,
     series,
     slope,
+    weigh,
 )
 from lagsim.native.elementary import BIAS, ONE_POWER
-from lagsim.native.graph.polynomials import MOST_BEYOND
-from lagsim.native.kernels.words import bits, from_bits
+from lagsim.native.graph.polynomials import LAST_ORDERS, MOST_BEYOND
+from lagsim.native.kernels.words import apart, bits, from_bits
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, STATE_ROUNDOFF, TINY
 
@@ -176,7 +177,7 @@ def consistent_step(s: Taylor, p: Parameters, longest: float, most: float) -> fl
                 s.tolerances[i] = 0.0
                 s.steady = 0.0
         set_fineness(s)
-        h = min(before, chosen_step(s, c, s.t))
+        h = min(before, weighed_step(s, c, s.t))
         if h > SETTLED * before:
             break
     return h
@@ -190,7 +191,7 @@ def step(s: Taylor, p: Parameters) -> int:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
-        if attempt(s, p, h, rejected) == 0:
+        if not attempt(s, p, h, rejected):
             s.h = SHORTEST * h
             trouble = at.NOT_FINITE
         elif CONSTRAINED and constraints.project(s, p, s.t + h, h, s.new, s.work) == 0:
@@ -227,19 +228,19 @@ def shorten(s: Taylor, h: float, error: float) -> int:
     return at.STEP_TOO_SMALL
 
 
-def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
-    """Compute the state after a step h; return 0 if it is not finite, else 1.
+def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> bool:
+    """Compute the state after a step h; return whether it is finite.
 
     rejected : whether a longer step from this state was rejected.
     """
     size = s.size
-    c = s.series[buffer(size, s.which) :]
+    c = s.series[present(s) :]
     if s.rtol < control.TIGHT and not rejected:
         control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # The slope is added separately, so that the two sums do not wait for each other.
     slope(h, c, s.rates)
-    return 1 if constraints.is_finite(size, s.new) else 0
+    return constraints.is_finite(size, s.new)
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
@@ -249,13 +250,13 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     terms; y' is that of the next step's series.
     """
     size = s.size
-    c = s.series[buffer(size, s.which) :]
-    following = s.series[buffer(size, 1.0 - s.which) :]
+    c = s.series[present(s) :]
+    following = s.series[former(s) :]
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
     if control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h):
         set_fineness(s)
-    error = misfit(s, c[0], following[1 + size :], h)
+    error = misfit(s, c[0], following, h)
     most = most_error(s, h) if error > 1.0 else PASSED
     if error > most and sides_are_clear(s, p, s.t, s.y):
         error = error_at_onset(s, p, h, error)
@@ -263,7 +264,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     doubtful = error > most and error < OVERFLOW
     while doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
         set_fineness(s)
-        error = misfit(s, c[0], following[1 + size :], h)
+        error = misfit(s, c[0], following, h)
         doubtful = error > most_error(s, h)
     return constraints.error_past_loss(s, error) if CONSTRAINED else error
 
@@ -281,23 +282,25 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
     stability_limited : whether stability, and not accuracy, may limit the step.
     """
     size, y = s.size, s.y
-    following = s.series[buffer(size, 1.0 - s.which) :]
+    following = s.series[former(s) :]
     rates = following[1 + size :]
     # First the results that the next step needs, then the results that it does not wait
     # for.
-    next_ = chosen_step(s, following, s.t + h)
+    next_ = chosen_step(s, following[0], s.t + h)
     if next_ < SUDDEN * h and sides_are_clear(s, p, s.t + h, s.new):
         next_ = unlimited_step(s, p, h, next_)
     if s.signals > 0:
-        before = s.series[buffer(size, s.which) + 1 + size :]
+        before = s.series[present(s) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
         s.satisfied = satisfied_part(s, following[0] + 1.0)
         s.alone = s.satisfied
         s.longer = UNKNOWN
     s.which = 1.0 - s.which
-    s.y[:] = s.new
-    s.carried[:] = s.compensation
+    new, carried, compensation = s.new, s.carried, s.compensation
+    for i in apart(size):
+        y[i] = new[i]
+        carried[i] = compensation[i]
     control.keep_compensation(s)
     s.step_t = s.t
     s.step_h = h
@@ -314,7 +317,7 @@ def accept(s: Taylor, p: Parameters, h: float, stability_limited: bool) -> None:
         control.bound_roundoff(s, p, s.t, y, rates, 1.0, h, 1)
         control.set_tolerances(s, p, s.t, y, rates, h)
         set_fineness(s)
-        s.h = chosen_step(s, following, s.t)
+        s.h = weighed_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if stability_limited else -1.0), 0.0)
 
 
@@ -325,8 +328,8 @@ def error_at_onset(s: Taylor, p: Parameters, h: float, error: float) -> float:
 
     error : the error in tolerances so far.
     """
-    c = s.series[buffer(s.size, s.which) :]
-    after = s.series[buffer(s.size, 1.0 - s.which) + 1 + s.size :]
+    c = s.series[present(s) :]
+    after = s.series[former(s) :]
     rates = c[1 + s.size :]
     if set_aside(s, h, s.new, rates, 0.0) == 0:
         return error
@@ -344,19 +347,19 @@ def unlimited_step(s: Taylor, p: Parameters, h: float, next_: float) -> float:
     It is `next_` unless components at their onset (see `onset`) limit it; these then
     have scales by the motion of others, and the length is computed again.
     """
-    before = s.series[buffer(s.size, s.which) + 1 + s.size :]
-    following = s.series[buffer(s.size, 1.0 - s.which) :]
+    before = s.series[present(s) + 1 + s.size :]
+    following = s.series[former(s) :]
     t = s.t + h
     if set_aside(s, h, s.new, before, 0.0) == 0:
         return next_
     set_fineness(s)
-    others = chosen_step(s, following, t)
+    others = weighed_step(s, following, t)
     if others > LIMITED * next_:
         rates = following[1 + s.size :]
         spread_scales(s, p, t, s.new, rates, s.new, others)
     control.compute_tolerances(s, p, s.new, before, h)
     set_fineness(s)
-    return chosen_step(s, following, t)
+    return weighed_step(s, following, t)
 
 
 def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
@@ -369,10 +372,10 @@ def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noq
     h = s.step_h
     late = CONSTRAINED and x > HALF
     if late:
-        after = s.series[buffer(s.size, s.which) :]
+        after = s.series[present(s) :]
         reach(s, after, s.compensation, (x - 1.0) * h, out)
     else:
-        before = s.series[buffer(s.size, 1.0 - s.which) :]
+        before = s.series[former(s) :]
         reach(s, before, s.carried, x * h, out)
     if CONSTRAINED:
         prolong(s, x, out)
@@ -384,8 +387,8 @@ def interpolate_rows(s: Taylor, p: Parameters, rows: Floats, count: int) -> None
     Two rows that are nearer to the same end of the step are computed side by side.
     """
     h, width = s.step_h, 1 + s.size
-    before = s.series[buffer(s.size, 1.0 - s.which) :]
-    after = s.series[buffer(s.size, s.which) :]
+    before = s.series[former(s) :]
+    after = s.series[present(s) :]
     k = 0
     while k < count:
         row, other = rows[k * width :], rows[min(k + 1, count - 1) * width :]
@@ -445,8 +448,8 @@ def continues(s: Taylor) -> int:
     """
     if s.longer == UNKNOWN:
         n = s.n
-        before = s.series[buffer(s.size, 1.0 - s.which) :]
-        after = s.series[buffer(s.size, s.which) :]
+        before = s.series[former(s) :]
+        after = s.series[present(s) :]
         order = before[0]
         count = min(MOST_BEYOND, int(order) - 1)
         early, late = s.beyond_order, s.beyond_order[(1 + MOST_BEYOND) * n :]
@@ -482,9 +485,9 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     The components written are the rates that follow q' in y'.
     """
     if CONSTRAINED and x > HALF:
-        slope((x - 1.0) * s.step_h, s.series[buffer(s.size, s.which) :], out)
+        slope((x - 1.0) * s.step_h, s.series[present(s) :], out)
         return
-    before = s.series[buffer(s.size, 1.0 - s.which) :]
+    before = s.series[former(s) :]
     slope(x * s.step_h, before, out)
 
 
@@ -497,6 +500,8 @@ MOST_ORDER = 18
 LOG2_SHRINK = 2.0 * 1.4426950408889634
 # Numbers below this are subnormal.
 LEAST_NUMBER = 2.0**-1000
+# 1/k of each order k, and 1 for 0.
+INVERSE = tuple(1.0 / max(k, 1) for k in range(MOST_ORDER + 1))
 # Safety factor of the step by the a-priori bound; without it many steps fail the check
 # (measured at 1e-8, elastic pendulum: 2 of 365; with 0.9: some 20, and errors larger by
 # 2 to 8). Series of constrained motions fail rarely (Andrews' mechanism: 4 of 62). With
@@ -523,13 +528,16 @@ class Taylor(State):
     # error, in tolerances, from which a step counts as limited by stability
     held_error: float
     which: float  # index of the present one of the two series: 0 or 1
-    series: Floats = array(lambda s: buffer(s.size, 2.0))
+    series: Floats = array(lambda s: 2 * span(s))
     new: Floats = array("size")
     rates: Floats = array("size")  # rates by the series at the new state
     # 1/tolerance; 0 for components without error control
     fineness: Floats = array("size")
     # The compensation at the start of the last step, and its rate.
     carried: Floats = array("size")
+    # Of the series weighed last: the largest terms of its last orders, and the error of
+    # the slope at its start, in tolerances, see `state.weigh`.
+    weighed: Floats = array(lambda _: LAST_ORDERS + 1)
     drift: Floats = array("size")
     # Up to this part of the last step from either end only the series of that end is
     # used; whether the series is continued beyond it: 1, 0, or UNKNOWN; and the
@@ -542,14 +550,19 @@ class Taylor(State):
 STATE = Taylor
 
 
-def buffer(size: int, which: float) -> int:
-    """Return the index in memory at which series 0 or 1 (`which`) begins.
+def span(s: Taylor) -> int:
+    """Return the length of a series in memory."""
+    return 1 + (MOST_ORDER + 1) * s.size
 
-    For which = 2 it is the length of both series.
 
-    size : the number of components of y.
-    """
-    return int(which) * (1 + (MOST_ORDER + 1) * size)
+def present(s: Taylor) -> int:
+    """Return the index in `series` at which the present one of both begins."""
+    return span(s) if s.which > 0.0 else 0
+
+
+def former(s: Taylor) -> int:
+    """Return the index in `series` at which the other one begins."""
+    return 0 if s.which > 0.0 else span(s)
 
 
 def reach(s: Taylor, c: Floats, compensation: Floats, h: float, out: Floats) -> None:
@@ -572,36 +585,32 @@ def reach(s: Taylor, c: Floats, compensation: Floats, h: float, out: Floats) -> 
     control.add_compensated(size, out, remainder, out, remainder)
 
 
-def chosen_step(s: Taylor, c: Floats, t: float) -> float:
-    """Return a step from t, with the series c there, whose error is within tolerance.
+def weighed_step(s: Taylor, c: Floats, t: float) -> float:
+    """Return `chosen_step` from t, for a series c whose terms are not weighed yet."""
+    weigh(c, s.rates, s.fineness, s.weighed)
+    return chosen_step(s, c[0], t)
+
+
+def chosen_step(s: Taylor, order: float, t: float) -> float:
+    """Return a step from t, with the series weighed last, with an error in tolerance.
 
     If each of the last four terms is within its bound, and the terms decrease by e^2
     from one to the next, the first omitted term is within its bound, too. The result is
     at most the length of the arc, and 0 if a coefficient is not finite.
+
+    order : the order of the series.
     """
-    size = s.size
-    order = int(c[0])
+    k, weighed = int(order), s.weighed
     arc = s.end - t
     if arc <= 0.0:
         return 0.0
-    last = 0.0
-    second = 0.0
-    third = 0.0
-    fourth = 0.0
-    for i in range(size):
-        part = s.fineness[i]
-        k = 1 + order * size + i
-        last = max(last, abs(c[k]) * part)
-        second = max(second, abs(c[k - size]) * part)
-        third = max(third, abs(c[k - 2 * size]) * part)
-        fourth = max(fourth, abs(c[k - 3 * size]) * part)
-    if not max(last, second, third, fourth) < OVERFLOW:
+    if not max(weighed[0], weighed[1], weighed[2], weighed[3]) < OVERFLOW:
         return 0.0
     logarithm = min(
-        bound(fourth, 4.0 * LOG2_SHRINK, order - 3),
-        bound(third, 3.0 * LOG2_SHRINK, order - 2),
-        bound(second, 2.0 * LOG2_SHRINK, order - 1),
-        bound(last, LOG2_SHRINK, order),
+        bound(weighed[3], 4.0 * LOG2_SHRINK, INVERSE[k - 3]),
+        bound(weighed[2], 3.0 * LOG2_SHRINK, INVERSE[k - 2]),
+        bound(weighed[1], 2.0 * LOG2_SHRINK, INVERSE[k - 1]),
+        bound(weighed[0], LOG2_SHRINK, INVERSE[k]),
     )
     return min(safety(s) * rough_power_of_two(logarithm), float(arc))
 
@@ -631,15 +640,15 @@ def error_at_bound(order: float, factor: float) -> float:
     return exp(2.0 + order * log(factor)) * reach / (order + 1.0)
 
 
-def bound(term: float, shrink: float, k: int) -> float:
+def bound(term: float, shrink: float, part: float) -> float:
     """Return log2 h of the longest step h with `term` h^k at most 2^shrink.
 
     The error is 1e-4/k, small enough for the length of a step. The result is UNBOUNDED
     if the term is 0.
 
     term : |y_k|, the size of the coefficient of order k in tolerances.
+    part : 1/k.
     """
-    part = 1.0 / k
     found = (shrink - rough_log2(max(term, LEAST_NUMBER))) * part
     return found if term > LEAST_NUMBER else UNBOUNDED
 
@@ -689,29 +698,26 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = c[1 + i] + far
 
 
-def misfit(s: Taylor, order: float, rates: Floats, h: float) -> float:
+def misfit(s: Taylor, order: float, following: Floats, h: float) -> float:
     """Return a step's error in tolerances: the difference of y' at its end.
 
-    The square of a finite error is finite. OVERFLOW if a difference is not finite.
+    The square of a finite error is finite. OVERFLOW if a difference is not finite. The
+    terms of the next series are weighed for `chosen_step`.
 
-    rates : (size,), y' at the end by the equations; the other rate is that of the
-        series.
-    order : the order of the series.
+    following : the series at the end, with y' by the equations; the other rate is that
+        of the series at the start.
+    order : the order of the series at the start.
     h : the length of the step.
     """
-    part = h / (order + 1.0)
-    worst = 0.0
-    whole = 0.0
-    for i in range(s.size):
-        off = abs(rates[i] - s.rates[i]) * part * s.fineness[i]
-        worst = max(worst, min(SQUARABLE, off))
-        whole += off
-    return worst if whole < OVERFLOW else OVERFLOW
+    weigh(following, s.rates, s.fineness, s.weighed)
+    worst = s.weighed[LAST_ORDERS]
+    return min(SQUARABLE, worst * (h / (order + 1.0))) if worst < OVERFLOW else OVERFLOW
 
 
 def set_fineness(s: Taylor) -> None:
     """Store 1/tolerance of each component; 0 for a component that is not controlled."""
+    tolerances, fineness = s.tolerances, s.fineness
     for i in range(s.size):
-        tolerance = s.tolerances[i]
+        tolerance = tolerances[i]
         part = 1.0 / max(LEAST_NUMBER, tolerance)
-        s.fineness[i] = part if tolerance > 0.0 else 0.0
+        fineness[i] = part if tolerance > 0.0 else 0.0

@@ -94,6 +94,43 @@ def test_the_state_and_its_roundoff(
         assert abs(Fraction(found[i]) + Fraction(left[i]) - total) < 4e-2 * 2.0**-52
 
 
+def weighed(engine: Engine, *given: np.ndarray) -> list[float]:
+    out = np.full(6, np.nan)
+    pointers = [x.ctypes.data for x in (*given, out)]
+    engine.function("weigh", None, [ctypes.c_void_p] * 4)(*pointers)
+    assert np.isnan(out[5])
+    return out[:5].tolist()
+
+
+@pytest.mark.parametrize("cpu", ["host", "generic", "portable"])
+@pytest.mark.parametrize(
+    ("size", "order"), [(1, 4), (2, 5), (3, 6), (7, 9), (8, 15), (9, 4), (29, 18)]
+)
+def test_largest_terms(
+    size: int, order: int, cpu: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAGSIM_CPU", cpu)
+    ir = polynomials.series_values(size, order)
+    engine = Engine([compile_object(ir, optimise=False)])
+    rng = np.random.default_rng(size)
+    weights, rates = rng.uniform(0.0, 1.0, size), rng.uniform(-1.0, 1.0, size)
+    for k in range(size):  # each component has the largest term once
+        y = rng.uniform(-1.0, 1.0, (order + 1, size))
+        y[:, k] *= 100.0
+        c = np.array([float(order), *y.ravel()])
+        last = [np.max(np.abs(y[order - j]) * weights) for j in range(4)]
+        last.append(np.max(np.abs(y[1] - rates) * weights))
+        assert weighed(engine, c, rates, weights) == last
+        y[order - 1, k] = np.nan
+        y[1, k] = [np.inf, -np.inf, np.nan][k % 3]
+        weights[k] = [weights[k], 0.0][k // 3 % 2]
+        c = np.array([float(order), *y.ravel()])
+        with np.errstate(invalid="ignore"):
+            sizes = np.nan_to_num(np.abs(y) * weights, posinf=np.inf).max(axis=1)
+        found = weighed(engine, c, rates, weights)
+        assert found == [*sizes[:-5:-1], np.inf]
+
+
 @pytest.mark.parametrize("cpu", ["host", "generic", "portable"])
 @pytest.mark.parametrize(("size", "order"), [(1, 4), (4, 12), (11, 14), (17, 18)])
 def test_two_times_have_the_bits_of_one(

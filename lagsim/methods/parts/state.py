@@ -226,6 +226,18 @@ def slope(h: float, c: Floats, out: Floats) -> None:
 
 
 @external
+def weigh(c: Floats, rates: Floats, weights: Floats, out: Floats) -> None:
+    """Compare the terms of a series, each with the weight of its component.
+
+    c : the series, its order K, then its coefficients y_0 ... y_K.
+    rates : (size,), another value of y_1.
+    weights : (size,).
+    out : (5,), on return the largest |y_k| of the orders K, K - 1, K - 2 and K - 3, and
+        the largest |y_1 - rates|, infinite if one is not a number.
+    """
+
+
+@external
 def extend(h: float, c: Floats, other: Floats, out: Floats) -> None:
     """Write the terms K to K + E of velocities in a step h to out (E + 1, n).
 

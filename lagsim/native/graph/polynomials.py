@@ -9,7 +9,10 @@ The functions are
   of y_0; `left` is the roundoff of the result,
 - `reached_twice(h, further, c, lost, out, beyond)`: these sums at two times, h and
   `further`. Coefficients are loaded once: a load that crosses a line of the cache takes
-  longer than the products.
+  longer than the products,
+- `weigh(c, rates, weights, out)`: with a weight for each component, the largest of the
+  |y_k| of the last four orders, the highest first, then the largest of |y_1 - rates|,
+  each (1,). A product that is not a number counts as 0, but as infinite in the last.
 
 With constraints there are two more, of n velocities and positions, which lead a series
 beyond its order between the ends of a step h. Low coefficients of the series at both
@@ -29,7 +32,7 @@ time.
 from __future__ import annotations
 
 import hashlib
-from math import comb
+from math import comb, inf
 from typing import TYPE_CHECKING
 
 from lagsim.native.graph.lines import number
@@ -46,6 +49,8 @@ SINGLE = (1, 2, 4)
 SPLIT = 4
 # The times of `reached_twice`.
 TIMES = ("h", "further")
+# Number of orders, the last of a series, whose coefficients `weigh` compares.
+LAST_ORDERS = 4
 # Largest number E of coefficients beyond the order. With 6 a residual between the ends
 # of a step is smaller by 1e-2 to 1e-3.
 MOST_BEYOND = 6
@@ -124,6 +129,7 @@ def series_values(size: int, order: int, n: int = 0) -> str:
             "reached_twice", size, lambda vectors: vectors.reached_twice(bend),
             ("lost", "beyond"), numbers=TIMES,
         ),
+        _weigh(size, order),
     ]  # fmt: skip
     if n:
         functions += [
@@ -270,6 +276,31 @@ class _VectorWriter:
             for value, (h, square, _) in zip(found, powers, strict=True)
         ]
 
+    def products(self, order: int) -> list[str]:
+        """Write the products that `weigh` compares; return the names of their vectors.
+
+        order : K, the order of the series.
+        """
+        weights = self.load("weights", 0)
+        off = self._exact("fsub", self.coefficient(1, 1.0), self.load("rates", 0))
+        last = [self.coefficient(order - k, 1.0) for k in range(LAST_ORDERS)]
+        found = [self._weighted(x, weights) for x in [*last, off]]
+        infinite = self.literal(inf)
+        known = [self.selected("ogt", x, "zeroinitializer") for x in found[:-1]]
+        return [*known, self.selected("olt", found[-1], infinite)]
+
+    def _weighted(self, x: str, weights: str) -> str:
+        size = self.line(
+            f"call {self.kind} @llvm.fabs.v{self.width}f64({self.kind} {x})"
+        )
+        return self._exact("fmul", size, weights)
+
+    def selected(self, test: str, x: str, y: str) -> str:
+        """Write x where the comparison `test` of x and y holds, elsewhere y."""
+        mask = self.line(f"fcmp {test} {self.kind} {x}, {y}")
+        mask = f"<{self.width} x i1> {mask}"
+        return self.line(f"select {mask}, {self.kind} {x}, {self.kind} {y}")
+
     def extend(self, order: int) -> None:
         """Write the function `extend`, for series of order K = `order`."""
         h, count = self.splat("%h"), beyond(order)
@@ -321,6 +352,52 @@ class _VectorWriter:
 
     def _store(self, value: str, array: str) -> None:
         self.lines.append(f"store {self.kind} {value}, ptr %{array}.at, align 8")
+
+
+def _weigh(size: int, order: int) -> str:
+    """Return the IR of `weigh`, for series of `size` components and an order."""
+    # The last vector may overlap those before: none but the largest product counts.
+    width, arrays = min(size, WIDEST), ("c", "rates", "weights")
+    parameters = ", ".join(f"ptr %{x}" for x in (*arrays, "out"))
+    last = _VectorWriter(size, size, width, "r")
+    found = last.products(order)
+    text = [f"define void @weigh({parameters}) {{", "entry:"]
+    text += [
+        f"%{x}.rest = getelementptr double, ptr %{x}, i64 {size - width}"
+        for x in arrays
+    ]
+    text += [line.replace(".at", ".rest") for line in last.lines]
+    if size > WIDEST:
+        vectors = _VectorWriter(size, size, WIDEST, "v")
+        most = [f"%most.{k}" for k in range(len(found))]
+        new = [
+            vectors.selected("ogt", x, y)
+            for x, y in zip(vectors.products(order), most, strict=True)
+        ]
+        text += ["br label %each", "each:"]
+        text.append("%first = phi i64 [0, %entry], [%next, %each]")
+        text += [
+            f"{x} = phi {vectors.kind} [{y}, %entry], [{z}, %each]"
+            for x, y, z in zip(most, found, new, strict=True)
+        ]
+        text += [
+            f"%{x}.at = getelementptr double, ptr %{x}, i64 %first" for x in arrays
+        ]
+        text += [*vectors.lines, f"%next = add i64 %first, {WIDEST}"]
+        text.append(f"%again = icmp sle i64 %next, {size - WIDEST}")
+        text += ["br i1 %again, label %each, label %rest", "rest:"]
+        found = new
+    kind = last.kind
+    for k, x in enumerate(found):
+        largest = f"@llvm.vector.reduce.fmax.v{width}f64({kind} {x})"
+        text.append(f"%largest.{k} = call nnan double {largest}")
+        text.append(f"%place.{k} = getelementptr double, ptr %out, i64 {k}")
+        text.append(f"store double %largest.{k}, ptr %place.{k}, align 8")
+    declared = [
+        f"declare double @llvm.vector.reduce.fmax.v{width}f64({kind})",
+        f"declare {kind} @llvm.fabs.v{width}f64({kind})",
+    ]
+    return "\n".join([*declared, *text, "ret void", "}"])
 
 
 def _function(
