@@ -93,7 +93,7 @@ PASSED = 2.0
 SHORTER = 0.9
 # Number of steps for which terms of forces are reused while they are far from being a
 # scale.
-SPARED = 3.0
+SPARED = 15.0
 # The reason for a step shorter than this part of the last one is examined.
 SUDDEN = 0.7
 # Up to this fraction of a step the series at its start has the smaller residual.
