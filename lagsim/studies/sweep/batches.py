@@ -443,6 +443,8 @@ class Ensemble:
         """Store the values of parameters of the next runs, each of shape (runs,)."""
         self._places = [self.session.system.place(name) for name in parameters]
         self._values = np.array(list(parameters.values())).T
+        self.arc.runner.prepare()
+        self._prepared = self.session.system.p.flat.copy()
 
     def begin(self, k: int, start: Floats) -> None:
         """Set the memory to the start of run k: the state `start` (2 n + l,)."""
@@ -451,7 +453,9 @@ class Ensemble:
         arc.y[: len(start)] = start
         if self._places:
             p.flat[self._places] = self._values[k]
-        arc.runner.prepare()
+            arc.runner.prepare()
+        else:  # a copy takes a twentieth of the time of the first run after other work
+            p.flat[:] = self._prepared
 
     def ends(
         self,
