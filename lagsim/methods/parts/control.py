@@ -181,9 +181,8 @@ def record_extents(s: Control) -> None:
 
 def forget_roundoff(s: Control) -> None:
     """Set the roundoff bounds to 0, so that they are computed again where needed."""
-    roundoff = s.roundoff
     for i in apart(s.size):
-        roundoff[i] = 0.0
+        s.roundoff[i] = 0.0
     s.rounding_known = 0.0
     s.bounded_step = 0.0
     s.limited = 0.0
@@ -264,13 +263,11 @@ def compute_tolerances(
     if shorter and (s.limited > 0.0 or (SWITCHES and p.surfaces > 0)):
         forget_roundoff(s)  # the bound is that of a longer step
     size, n = s.size, s.n
-    tolerances, sizes, low, high = s.tolerances, s.sizes, s.low, s.high
-    parts, foreseen, onset = s.parts, s.foreseen, s.onset
     s.wide = 1.0
     if s.atol >= 0.0:
         for i in range(size):
             scale = max(abs(s.y[i]), abs(new[i]))
-            tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
+            s.tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
     roundoff, of_velocities = s.roundoff, s.roundoff[s.velocities]
     accelerations = rates[s.velocities]
@@ -283,17 +280,16 @@ def compute_tolerances(
     floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
     balanced, wide, alone = 0.0, 1.0, 1.0 - s.balanced_alone
     amplification = AMPLIFIED if CONSTRAINED and slides_on_a_disc(p) == 0 else 1.0
-    laws = p.laws > 0
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
-        width = max(high[i], after) - min(low[i], after)
+        width = max(s.high[i], after) - min(s.low[i], after)
         sized = WIDTH * width if width > 0.0 else h * rate
-        sized = max(sized, AT_ONSET * onset[i])
+        sized = max(sized, AT_ONSET * s.onset[i])
         if instant > 0.0:
-            sized = max(sized, instant * rate, foreseen[i])
-        part = parts[i]
-        if laws:
+            sized = max(sized, instant * rate, s.foreseen[i])
+        part = s.parts[i]
+        if p.laws > 0:
             part = max(part, p.law_pushes[i])
         if i < n:
             # Positions: their change by the velocities in the step.
@@ -303,10 +299,10 @@ def compute_tolerances(
         least = FLOOR * moment * part
         balanced = max(balanced, 1.0 if sized < least else 0.0)
         wide = min(wide, 1.0 if sized >= WIDE * least else 0.0)
-        rough = max(floor * max(sizes[i], abs(after)), UNDERFLOW)
+        rough = max(floor * max(s.sizes[i], abs(after)), UNDERFLOW)
         counts = amplification if sized < least else alone
         rough = max(rough, counts * roundoff[i] * h)
-        tolerances[i] = max(rtol * max(sized, least), rough)
+        s.tolerances[i] = max(rtol * max(sized, least), rough)
     s.balanced, s.wide = balanced, wide
     if p.m > 0:
         share_tolerances(s)
@@ -870,9 +866,8 @@ def keep_compensation(s: Control) -> None:
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
-    compensation, remainder = s.compensation, s.remainder
     for i in apart(s.size):
-        compensation[i] = remainder[i]
+        s.compensation[i] = s.remainder[i]
 
 
 def drop_compensation(s: Control) -> None:
