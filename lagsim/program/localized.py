@@ -114,7 +114,7 @@ def indicators(
         values = {p.name: p.value for p in equations.model.parameters}
         result = _IndicatorSearch(g, nodes, moves, values).among(names)
         result += _IndicatorSearch(g, ends, moves, values).among(names)
-        result += _steps(g, ends, frozenset(equations.state), levels)
+        result += _steps(g, ends, frozenset(names), levels)
         return list(dict.fromkeys(result))
 
     key = (*_key(equations, tuple(nodes), tuple(ends)), tuple(levels.items()))
@@ -122,14 +122,14 @@ def indicators(
 
 
 def _steps(
-    g: Graph, nodes: Sequence[int], state: frozenset[str], held: Mapping[int, int]
+    g: Graph, nodes: Sequence[int], names: frozenset[str], held: Mapping[int, int]
 ) -> list[Indicator]:
     """Return two indicators, for u and -u, of each argument u of a switch in `nodes`.
 
     A switch is a function with a jump or a kink, such as a linear table; arguments that
-    do not depend on the variables `state` are left out. While the motion stays at the
-    level of a switch, its argument counts as far from the level, since its sign is
-    rounding.
+    do not depend on the variables `names`, of the state and t, are left out. While the
+    motion stays at the level of a switch, its argument counts as far from the level,
+    since its sign is rounding.
 
     held : see `indicators`.
     """
@@ -145,7 +145,7 @@ def _steps(
             continue
         for surface in surfaces(g, n if plain else g.call(row.decided_by, *g.args[n])):
             u = surface.node
-            if g.depends([u]).isdisjoint(state) or surface.discrete in calm:
+            if g.depends([u]).isdisjoint(names) or surface.discrete in calm:
                 continue
             if surface.op in WHOLE:
                 u = g.call("sin", g.call("mul", g.constant(math.pi), u))
@@ -160,12 +160,12 @@ def _steps(
     return list(dict.fromkeys(found))
 
 
-def has_switches(g: Graph, node: int, state: frozenset[str]) -> bool:
-    """Whether an expression has a switch whose argument depends on variables `state`.
+def has_switches(g: Graph, node: int, names: frozenset[str]) -> bool:
+    """Whether an expression has a switch whose argument depends on variables `names`.
 
     A switch is a function with a jump or a kink, see `_steps`.
     """
-    return bool(_steps(g, [node], state, {}))
+    return bool(_steps(g, [node], names, {}))
 
 
 def _is_calm(g: Graph, piece: int) -> bool:

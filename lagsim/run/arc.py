@@ -429,7 +429,7 @@ def first_arc(
     state.sigma = 1.0
     _set_watch(state, plan)
     state.equation[:] = [x.equality for x in equations.model.located]
-    names = frozenset(equations.state)
+    names = frozenset((*equations.state, "t"))
     located = equations.model.located
     state.kinked[:] = [has_switches(equations.graph, x.node, names) for x in located]
     state.poles[:] = system.poles

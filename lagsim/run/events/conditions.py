@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts.truth import LEAST
+from lagsim.run.instants import width
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -144,9 +145,12 @@ class Truth:
         found : index of the condition located at the instant, or -1.
         """
         self.run("decide_before", found)
-        if found < 0 or self.state.equation[found] > 0.0:
-            return
-        if self.state.worth[found] < -self.state.zero[found]:
+        state = self.state
+        zero_at = state.step_t + state.zero_at * state.step_h
+        jumps = np.abs(zero_at - state.t) <= width(self.arc.settings, self.arc.t)
+        if found >= 0:
+            jumps[found] = True
+        if np.any(jumps & (state.equation == 0.0) & (state.worth < -state.zero)):
             # By a step of the time, whose value at its own time is that before it:
             # floor(1 - t) is 0 at 1.
             self._store_jumps()

@@ -102,3 +102,44 @@ def test_a_run_without_progress_ends_with_the_name_of_the_condition(monkeypatch)
     assert found.outcome is Outcome.EVENTS_CHATTER
     assert "`act`" in found.reason
     assert found.statistics.arcs < 500
+
+
+# Clocks c = t - 1.5 of smooth motions, whose steps may be as long as the run.
+SMOOTH = CLOCKS | {
+    "state": "coordinates: {y: {}}\nstates: {c: {rate: 1}}\ninitial: {y: 0, c: -1.5}"
+}
+# Conditions that become true at one part of each period of c, and this part.
+PERIODIC = {
+    "sign(sin(2*pi*(c + 0.1))) + y >= 0.5": (1.0, 0.9),
+    "-sign(cos(pi*c/2)) - y <= 0.3": (4.0, 3.0),
+    "mod(floor(c), 2)*mod(floor(2*c), 2) + y <= 0.25": (2.0, 0.0),
+    "if(mod(c + 0.2, 0.5) < 0.05, 1, y) >= 0.7": (0.5, 0.3),
+    "wave(c) + y >= 2.5": (0.7, 0.35),
+}
+PERIODIC_SCENE = """
+modes: {n: 0}
+energy: {kinetic: KINETIC, potential: 0}
+events: {e: {at: "CONDITION", set: {n: n + 1}}}
+simulation: {duration: 40, output_step: 10}
+"""
+WAVE = """
+tables: {wave: {points: [[0, 0], [0.3, 0], [0.4, 5], [0.5, 0], [0.7, 0]],
+                interpolation: linear, outside: repeat}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("clock", "condition"),
+    [(k, x) for k in SMOOTH for x in PERIODIC if k == "definition" or "mod(c" not in x],
+)
+@pytest.mark.parametrize("method", ["auto", "radau"])
+def test_steps_of_the_time_act_in_each_period_of_a_long_step(clock, condition, method):
+    period, part = PERIODIC[condition]
+    kinetic = "y_dot^2 + c_dot^2" if "c: {}" in SMOOTH[clock] else "y_dot^2"
+    text = SMOOTH[clock] + PERIODIC_SCENE.replace("KINETIC", kinetic)
+    text = text.replace("CONDITION", condition) + WAVE * ("wave" in condition)
+    result = lagsim.simulate(text, error_bar="never", method=method)
+    found = [e.time - 1.5 for e in result.events if e.kind == "event"]
+    first = -1.5 + (part + 1.5) % period
+    expected = [first + k * period for k in range(int((38.5 - first) / period) + 1)]
+    assert found == pytest.approx(expected, abs=1e-9)
