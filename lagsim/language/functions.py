@@ -242,13 +242,15 @@ REMAINDERS = (
 
 
 def _extreme(name: str, value: Callable[..., float], sign: str) -> Function:
+    """Return the row of min or max, which is nan if either argument is nan."""
     better, first = ("lt", "le") if sign == "<" else ("gt", "ge")
     return Function(
         name=name, arity=2, value=value, simpler=getattr(simpler, f"{name}imum"),
         branches=lambda g, a: g.call(first, *a),
         native=f"{{a}} = fcmp o{better} double {{1}}, {{0}}\n"
-        "select i1 {a}, double {1}, double {0}",
-        python=f"{{1}} if {{1}} {sign} {{0}} else {{0}}", latex=rf"\{name}",
+        "{b} = fcmp uno double {1}, {1}\n{c} = or i1 {a}, {b}\n"
+        "select i1 {c}, double {1}, double {0}",
+        python=f"np.{name}imum({{0}}, {{1}})", latex=rf"\{name}",
         interval=lambda r: r.extreme(getattr(r.np, f"{name}imum")),
         switch=True, decided_by=first,
     )  # fmt: skip
@@ -262,8 +264,8 @@ CORNERS = (
         text=("|", "|"), latex=(r"\left|", r"\right|"), interval=lambda r: r.magnitude,
         exact=True, switch=True, decided_by="sign", simpler=simpler.absolute,
     ),
-    _extreme("min", lambda x, y: y if y < x else x, "<"),
-    _extreme("max", lambda x, y: y if y > x else x, ">"),
+    _extreme("min", lambda x, y: y if y < x or y != y else x, "<"),
+    _extreme("max", lambda x, y: y if y > x or y != y else x, ">"),
     Function(
         name="if", arity=3, value=lambda c, x, y: x if c else y,
         branches=lambda g, a: a[0], simpler=simpler.choice,

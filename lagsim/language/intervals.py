@@ -456,19 +456,14 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 
 
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
-    """Return the rule of min or max, with nan as in IEEE 754's comparison.
-
-    The function has the value y where y is selected, and x where x or y is nan.
+    """Return the rule of min or max, which have no value where an argument has none.
 
     choose : np.minimum or np.maximum.
     """
 
     def rule(x: Interval, y: Interval) -> Interval:
         lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
-        lo = np.where(y.partial, np.fmin(lo, x.lo), lo)
-        hi = np.where(y.partial, np.fmax(hi, x.hi), hi)
-        decided = interval(lo, hi, x.partial, x.jumps | y.jumps | y.partial)
-        return select(y.undefined | x.undefined, x, decided)
+        return interval(lo, hi, x.partial | y.partial, x.jumps | y.jumps)
 
     return rule
 

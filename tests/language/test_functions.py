@@ -250,6 +250,8 @@ def test_native_code_at_special_points(compiled: Any) -> None:
         ("sign", (math.nan,), math.nan), ("heaviside", (0.0,), 1.0),
         ("heaviside", (-5e-324,), 0.0), ("heaviside", (math.nan,), math.nan),
         ("hypot", (math.inf, math.nan), math.inf),
+        ("min", (1.0, math.nan), math.nan), ("min", (math.nan, 1.0), math.nan),
+        ("max", (1.0, math.nan), math.nan), ("max", (math.nan, 1.0), math.nan),
         ("hypot", (1e200, 1e200), math.sqrt(2) * 1e200),
     ],
 )  # fmt: skip

@@ -3,7 +3,7 @@
 // Values are those of `lagsim/language/functions.py`: nan or inf outside a domain. No
 // text is ever run as code.
 
-const extremum = (better) => (x, y) => better(y, x) ? y : x;
+const extremum = (better) => (x, y) => better(y, x) || y !== y ? y : x;
 const quotient = (x, y) => x / y;
 const sinc = (x) => x ? Math.sin(x) / x : 1;
 const chosen = (c, x, y) => c ? x : y;
