@@ -36,6 +36,7 @@ from lagsim.methods.parts.search_table import (
     POINTS,
     SearchTable,
     end_of,
+    error_of_component,
     error_of_state,
     jumps,
     lowest,
@@ -70,6 +71,8 @@ AGO = 2.0**-10
 TURNS = 0.375
 # Part of a period by which the end of the run may be early.
 SHORT = 1e-9
+# A change by the error of the state below this part of the linear one is no linear one.
+STEEP = 0.25
 
 
 class Crossings(SearchTable):
@@ -117,7 +120,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
     interpolate(s, p, 0.0, s.point)
     relations_at(s, p, s.step_t, s.point)
     for j in range(s.sections):
-        s.bands[j] = band(s, j)
+        s.bands[j] = band(s, p, j, s.step_t, s.point)
     find_leaving(CROSSING, s, p)
     for j in range(s.sections):
         acted = s.step_t == s.arc_start or s.postponed[j] > 0.0
@@ -140,10 +143,11 @@ def compute_bands(s: Crossings, p: Parameters) -> None:
     if s.banded == 0.0:
         s.banded = 1.0
         x = s.cut if s.cut > 0.0 else 1.0
+        t = s.step_t + x * s.step_h
         interpolate(s, p, x, s.point)
-        relations_at(s, p, s.step_t + x * s.step_h, s.point)
+        relations_at(s, p, t, s.point)
         for j in range(s.sections):
-            s.bands[j] = band(s, j)
+            s.bands[j] = band(s, p, j, t, s.point)
 
 
 def sample_first(s: Crossings, p: Parameters, low: float) -> None:
@@ -308,9 +312,11 @@ def relation_jumps(s: Crossings, p: Parameters, j: int, root: float) -> bool:
     if s.waits[j] > 0.0 or root == s.leap or root == 0.0:
         return False
     x = max(0.0, root - AROUND)
+    t = s.step_t + x * s.step_h
     interpolate(s, p, x, s.point)
-    relations_at(s, p, s.step_t + x * s.step_h, s.point)
-    return jumps(CROSSING, s, p, relations(s) + j, root, 2.0 * band(s, j))
+    relations_at(s, p, t, s.point)
+    within = 2.0 * band(s, p, j, t, s.point)
+    return jumps(CROSSING, s, p, relations(s) + j, root, within)
 
 
 def root_of(s: Crossings, p: Parameters, j: int, root: float) -> float:
@@ -401,22 +407,49 @@ def is_past(s: Crossings, p: Parameters, j: int, x: float, side: float) -> bool:
     x : the fraction of the last step, at which the projected state is evaluated.
     side : 1 or -1, the side of 0 from which the motion comes.
     """
+    t = s.step_t + x * s.step_h
     state_at(s, p, x, s.point)
-    relations_at(s, p, s.step_t + x * s.step_h, s.point)
-    return float(side * s.values[relations(s) + j]) < -band(s, j)
+    relations_at(s, p, t, s.point)
+    value = float(side * s.values[relations(s) + j])
+    return value < -band(s, p, j, t, s.point)
 
 
-def band(s: Crossings, j: int) -> float:
+def band(s: Crossings, p: Parameters, j: int, t: float, z: Floats) -> float:
     """Return the bound of |relation of section j| that counts as 0.
 
     The bound is the rounding of the terms of the relation, plus the error of the state
     times |`relation_slopes`|, 0 if this is not finite; and the margin of a relation
-    that leaves 0, see `leaving`.
+    that leaves 0, see `leaving`. Beside a pole slopes are no bound of changes by
+    errors (`log(x)` at x = 1e-16): the change itself counts there.
+
+    t, z : the time and the state (size,) at which the relations are known.
     """
     slopes = s.relation_slopes[s.sections + j * s.size :]
     error = error_of_state(s, slopes, s.size, s.coarse)
+    if abs(s.values[relations(s) + j]) <= error:
+        change = change_by_error(s, p, j, t, z)
+        error = change if change < STEEP * error else error
     found = SUM_ROUNDOFF * abs(s.relation_slopes[j]) + error
     return float(found if found < OVERFLOW else 0.0) + margin(s, relations(s) + j)
+
+
+def change_by_error(s: Crossings, p: Parameters, j: int, t: float, z: Floats) -> float:
+    """Return the change of relation j towards 0 by the error of the state z (size,).
+
+    t, z : as for `band`.
+    """
+    row = relations(s) + j
+    value = float(s.values[row])
+    slopes = s.relation_slopes[s.sections + j * s.size :]
+    for i in range(s.size):
+        error = error_of_component(s, i)
+        if i < s.n:
+            error = max(error, s.coarse * s.sizes[s.n + i])
+        s.work[i] = z[i] - error if slopes[i] * value > 0.0 else z[i] + error
+    sections(t, s.work, p, s.values[relations(s) :])
+    change = abs(float(s.values[row]) - value)
+    sections(t, z, p, s.values[relations(s) :])
+    return change
 
 
 def update_relations(s: Crossings, p: Parameters) -> None:
@@ -431,7 +464,8 @@ def update_relations(s: Crossings, p: Parameters) -> None:
     relations_at(s, p, s.t, s.y)
     for j in range(s.sections):
         here = s.waits[j] + s.postponed[j] == 0.0
-        if here and s.sides[j] * s.values[relations(s) + j] < -band(s, j):
+        value = s.sides[j] * s.values[relations(s) + j]
+        if here and value < -band(s, p, j, s.t, s.y):
             s.sides[j] = -s.sides[j]
 
 
@@ -479,7 +513,7 @@ def finish_located(s: Crossings, p: Parameters) -> None:
     """Write the states of the sections that the end of a run has crossed or reaches."""
     relations_at(s, p, s.t, s.y)
     for j in range(s.sections):
-        s.bands[j] = band(s, j)
+        s.bands[j] = band(s, p, j, s.t, s.y)
         s.roots[j] = s.sides[j] * s.values[relations(s) + j]
     for j in range(s.sections):
         way = -s.sides[j]

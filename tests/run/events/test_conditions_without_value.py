@@ -149,3 +149,31 @@ def test_impacts_satisfy_no_condition_that_began_at_a_pole(condition, times, met
     found = simulated(BESIDE_A_BALL, condition, method)
     assert found.complete
     assert times_of(found) == pytest.approx(times, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau"])
+@pytest.mark.parametrize(
+    ("relation", "event"),
+    [
+        ("log(x) - 0.3*x", "log(x) - 0.3*x <= -0.357"),
+        ("-1/sqrt(x)", "-1/sqrt(x) <= -0.8"), ("log10(2*x)", "log10(2*x) <= 0.5"),
+        ("log(x)", "log(x) <= 0.1"),
+    ],
+)  # fmt: skip
+def test_a_section_that_begins_at_a_pole_is_crossed_at_its_value(
+    relation, event, method
+):
+    # x = 2 sin(t) passes 0.14 upwards, where the relation has a value again, and the
+    # event acts at the pole.
+    level = relation.replace("x", "0.14")
+    result = lagsim.simulate(
+        "coordinates: {x: {}}\nenergy: {kinetic: x_dot^2/2, potential: x^2/2}\n"
+        "initial: {x: 0, x_dot: 2}\nmodes: {n: 0}\n"
+        f"events: {{e: {{at: '{event}', set: {{n: n + 1}}}}}}\n"
+        f"output: {{sections: {{up: {{at: '{relation} = {level}', direction: up}}}}}}\n"
+        f"simulation: {{duration: 20, output_step: 0.5, method: {method}}}\n",
+        error_bar="never",
+    )
+    first = math.asin(0.07)
+    expected = [first + 2.0 * math.pi * k for k in range(4)]
+    assert list(result.sections["up"]["t"]) == pytest.approx(expected, abs=1e-7)
