@@ -115,6 +115,10 @@ class SurfaceModes:
         Whether the motion follows each surface.
     depends : list of set of int
         For each surface, the surfaces on whose sides its expression depends.
+    continued : bool
+        Whether `write` continues tables beyond their ends by the first and last cell.
+        A table that ends the run has no values there, with which the forces on both
+        sides of its end could be compared: a body may rest at the end, held by a wall.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -129,6 +133,11 @@ class SurfaceModes:
         self._last = [
             last_level(g, s.node) if s.whole else math.inf for s in self.sides
         ]
+        # The first and the last cell of a table that ends the run beyond its points.
+        last = np.array(self._last)
+        self._cells = np.where(last < math.inf, 0.0, -math.inf), last - 1.0
+        self._has_ends = bool(np.any(last < math.inf))
+        self.continued = False
         self.is_corner = np.zeros(self.count, dtype=bool)
         self.is_corner[[*system.switches.corners]] = True
         self.on_rates = np.array(on_rates(arc.equations, system.switches), dtype=bool)
@@ -319,6 +328,9 @@ class SurfaceModes:
             most[slides] = np.where(self.on_rates, self.levels, 0.0)[slides]
         p.least[:] = least
         p.most[:] = most
+        if self.continued and self._has_ends:
+            for sides in (p.side, p.low, p.high):
+                sides[:] = np.clip(sides, *self._cells)
 
     def write_shown(self, k: int) -> None:
         """Write the mode of shown surface k alone to the parameters.

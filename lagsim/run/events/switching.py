@@ -252,6 +252,7 @@ class Switching(Source):
         crossing = Crossing(
             modes, known, at_rest, left, surfaces.located, self.resting, laws
         )
+        modes.continued = True
         crossing.find()
         levels = crossing.levels
         rests = come_to_rest(modes, levels, crossing.sizes, left, laws)
@@ -267,6 +268,7 @@ class Switching(Source):
                 if modes.kind[k] == 0.0:  # rows show the choice
                     modes.kind[k] = kept.CHOSEN
         self.at_rest = crossing.rests
+        modes.continued = False
         modes.write()
         modes.store(roundoff=2.0 * roundoff, decisive=modes.decisive())
         self._set_slack(crossing)
