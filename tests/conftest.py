@@ -39,21 +39,21 @@ settings.load_profile("lagsim")
 def pytest_configure(config):
     """Let a quick run link kernels as quick code, as `lagsim run` does, and for longer.
 
-    Most of its tests take milliseconds, and to optimise a variant of the kernels takes
-    up to a second. Other runs test optimised code.
+    Most of its tests take milliseconds, and to optimise the kernels of a test takes up
+    to five seconds. Other runs test optimised code.
     """
     if config.option.markexpr == QUICK and not EVERY:
         system.GradualParts = QuickParts
 
 
 class QuickParts(gradual.GradualParts):
-    """Parts that are linked as quick code for ten times as long as by `lagsim run`."""
+    """Parts linked as quick code for a hundred times as long as by `lagsim run`."""
 
     def __init__(self, parts, **_):
         super().__init__(parts, quick=True)
 
     def used(self, seconds):
-        return super().used(seconds / 10.0)
+        return super().used(seconds / 100.0)
 
 
 @pytest.fixture
