@@ -74,29 +74,24 @@ def test_each_says_what_is_found_and_expected_and_what_to_try():
 
 @functools.cache
 def _modules():
-    """Return path and nodes of each module that has a message, or a code as text."""
-    found = []
-    codes = re.compile('"(' + "|".join({*errors(), *cautions()}) + ')"')
-    for path in (ROOT / "lagsim").rglob("*.py"):
-        text = path.read_text("utf-8")
-        mentions = "codes.known" in text or "known." in text or codes.search(text)
-        if "codes" not in path.parts and mentions:
-            found.append((path, [*ast.walk(ast.parse(text))]))
-    return found
+    """Return path and text of each module outside of `lagsim/codes`."""
+    files = (ROOT / "lagsim").rglob("*.py")
+    return [(x, x.read_text("utf-8")) for x in files if "codes" not in x.parts]
 
 
-def _imported(nodes):
-    """Return the names that a module imports from `known`, or reads from it."""
-    found = {x.attr for x in nodes if isinstance(x, ast.Attribute)}
-    for x in nodes:
-        if isinstance(x, ast.ImportFrom) and x.module == "lagsim.codes.known":
-            found |= {name.name for name in x.names}
-    return found
+# The names that a module imports from `known`, or reads from it.
+IMPORTED = re.compile(
+    r"from lagsim\.codes\.known import (?:\((?P<lines>[^)]*)\)|(?P<line>[^\n(]+))"
+    r"|\bknown\.(?P<name>[A-Z_0-9]+)"
+)
 
 
 def test_every_message_is_used():
     """An unknown code cannot be imported; here are rows that no module imports."""
-    used = set().union(*(_imported(nodes) for _, nodes in _modules()))
+    used = set()
+    for _, text in _modules():
+        for found in IMPORTED.finditer(text):
+            used |= {*re.findall(r"\w+", "".join(filter(None, found.groups())))}
     constants = {x for x in vars(known) if x.isupper() and x != "TYPE_CHECKING"}
     assert constants - used == set()
     assert {getattr(known, x) for x in constants} == {*errors(), *cautions()}
@@ -105,10 +100,12 @@ def test_every_message_is_used():
 def test_codes_are_imported():
     """A code that is written as text would be looked up when its fault is reported."""
     hyphenated = {x for x in (*errors(), *cautions()) if "-" in x}
+    quoted = re.compile('"(' + "|".join(hyphenated) + ')"')
     found = [
         (path.name, x.lineno, argument.value)
-        for path, nodes in _modules()
-        for x in nodes
+        for path, text in _modules()
+        if quoted.search(text)
+        for x in ast.walk(ast.parse(text))
         if isinstance(x, ast.Call)
         for argument in (*x.args, *(k.value for k in x.keywords))
         if isinstance(argument, ast.Constant) and argument.value in hyphenated
