@@ -13,6 +13,8 @@ from lagsim.run.events.breaks import Values, values_by_majority
 from lagsim.run.observers import Keep
 from tests.support import SHIPPED, case_of, ready, run
 
+TIME = 0.3  # of the states below
+
 
 @pytest.mark.slow
 def test_cost_grows_in_proportion(monkeypatch, tmp_path):
@@ -51,31 +53,31 @@ def states(start, number=3):
     random = np.random.default_rng(8)
     for _ in range(number):
         q = start.q + 0.2 * random.standard_normal(len(start.q))
-        yield 0.3, np.concatenate([q, random.standard_normal(len(q)), [0.0]])
+        yield np.concatenate([q, random.standard_normal(len(q)), [0.0]])
 
 
-def motion(e, plan, y, t):
-    """Return q'' and lambda."""
+def motion(e, plan):
+    """Return the function of a state that returns q'' and lambda."""
     system = System(e, plan)
     runner = system.link("dop853")
     if system.switches.modes:
         parameters = {p.name: p.value for p in e.model.parameters}
         discrete = [mode.discrete for mode in system.switches.modes]
         value = Values(e.graph, discrete, parameters)
-        system.set_modes(values_by_majority(value, t, t + 1e-9))
+        system.set_modes(values_by_majority(value, TIME, TIME + 1e-9))
     runner.prepare()
     names = system.columns.names
     wanted = [names.index(name) for name in (*e.accelerations, *e.multipliers)]
-    return runner.function("observe")(t, y[: system.size])[wanted]
+    return lambda y: runner.function("observe")(TIME, y[: system.size])[wanted]
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_tapes_give_the_bits_of_compiled_code(name):
     case = case_of(name)
     e, plan = case.equations, case.plan()
-    for t, y in states(case.start, 2):
-        tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
-        assert np.array_equal(tape, code, equal_nan=True)
+    tape, code = (motion(e, replace(plan, tape=k)) for k in (True, False))
+    for y in states(case.start, 2):
+        assert np.array_equal(tape(y), code(y), equal_nan=True)
 
 
 @pytest.mark.parametrize("n", [5, pytest.param(20, marks=pytest.mark.slow)])
