@@ -71,7 +71,10 @@ def motion(e, plan):
     return lambda y: runner.function("observe")(TIME, y[: system.size])[wanted]
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(x, marks=[pytest.mark.slow] * (x == "bicycle")) for x in SHIPPED],
+)
 def test_tapes_give_the_bits_of_compiled_code(name):
     case = case_of(name)
     e, plan = case.equations, case.plan()

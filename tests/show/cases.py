@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # What sympy reads.
 READ = [name for name in SHIPPED if reads(MODELS / f"{name}.yaml")]
 # Their equations fill pages: some seconds each.
-LONG = ("andrews", "rolling-disk-steady")
+LONG = ("andrews", "bicycle", "rolling-disk-steady")
 EACH = [
     pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
     for name in SHIPPED

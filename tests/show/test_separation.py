@@ -20,7 +20,7 @@ from lagsim.show.latex import as_latex
 from lagsim.show.printers import as_json
 from lagsim.show.text import as_text
 from tests.mechanics.test_equations import rows_of
-from tests.show.cases import numbers
+from tests.show.cases import LONG, numbers
 from tests.show.latex_checker import check
 from tests.support import MODELS, SHIPPED, refused
 
@@ -189,7 +189,9 @@ def test_the_arm_by_recursive_newton_and_euler():
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.parametrize("model", LINES)
+@pytest.mark.parametrize(
+    "model", [pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in LINES]
+)
 def test_text_is_short_and_says_the_same(model, monkeypatch):
     monkeypatch.setattr(text, "WIDTH", 100_000)
     e = equations_of(model)
