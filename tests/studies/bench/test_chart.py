@@ -106,8 +106,11 @@ def crowded():
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
-    drawing = crowded if name == "crowd" else drawn(work_precision, DOCUMENTS[name])
+def test_every_text_lies_on_the_sheet_and_over_no_other(name, request):
+    if name == "crowd":
+        drawing = request.getfixturevalue("crowded")
+    else:
+        drawing = drawn(work_precision, DOCUMENTS[name])
     assert len(drawing.panels) == 2
     assert_legible(drawing)
     assert name == "long names" or not any("…" in said for said in drawing.written())
