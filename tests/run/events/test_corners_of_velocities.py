@@ -77,7 +77,9 @@ def test_a_kick_past_a_kink_away_from_zero_in_other_units(when, unit):
     assert found == pytest.approx([right * unit, K * abs(right - 0.2) * unit])
 
 
-@pytest.mark.parametrize("method", ["", "rk4, step: 0.01", "dopri5"])
+@pytest.mark.parametrize(
+    "method", ["", "rk4, step: 0.01", pytest.param("dopri5", marks=pytest.mark.slow)]
+)
 def test_a_kick_past_several_knots_of_a_table_of_velocities(method):
     # Slopes 0.3 up to 1, then 1.2: 4 = (1 - 0.5) 1.09 + (2 - 1) 2.44 + (v - 2) 2.44.
     more = KICK.replace("X", "4").replace("Y", "0")

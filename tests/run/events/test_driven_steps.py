@@ -61,7 +61,9 @@ def test_no_condition_on_a_driven_step_acts_by_rounding(drive, method):
     assert result["y"][-1] == pytest.approx(2, abs=1e-9)
 
 
-@pytest.mark.parametrize("method", ["auto", "dopri5"])
+@pytest.mark.parametrize(
+    "method", ["auto", pytest.param("dopri5", marks=pytest.mark.slow)]
+)
 def test_a_driven_step_acts_where_its_argument_leaves_the_level(method):
     text = """\
 coordinates: {x: {}, y: {}}
