@@ -322,30 +322,39 @@ def continue_past(s: Crossings, p: Parameters) -> None:
         s.passed_at[k] = s.cut
         s.passed_side[k] = side
         s.passed_leeway[k] = leeway
+        s.armed_at[k] = low
         s.event = 0.0
         s.cut = 0.0
         s.t = s.step_end
         s.row_limit = s.arc_rows
-        if SWITCHES and mode_ends(s, p, low):
-            for i in range(s.conditions):
-                if s.passed_at[i] >= before:
-                    s.orientation[i] = 0.0  # until the loop has ended
-            cut(s, p, before, low)
+        end = end_beside(s, p, before, low)
+        if end > 0.0:
+            cut(s, p, before, end)
         else:
             search(EVENT, s, p, low, 1.0)
     for k in range(s.conditions if s.cut > 0.0 else 0):
         if s.passed_at[k] >= max(s.cut - NEXT, 0.0):
             s.orientation[k] = s.passed_side[k]
             s.leeway[k] = s.passed_leeway[k]
+            s.armed_at[k] = 0.0
 
 
-def mode_ends(s: Crossings, p: Parameters, x: float) -> bool:
-    """Whether a mode of a surface or a law has ended at the fraction x of the step."""
+def end_beside(s: Crossings, p: Parameters, before: float, after: float) -> float:
+    """Return a fraction between two of the step at which a row has ended, or 0.
+
+    It is that of a condition that is 0 at a switch there (`zero_at`), or `after`. A
+    condition that has been passed there does not count.
+
+    before, after : fractions just before and after a condition that was passed.
+    """
+    for k in range(s.conditions):
+        if before <= s.zero_at[k] <= after and s.passed_at[k] < before:
+            return float(s.zero_at[k])
     over = False
-    store_values(s, p, x)
-    for k in range(s.surfaces):
-        over = over or ends(s, p, k, s.inner_values[k], x)
-    return over
+    store_values(s, p, after)
+    for k in range(events(s)):
+        over = over or ends(s, p, k, s.inner_values[k], after)
+    return after if over else 0.0
 
 
 def store_values(s: SearchTable, p: Parameters, x: float) -> None:
