@@ -24,6 +24,7 @@ from math import inf, nan
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.search_table import (
     SearchTable,
+    error_of_component,
     error_of_state,
     margin,
     same_time,
@@ -393,6 +394,9 @@ def change(s: SearchTable, p: Parameters) -> int:
     s.any_stays = 0.0
     remember(s)
     evaluate(s, p)
+    if s.fixed_step > 0.0:
+        located_slopes(s.t, s.y, p, s.condition_slopes)
+        bound_jumped(s)
     return become(s, 0)
 
 
@@ -417,6 +421,26 @@ def settle(s: SearchTable, p: Parameters, jumped: int) -> int:
     count = become(s, 1)
     choose_sides(s, p)
     return count
+
+
+def bound_jumped(s: SearchTable) -> None:
+    """Store the margins of values that acts have brought to 0 but for a step's error.
+
+    In the first fixed steps of a motion from rest the error may exceed the motion, so
+    that the sign after the jump is unknown: `x + on >= 1` where `on` becomes 1. A value
+    that an impact brings to 0 is reached.
+    """
+    for k in range(s.conditions if s.fixed_step > 0.0 else 0):
+        slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
+        error = 0.0
+        for i in range(s.dynamic.stop):
+            if s.step_errors[i] > error_of_component(s, i):
+                error += abs(slopes[i]) * s.step_errors[i]
+        size = abs(float(s.worth[k]))
+        jumped = error < OVERFLOW and abs(s.worth[k] - s.former[k]) > error
+        if jumped and size <= error and error > s.zero[k]:
+            row = s.surfaces + k
+            s.margins[row] = max(float(s.margins[row]), error)
 
 
 def remember(s: SearchTable) -> None:
@@ -466,7 +490,7 @@ def become(s: SearchTable, rated: int) -> int:
         rises = rated > 0 and s.trend[k] * side < 0.0 and s.equation[k] == 0.0
         rises = within == 0.0 and (rises or s.was_clear[k] > 0.0)
         true = true or (miss <= zero and rises)
-        if rated > 0 and side != 0.0 and not true:
+        if rated > 0 and side != 0.0 and within == 0.0 and not true:
             slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
             error = error_of_state(s, slopes, s.dynamic.stop, 0.0)
             leap = s.former[k] * side - miss
@@ -502,7 +526,8 @@ def choose_sides(s: SearchTable, _p: Parameters) -> None:
         s.stays[k] = 0.0
         if not leeway < inf or not size <= max(float(s.zero[k]), leeway):
             continue
-        if s.margins[s.surfaces + k] >= 0.0 and s.orientation[k] == 0.0:
+        undecided = s.orientation[k] == 0.0 or s.equation[k] > 0.0
+        if s.margins[s.surfaces + k] >= 0.0 and undecided:
             continue
         leaves = leeway >= 0.0 and is_leaving(s, k)
         if rate == 0.0 and s.equation[k] == 0.0 and leaves:

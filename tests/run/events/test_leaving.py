@@ -212,6 +212,38 @@ def test_an_instant_makes_no_small_value_true(other, late, force, method):
     assert sorted(acts) == (["e0", "e1", "e2"] if force.startswith("-") else [])
 
 
+# Conditions that the act of an event makes nearly true or false, and the sign of the
+# motion x(t) that makes them true from then on; 0 if none does.
+JUMPS = {
+    "x + on >= 1": 1, "x*(1 + y) + on^2 - 1 >= 0": 1, "x + on = 1": 1,
+    "2*x - on <= -1": -1, "on - x >= 1": -1, "x + on <= 1": 0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", [x for x in FIXED if x not in {"euler", "moreau"}])
+@pytest.mark.parametrize("force", ["t^2", "7*t^3", "-t^2", "-3*t"])
+@pytest.mark.parametrize("late", [0.05, 0.1, 0.13])
+@pytest.mark.parametrize("is_first", [True, False], ids=["first", "last"])
+def test_an_act_makes_no_small_value_true(is_first, late, force, method):
+    acts = [f"  e{k}: {{at: {at}, set: {{n: n + 1}}}}" for k, at in enumerate(JUMPS)]
+    acts.insert(
+        0 if is_first else len(JUMPS),
+        f"  other: {{at: 2*y >= {late}^2, set: {{on: 1}}}}",
+    )
+    found = lagsim.simulate(
+        MODEL.format(
+            far=0.0, m=1.0, laws="", x=0.0, v=0.0, duration=1.0, force=force,
+            method=f"{method}, step: 0.1", events="\n".join(acts),
+        ),
+        error_bar="never",
+    )  # fmt: skip
+    found = [x for x in found.events if x.kind == "event" and x.name != "other"]
+    sign = -1 if force.startswith("-") else 1
+    names = [f"e{k}" for k, way in enumerate(JUMPS.values()) if way == sign]
+    assert sorted(x.name for x in found) == names
+    assert [x.time for x in found] == pytest.approx([late] * len(names), abs=0.2)
+
+
 @pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 3, 5, 12])
 @pytest.mark.parametrize("v", [0.5, 0.3, 0.7 / 3])
