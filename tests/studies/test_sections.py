@@ -542,3 +542,29 @@ output:
     assert len(result.sections["s1"]["t"]) == 0
     third = np.array([math.pi / 6, 5 * math.pi / 6, 13 * math.pi / 6])
     assert result.sections["s2"]["t"] == pytest.approx(third, abs=1e-9)
+
+
+# The relation is 0 at each impact, before it and after it.
+STRUCK = """
+parameters: {{X0: {far}, v: {boost}}}
+coordinates: {{x: {{}}}}
+definitions: {{h: x - X0 - v*t}}
+energy: {{kinetic: x_dot^2/2, potential: 9.8*x}}
+constraints: {{floor: {{relation: x >= X0 + v*t, restitution: 0.8}}}}
+initial: {{x: X0 + 1, x_dot: v}}
+simulation: {{duration: 1.5, output_step: 0.1, method: {method}}}
+output: {{sections: {{hit: {{at: "h*(x_dot - v) = 0", direction: up}}}}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["auto", "dopri5"])
+@pytest.mark.parametrize("boost", [0.0, -3.0, 1.0])
+@pytest.mark.parametrize("far", [0.0, 17.3, 1e3, 1e5])
+def test_a_relation_that_is_0_at_an_impact_shows_the_state_after_it(far, boost, method):
+    text = STRUCK.format(far=far, boost=boost, method=method)
+    found = simulate(load(text), error_bar="never")
+    falls = math.sqrt(2 / 9.8) * np.cumsum([1.0, 2 * 0.8])
+    rows = found.sections["hit"]
+    assert rows["t"] == pytest.approx(falls, abs=1e-13 * max(far, 1.0))
+    speeds = math.sqrt(2 * 9.8) * np.array([0.8, 0.8**2])
+    assert rows["x_dot"] - boost == pytest.approx(speeds, abs=1e-12 * max(far, 1.0))

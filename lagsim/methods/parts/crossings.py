@@ -131,7 +131,7 @@ def begin_search(s: Crossings, p: Parameters) -> None:
         if value < 0.0 and is_past(s, p, j, 0.0, s.sides[j]):
             cross(s, p, j, 0.0)
             s.end_step = 0.0  # the row has another sign now
-        elif s.waits[j] == 0.0 and not is_past(s, p, j, 0.0, -s.sides[j]):
+        elif not (waits_longer(s, j) or is_past(s, p, j, 0.0, -s.sides[j])):
             wait(s, j, shown_time(s, s.step_t), s.point)
 
 
@@ -287,9 +287,12 @@ def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> floa
             if root == 0.0:  # it has waited; the sign of its row changes here
                 past = min(left_within(s, p, j, FIRST, s.beyond[j]), s.beyond[j])
         elif s.beyond[j] == x and s.waits[j] == 0.0:
-            at_root = root_of(s, p, j, root)
+            # It is within rounding up to the end of the arc: reached at this end.
+            ends = x == end and (s.cut > 0.0 or s.t == s.end)
+            at_root = end if ends else root_of(s, p, j, root)
             state_at(s, p, at_root, s.point)
-            wait(s, j, shown_time(s, s.step_t + at_root * s.step_h), s.point)
+            t = s.t if ends else s.step_t + at_root * s.step_h
+            wait(s, j, shown_time(s, t), s.point)
     return past
 
 
@@ -353,6 +356,12 @@ def cross(s: Crossings, p: Parameters, j: int, root: float) -> None:
         state_at(s, p, 0.0 if waits else x, s.point)
         t = s.step_t if waits else s.step_t + x * s.step_h
         record(s, j, shown_time(s, t), s.point)
+
+
+def waits_longer(s: Crossings, j: int) -> bool:
+    """Whether section j waits, and was reached before the start of the last step."""
+    reached = s.waiting[j * (1 + s.size)]
+    return s.waits[j] > 0.0 and not is_same(s, reached, s.step_t)
 
 
 def is_same(s: Crossings, t: float, other: float) -> bool:
