@@ -164,7 +164,8 @@ def zero_at(s: SearchTable, p: Parameters, low: float, past: float) -> float:
 
     The result is inf if no false condition is 0 there. It is stored in `zero_at`:
     the condition becomes true, if only for an instant. For example the value of
-    `mod(x, 1) = 0` jumps from 1 to 0, or from 0 to 1; `abs(x) <= 0` has a kink.
+    `mod(x, 1) = 0` jumps from 1 to 0, or from 0 to 1; `abs(x) <= 0` has a kink. A value
+    that has not been clear of 0 since the condition was true does not count.
 
     low, past : as for `sample_past`; rows are known there.
     """
@@ -174,6 +175,8 @@ def zero_at(s: SearchTable, p: Parameters, low: float, past: float) -> float:
             continue
         armed = abs(s.orientation[k]) == 1.0 and not follows(s, k)
         armed = armed and margin(s, s.surfaces + k) == 0.0 and s.armed_at[k] <= s.switch
+        leaves = s.starts[s.surfaces + k] < 2.0 * s.leeway[k] and s.imprecise[k] == 0.0
+        armed = armed and not leaves
         armed = armed and may_be_zero(s, k, low, past)
         if armed and is_zero_beside(s, p, k, s.switch):
             x = past_jump(s, p, k, s.switch)

@@ -59,3 +59,23 @@ def test_an_event_at_a_kink_acts_before_the_impact(at, place):
     assert [kind for kind, _ in times] == ["event", "impact"] * 3
     expected = np.repeat([first, second, third], 2)
     assert [time for _, time in times] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("X", [1e6, 1e5, 0.0])
+@pytest.mark.parametrize(
+    "at", ["floor(q) + q <= 0", "if(q < 0, -1, 0) + q <= -t", "ceil(q) - 1 <= -q"]
+)
+@pytest.mark.parametrize("method", ["dop853", "taylor"])
+def test_a_value_that_leaves_0_by_steps_of_rounding_does_not_return(method, at, X):
+    """Far from the origin q stays 0 at first, and leaves it by a step of rounding."""
+    found = lagsim.simulate(
+        f"""
+coordinates: {{x: {{}}}}
+definitions: {{q: x - {X!r}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+initial: {{x: {X!r}, x_dot: 1}}
+simulation: {{duration: 0.7, output_step: 0.1, until: "{at}", method: {method}}}
+""",
+        error_bar="never",
+    )
+    assert (found.outcome, found.t[-1]) == ("done", 0.7)
