@@ -295,9 +295,16 @@ class Run:
         Raises
         ------
         ChatterError
-            They restore modes of this instant, by events that may act again.
+            The same events act again at this instant, with the same modes.
         """
-        before, single = modes, False
+        single = any(e.once or e.every > 0.0 for e in self.m.events if e.name in fired)
+        visit = frozenset(fired), tuple(sorted(modes.items()))
+        if single:
+            now.seen.clear()
+        elif visit in now.seen:
+            raise ChatterError(repr(now.t))
+        else:
+            now.seen.append(visit)
         now.round = set(fired)
         for e in self.m.events:
             if e.name in fired:
@@ -305,15 +312,8 @@ class Run:
                 r = self.flights.reading(series, {}, self.flights.either(now.t))
                 modes = modes | {u: float(r.value(x)[0]) for u, x in e.sets}
                 now.acted.append(e.name)
-                single |= e.once or e.every > 0.0
                 if e.once:
                     self._spent.add(e.name)
-        if single:
-            now.seen.clear()
-        elif modes != before and modes in now.seen:
-            raise ChatterError(repr(now.t))
-        else:
-            now.seen.append(before)
         return modes
 
     def _stopped(self, now, y, modes):
@@ -463,7 +463,7 @@ class Instant:
         self.round: set[str] = set()  # the events that acted together last
         self.reached: dict[str, float] = {}  # signs of relations before all acts
         self.alone: set[str] = set()  # whose conditions are true at this time alone
-        self.seen: list[dict[str, float]] = []  # modes before acts of located events
+        self.seen: list[Any] = []  # located events that acted together, modes before
 
 
 def _at_point(_reading, tree, _point, _low, high):

@@ -155,6 +155,18 @@ def test_events_that_undo_each_other_end_a_motion():
     assert run.made().chatters == pytest.approx(1.0, abs=CLOSE)
 
 
+def test_an_event_that_undoes_another_ends_nothing_if_that_is_not_due_again():
+    u = var("u1")
+    events = [
+        Event("a", at=compare(Q, ">=", 1.0), sets=[("u1", number(1.0))]),
+        Event("b", at=compare(u, ">=", 0.5), sets=[("u1", number(0.0))]),
+    ]
+    made = model(number(0.0), duration=2.0, modes={"u1": 0.0}, events=events)
+    run = Run(made, 0.5, Script()).made()
+    assert run.chatters is None
+    assert [name for _, name in run.events] == ["a", "b"]
+
+
 def test_a_relation_that_jumps_at_a_time_at_which_a_mode_jumps_back_may_cross():
     """At t = 1 the relation jumps up, itself, and down by the act of the event."""
     u = var("u1")
