@@ -141,6 +141,22 @@ def test_laws_whose_forces_leave_doubles():
     assert found.trajectory.end == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("force", ["max(log(1 - x), 1)", "max(1, log(1 - x))"])
+def test_a_switch_whose_argument_has_no_value_ends_the_run(force):
+    # The force is 1 up to x = t/2 + t^2/2 = 1, at t = 1.
+    text = f"""
+    coordinates: {{x: {{}}}}
+    energy: {{kinetic: 0.5*x_dot^2, potential: 0}}
+    forces: {{x: "{force}"}}
+    initial: {{x: 0, x_dot: 0.5}}
+    simulation: {{duration: 5, output_step: 0.1}}
+    """
+    found = run(text).trajectory
+    assert found.outcome is Outcome.NOT_FINITE
+    assert found.end == pytest.approx(1.0, rel=1e-9)
+    assert len(found.events) <= 1
+
+
 def test_rows_before_one_that_is_not_finite():
     rows = np.ones((4, 3))
     assert finite_rows(rows, 2) == 4

@@ -155,13 +155,16 @@ class Switching(Source):
         its level up to which the surface counts as at its level: twice the present
         distance; 0 for a carried surface, whose expression jumps with the side of its
         leader. It is negative where the expression itself jumps past its level, as
-        `tan` does at a pole: the side is then that of the value.
+        `tan` does at a pole: the side is then that of the value. The decision ends the
+        run where the expression has no value.
         """
         modes, off = self.modes, 0.0
         if arc.state.discontinuous:
             off = -1.0
         elif arc.system.p.leader[k] == 0.0:  # a carried surface has another value above
             off = float(modes.off_levels()[k])
+        if math.isnan(off):  # such as log(1 - x) past x = 1
+            return Decision(ending=Ending(Outcome.NOT_FINITE))
         return Decision(turn=Turn.SETTLE, located=Located(surface=k, off=TWICE * off))
 
     def comes_to_rest(self, arc: Arc, surfaces: SurfacesAt) -> bool:
