@@ -65,6 +65,7 @@ def linked(runner):
             "bend": _value(runner, "bend", 2),
             "slope": _value(runner, "slope", 2),
         }
+        found |= {"weigh": _value(runner, "weigh", 4, numbers=0)}
         found |= {"reached": _value(runner, "reached", 4)}
         found |= {"reached_twice": _value(runner, "reached_twice", 4, numbers=2)}
         if runner.system.m and runner.system.plan.projected:
