@@ -110,9 +110,9 @@ def first_change(discrete: Values, lo: float, hi: float) -> float:
 
     Located by bisection, which supposes one change in the interval.
     """
-    old = repr(discrete(lo))  # in repr, nan equals nan
+    old = discrete(lo)
     while lo < (t := lo + 0.5 * (hi - lo)) < hi:
-        lo, hi = (t, hi) if repr(discrete(t)) == old else (lo, t)
+        lo, hi = (t, hi) if _equal(discrete(t), old) else (lo, t)
     return hi
 
 
@@ -547,7 +547,7 @@ def breaks_of(value: Prevailing, start: float, end: float) -> Iterator[float]:
     before: list[float] | None = None
     for this, following in pairwise(_clusters(value.times, start, end)):
         after = value(this.last, following.first)
-        if before is not None and (this.pause or repr(after) != repr(before)):
+        if before is not None and (this.pause or not _equal(after, before)):
             yield this.first
         before = after
 
@@ -709,7 +709,7 @@ class _Locator:
         return [hi] if entered else self._change(lo, hi)
 
     def _change(self, lo: float, hi: float) -> list[float]:
-        if repr(self.discrete(hi)) == repr(self.discrete(lo)):
+        if _equal(self.discrete(hi), self.discrete(lo)):
             return []
         return [first_change(self.discrete, lo, hi)]
 
@@ -731,6 +731,11 @@ def values_by_majority(
     return [
         a if _same(a, b) or _same(a, c) else b for a, b, c in zip(*samples, strict=True)
     ]
+
+
+def _equal(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Whether two lists of values are equal; 0 equals -0, and nan equals nan."""
+    return all(map(_same, a, b))
 
 
 def _same(a: float, b: float) -> bool:

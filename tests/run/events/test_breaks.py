@@ -435,3 +435,16 @@ def test_knots_of_smooth_tables_are_no_events_unless_a_force_jumps(force, breaks
     }))  # fmt: skip
     assert [(e.kind, e.time) for e in found.events] == [("switch", t) for t in breaks]
     assert found["x"][-1] == pytest.approx(2**6 / 30 + more, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ceil(floor(0.2*t) - 1.8*t)", [1 / 1.8]),
+        ("-ceil(-(1.8*t - 1.5*floor(1.2*t)))", [1 / 1.8, 1.5 / 1.8]),
+        ("sign(1 - ceil(0*t - t))", []),
+    ],
+)
+def test_a_step_that_is_0_at_one_instant_and_minus_0_after_it(text, expected):
+    # ceil(0) is 0, ceil(-1e-9) is -0: these are equal, and no break.
+    assert breaks(text, 0.0, 0.95) == pytest.approx(expected)
