@@ -253,7 +253,7 @@ class Metric:
     A : ndarray, shape (m, n)
         The constraint rows, which may be linearly dependent.
     drags : ndarray, shape (m, n), optional
-        Generalized forces per unit of each multiplier, in addition to those of A^T.
+        Generalized forces per unit of each multiplier, in addition to A^T.
 
     Attributes
     ----------

@@ -313,7 +313,7 @@ class Switches:
 
     @property
     def decided(self) -> Switches:
-        """The switches of the motion, not those of conditions and output alone."""
+        """The switches without switches that conditions and output alone contain."""
         own = {self.graph.variable(s.variable) for s in self.sides if not s.shown}
         of = {d: side for d, side in self._sides_of.items() if side[0] in own}
         return replace(self, _sides_of=of)

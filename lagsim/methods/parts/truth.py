@@ -430,7 +430,7 @@ def bound_jumped(s: SearchTable) -> None:
     that the sign after the jump is unknown: `x + on >= 1` where `on` becomes 1. A value
     that an impact brings to 0 is reached.
     """
-    for k in range(s.conditions if s.fixed_step > 0.0 else 0):
+    for k in range(s.conditions):
         slopes = s.condition_slopes[s.conditions + k * (s.dynamic.stop + 1) :]
         error = 0.0
         for i in range(s.dynamic.stop):

@@ -356,7 +356,7 @@ class _VectorWriter:
 
 def _weigh(size: int, order: int) -> str:
     """Return the IR of `weigh`, for series of `size` components and an order."""
-    # The last vector may overlap those before: none but the largest product counts.
+    # The last two vectors may overlap, since the largest product is counted, no sum.
     width, arrays = min(size, WIDEST), ("c", "rates", "weights")
     parameters = ", ".join(f"ptr %{x}" for x in (*arrays, "out"))
     last = _VectorWriter(size, size, width, "r")
