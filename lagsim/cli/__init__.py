@@ -87,13 +87,22 @@ def entry() -> int:
     return code
 
 
+def end_at_once(code: int) -> NoReturn:
+    """End the process without the clean-up of the interpreter; `code` is its exit code.
+
+    The clean-up frees LLVM also while a thread compiles: the process would crash, or
+    wait without end for a lock of this thread.
+    """
+    files.remove_passing()
+    os._exit(code)
+
+
 def _end_at_signal(number: int, _frame: object) -> NoReturn:
     """Signal handler: end the process at once; in force while no command is at work.
 
     number : the number of the signal.
     """
-    files.remove_passing()
-    os._exit(128 + number)
+    end_at_once(128 + number)
 
 
 def _application() -> typer.Typer:
@@ -288,8 +297,7 @@ def _watch(reads: int) -> None:
         if noting() and not again:
             until = now + GRACE_SECONDS
         elif now > until:
-            files.remove_passing()
-            os._exit(128 + number)
+            end_at_once(128 + number)
         if select.select([reads], [], [], _GLANCE_SECONDS)[0]:
             number = os.read(reads, 1)[0]
             if not again and time.monotonic() > first + AGAIN_SECONDS:

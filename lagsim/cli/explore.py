@@ -8,6 +8,7 @@ from pathlib import Path
 
 import typer
 
+from lagsim.cli import end_at_once, is_watched
 from lagsim.cli._faults import error_text
 from lagsim.cli._shared import (
     SETS,
@@ -71,6 +72,8 @@ def command(
         server.serve()
     except KeyboardInterrupt:
         server.end()
+    if is_watched():  # a process of its own, in which a request may be at work
+        end_at_once(0)
     return 0
 
 
