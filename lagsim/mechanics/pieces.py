@@ -39,6 +39,7 @@ from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.tables import Data
+from lagsim.mechanics.cells import pieces_of_cells
 from lagsim.mechanics.surfaces import Surface, oriented
 
 if TYPE_CHECKING:
@@ -177,14 +178,16 @@ class _Pieces:
 
     def _has_kink(self, n: int) -> bool:
         g = self.g
-        if g.ops[n] == "table.piece":
+        if g.ops[n] in tables.PIECES:
             return self._is_linear(n)
         return g.ops[n] in KINKED and not self.joints.intersection(g.args[n][:1])
 
     def _is_linear(self, n: int) -> bool:
-        """Whether a node is the value of a linear table of one argument."""
-        axis, data, order = (self.g.payload(a) for a in self.g.args[n][:3])
-        return bool(data.values[0] == tables.LINEAR and axis.values[1] == order == 0.0)
+        """Whether a node is the value of a linear table."""
+        g, orders = self.g, tables.written(self.g, n).orders
+        axis, data = (g.payload(g.args[n][k]) for k in (0, len(orders)))
+        is_linear = data.values[0] == tables.LINEAR and axis.values[1] == 0.0
+        return bool(is_linear and not any(orders))
 
     def of(self, n: int, way: int) -> list[Piece]:
         """Return pieces whose minimum (way LEAST) or maximum is node n.
@@ -202,6 +205,8 @@ class _Pieces:
         op, args = self.g.ops[n], self.g.args[n]
         if op == "table.piece":
             return self._of_table(n, way)
+        if op == "table.piece2":
+            return self._of_cells(n, way)
         if op == "neg":
             return self._each(op, self.of(args[0], -way))
         if op in ("add", "sub"):
@@ -593,6 +598,21 @@ class _Pieces:
         return None if square == g.zero else g.call("div", along, square)
 
     # Linear tables
+
+    def _of_cells(self, n: int, way: int) -> list[Piece]:
+        """Return the pieces of a linear table of two smooth arguments.
+
+        way : see `of`.
+        """
+        g = self.g
+        axis, other, data = (g.payload(a) for a in g.args[n][:3])
+        args = [*tables.written(g, n).args]
+        if self.kinked(args):
+            return [Piece(n)]
+        nodes = pieces_of_cells(g, (axis, other), data, args, -float(way))
+        key = (*args, axis, other)
+        found = [Piece(x, frozenset([(key, k)])) for k, x in enumerate(nodes)]
+        return found or [Piece(n)]
 
     def _of_table(self, n: int, way: int) -> list[Piece]:
         """Return the pieces of a linear table of a smooth argument.

@@ -26,6 +26,8 @@ from lagsim.language.columns import RESIDUAL
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.tables import PIECES, cell_of, ended, last_level, written
+from lagsim.mechanics.constraints import CONTACT
+from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods import method
 from lagsim.methods.moreau import MOST_SWEEPS
@@ -107,6 +109,12 @@ def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
 
 
+# Advice where a contact comes to rest at a kink of its gap.
+KINKED = (
+    "the slope of the gap of `{name}` jumps at the switch of `{switch}`; where a body "
+    "may lie between both sides, write one relation for each side, such as `y >= k*x` "
+    "and `y >= -k*x` for `y >= k*abs(x)`"
+)
 # Reasons of failed runs; the state at the end follows.
 FAILURES = {
     Outcome.TOO_MANY_STEPS: "too many steps ({steps}{about})",
@@ -144,7 +152,26 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
     text = f"{cause} at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
     if outcome is Outcome.STEP_TOO_SMALL:
         text += f"; {_fastest(arc)}"
-    return f"{text}: {outcome.advice}{_other_means(arc, outcome)}"
+    advice = _on_kinks(arc, ending) or outcome.advice
+    return f"{text}: {advice}{_other_means(arc, outcome)}"
+
+
+def _on_kinks(arc: Arc, ending: Ending) -> str:
+    """Return advice on a contact with a kink in its gap; "" if there is none.
+
+    The gap has a kink that could not be divided into pieces.
+    """
+    if ending.outcome is not Outcome.SWITCHES_ACCUMULATE:
+        return ""
+    g, switches = arc.equations.graph, arc.system.switches
+    sides = {g.variable(x.variable): x.text for x in switches.sides}
+    for law in arc.equations.laws:
+        if law.role is not CONTACT or f"`{law.name}`" not in ending.about:
+            continue
+        for n in g.cone(switches.freeze(list(law.row.A))):
+            if n in sides:
+                return KINKED.format(name=whole(law.name), switch=sides[n])
+    return ""
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
