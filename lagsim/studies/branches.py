@@ -95,6 +95,17 @@ class BranchPoint(NamedTuple):
         found = self.steady.spectrum
         return bool(np.any(found.growing & (np.abs(found.values.imag) > found.errors)))
 
+    @property
+    def begins_to_grow(self) -> bool:
+        """Whether a growing oscillation, at such a point, has left the imaginary axis.
+
+        Otherwise it has left the real axis, where two real eigenvalues have met.
+        """
+        found = self.steady.spectrum
+        growing = found.growing & (np.abs(found.values.imag) > found.errors)
+        own = found.values[growing]
+        return bool(np.any(own.real < np.abs(own.imag)))
+
 
 class Special(NamedTuple):
     """Special point: its kind, its place, and the law of a contact that changes.
@@ -464,18 +475,30 @@ class RestCurve:
             (HOPF, lambda x: x.has_growing_oscillation),
         ]
         for kind, test in tests:
-            if test(here) is not test(there):
-                yield Special(kind, self._located(here, there, test))
+            if test(here) is test(there):
+                continue
+            place, past = self._bracket(here, there, test)
+            if kind == HOPF and not past.begins_to_grow:
+                continue  # two real eigenvalues have become a pair, or a pair two
+            yield Special(kind, place)
 
     def _located(
         self, here: BranchPoint, there: BranchPoint, test: Callable[[BranchPoint], bool]
     ) -> BranchPoint:
+        """Return the point between two points at which a test changes."""
+        return self._bracket(here, there, test)[0]
+
+    def _bracket(
+        self, here: BranchPoint, there: BranchPoint, test: Callable[[BranchPoint], bool]
+    ) -> tuple[BranchPoint, BranchPoint]:
         """Locate the point between two points at which a test changes, by bisection.
+
+        The second point returned is the nearest one found at which the test is true.
 
         test : point -> whether it is past the change.
         """
         low, high, before = 0.0, float((there.y - here.y) @ here.tangent), test(here)
-        best = there
+        best, past = there, here if before else there
         for _ in range(BISECTIONS):
             for part in PARTS:  # F' is singular at a branch point itself
                 middle = low + part * (high - low)
@@ -483,15 +506,17 @@ class RestCurve:
                 if found is not None:
                     break
             else:
-                return best
+                return best, past
             best = self.place(found[0], here.tangent)
-            if test(best) is before:
+            is_past = test(best)
+            past = best if is_past else past
+            if is_past is before:
                 low = middle
             else:
                 high = middle
             if high - low <= CONVERGED:
                 break
-        return best
+        return best, past
 
 
 class Branches:

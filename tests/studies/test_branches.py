@@ -66,6 +66,26 @@ def test_frequencies_that_collide_count_as_hopf(m):
     assert point["value"] == pytest.approx(FLUTTER * 3 / 0.5, rel=1e-8)
 
 
+@pytest.mark.parametrize("sign", ["", "-"])
+def test_real_eigenvalues_that_meet_are_no_hopf_point(sign):
+    # Of x'' = mu x' - x the eigenvalues are mu/2 +- sqrt(mu^2/4 - 1): a pair crosses
+    # the imaginary axis at mu = 0, and meets on the real axis at mu = 2.
+    model = lagsim.load(f"""
+parameters: {{mu: {sign}0.5}}
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: x^2/2}}
+forces: {{x: "{sign}mu*x_dot"}}
+initial: {{x: {{guess: 0.1}}}}
+simulation: {{duration: 1}}
+""")
+    for ends, expected in (((-1, 3), [0.0]), ((1, 4), []), ((0.5, 1.5), [])):
+        low, high = sorted(-x for x in ends) if sign else ends
+        found = lagsim.equilibrium(model, starts=2, vary={"mu": (low, high)})
+        assert [x["value"] for x in points(found, "hopf")] == pytest.approx(
+            expected, abs=1e-8
+        )
+
+
 def test_damping_lowers_the_flutter_load():
     # Ziegler's paradox: P l/k = 41/28 + c^2/2 with equal damping of both hinges.
     model = lagsim.load(ZIEGLER).bind(c=0.1)
