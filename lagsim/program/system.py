@@ -292,7 +292,7 @@ class System:
             from lagsim.native.graph import tapes
 
             made = keys.nodes_of(functions)
-            return tapes.generate(g, made, layout)
+            return tapes.generate(g, made, layout, self._manner)
         from lagsim.native.graph import straight_line
 
         return straight_line.generate(g, functions, layout, self._manner)

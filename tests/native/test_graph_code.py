@@ -282,3 +282,16 @@ def test_sines_wait_for_angles_that_are_sines() -> None:
         one = g.call("sin", g.call("mul", x, g.constant(1.0 + k)))
         found += [g.call("cos", one), g.call("sin", g.call("cos", one)), one]
     same(g, {"f": found, "h": found[:3]})
+
+
+@pytest.mark.parametrize("form", [tapes.generate, generate])
+def test_leading_zeros_of_blank_functions_are_not_stored(
+    form: Callable[..., Code],
+) -> None:
+    g = Graph()
+    (product,) = build(g, "x*y")
+    functions = {"f": [g.zero, product, g.zero, g.zero]}
+    manner = Manner(blank=(("f", 3),))
+    made = Compiled(g, functions, lambda *given: form(*given, manner))
+    # Memory that is not 0 shows which results are stored.
+    assert made.at(VALUES) == [GUARD, 0.7 * -1.3, GUARD, 0.0]

@@ -120,9 +120,13 @@ def fixed_nodes(
 CLEAR = "declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)"
 
 
-def clearing(count: int) -> str:
-    """Return the IR that sets out[0], ..., out[count - 1] to 0."""
-    return f"call void @llvm.memset.p0.i64(ptr %out, i8 0, i64 {8 * count}, i1 0)"
+def clearing(count: int, first: int = 0) -> str:
+    """Return the IR that sets out[first], ..., out[count - 1] to 0."""
+    size = 8 * (count - first)
+    return (
+        f"%cleared = getelementptr double, ptr %out, i64 {first}\n"
+        f"call void @llvm.memset.p0.i64(ptr %cleared, i8 0, i64 {size}, i1 0)"
+    )
 
 
 def number(x: float) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 from lagsim.language.elements import payload
 from lagsim.language.functions import ELEMENTS, JOINING, OPERATIONS, PART, SMOOTH
 from lagsim.language.graph import DATA, VARIABLE
+from lagsim.native.graph.keys import PLAIN
 from lagsim.native.graph.lines import (
     CIRCULAR,
     CLEAR,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Ints
     from lagsim.language.graph import Graph
     from lagsim.language.tables import Data
-    from lagsim.native.graph.keys import Layout
+    from lagsim.native.graph.keys import Layout, Manner
 
 
 SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
@@ -102,13 +103,19 @@ class Tasks(NamedTuple):
     fields: Ints
 
 
-def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
+def generate(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    manner: Manner = PLAIN,
+) -> Code:
     """Return the IR of `functions`, which run from tapes.
 
     functions : name -> the nodes written to out[0], out[1], ...
+    manner : functions with results that are not stored where they are 0.
     """
     tapes = _Tapes(g, layout, functions)
-    lines = tapes.functions(functions, tapes.state)
+    lines = tapes.functions(functions, tapes.state, blank=dict(manner.blank))
     lines += _function("prepare", tapes.tape(len(functions), ()), tapes.filled)
     declared, interpreter = tapes.interpreter()
     text = [*sorted(declared), *lines, *interpreter, ""]
@@ -266,18 +273,21 @@ class _Tapes:
         functions: Mapping[str, Sequence[int]],
         before: str,
         calls: Mapping[str, Sequence[str]] = {},
+        blank: Mapping[str, int] = {},
     ) -> list[str]:
         """Return the IR of the functions.
 
         before : code that each function executes first.
         calls : functions that each function calls before that code.
+        blank : see `keys.Manner`.
         """
         lines = []
         for k, (name, made) in enumerate(functions.items()):
             places = self.places(made)
             count = sum(places[-1][1:]) if places else 0
             called = [f"call void @{x}({SIGNATURE})" for x in calls.get(name, ())]
-            text = "\n".join([*called, clearing(count), before])
+            cleared = clearing(count, min(count, blank.get(name, 0)))
+            text = "\n".join([*called, cleared, before])
             lines += _function(name, self.tape(k, made), text)
         return lines
 
