@@ -163,7 +163,7 @@ FEW = 5
 
 # Functions besides y' that methods may use in models with elements (`NEEDS` of a
 # method), see `language.elements`.
-OF_ELEMENTS = frozenset(("power",))
+OF_ELEMENTS = frozenset(("power", "balance"))
 
 
 def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
@@ -172,26 +172,37 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
     needs : names of functions, besides y', that the method evaluates.
     """
     g, output = model.graph, model.output
-    if not g.of((ELEMENTS,)) or not OF_ELEMENTS.issuperset(needs):
+    vectors = frozenset(g.of((ELEMENTS,)))
+    if not vectors or not OF_ELEMENTS.issuperset(needs):
         return False
-    if model.constraints or model.located:
-        return False
-    if output.reactions or output.gauss or output.action or output.sections:
-        return False
-    nodes = [model.lagrangian, *(x.node for x in model.forces)]
-    nodes += [] if model.dissipation is None else [model.dissipation]
-    if may_branch(g, nodes):
+    if output.reactions or not vectors.isdisjoint(g.cone(_deciding(model))):
         return False
     # Of sums of velocities M has no entries.
     velocities = {rate_of(c.name) for c in model.coordinates}
-    of_energies = set(g.of((ELEMENTS,))).intersection(g.cone([model.lagrangian]))
+    of_energies = vectors.intersection(g.cone([model.lagrangian]))
     return velocities.isdisjoint(g.depends(of_energies))
 
 
-def may_branch(g: Graph, nodes: Iterable[int]) -> bool:
-    """Whether one of the expressions `nodes` has a jump or a kink."""
-    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone(nodes))
-    return any(row is not None and (row.switch or row.branches) for row in rows)
+def _deciding(model: Model) -> list[int]:
+    """Return the nodes on which modes depend, and those of constraints.
+
+    They are the relations of conditions, sections and constraints, the bounds and slips
+    of laws, and the arguments of jumps and kinks in the motion.
+    """
+    g, found = model.graph, list(model.relations)
+    for c in model.constraints:
+        law = () if c.law is None else (c.law.friction, c.law.static, c.law.bounce)
+        slips = () if c.law is None else c.law.slips
+        nodes = (c.relation.node, c.limit, c.static, c.when, *law, *slips)
+        found += [n for n in nodes if n is not None]
+    motion = [model.lagrangian, *(x.node for x in model.forces)]
+    motion += [x.rate for x in model.states]
+    motion += [] if model.dissipation is None else [model.dissipation]
+    for n in g.cone(motion):
+        row = OPERATIONS.get(g.ops[n])
+        if row is not None and (row.switch or row.branches):
+            found += g.args[n]
+    return found
 
 
 def derive(

@@ -243,15 +243,16 @@ def test_terms_that_are_not_smooth_are_written_out(potential: str) -> None:
     ("potential", "more", "gathered"),
     [
         ("sum(i = 1..n, sum(j = i+1..n, x_dot(i)*y(j)))", "", False),
-        (PAIRS, "constraints: {c: 'x(1)^2 + y(1)^2 = 4'}", False),
-        (PAIRS, "events: {e: {at: 'x(1) >= 9', impulse: {x(1): 1}}}", False),
-        (PAIRS, "forces: {x(1): -sign(x_dot(1))}", True),
+        ("U", "constraints: {c: 'x(1) = U'}", True),
+        ("U", "events: {e: {at: 'U >= 9', impulse: {x(1): 1}}}", True),
+        ("U", "forces: {x(1): -sign(U)}", True),
     ],
 )
 def test_equations_of_other_models_are_written_out(
     potential: str, more: str, gathered: bool
 ) -> None:
-    model = read(text(potential, more=more), "a.yaml")
+    defined = "" if potential != "U" else f"U: '{PAIRS}'"
+    model = read(text(potential, definitions=defined, more=more), "a.yaml")
     assert bool(model.graph.of((ELEMENTS,))) is gathered
     assert not may_gather(model)
     e = derive(suited(model, model.settings()))

@@ -11,6 +11,7 @@ from lagsim.codes.known import METHOD_REFUSED
 from lagsim.language import elements
 from lagsim.language.functions import ELEMENTS
 from lagsim.mechanics.derivation import may_gather
+from lagsim.methods import method as method_named
 from lagsim.model.model import Model
 from lagsim.model.reader import read
 
@@ -87,14 +88,89 @@ def test_motion_is_that_of_the_terms(
     assert abs(steps[0] - steps[1]) <= 0.05 * steps[1]
 
 
-# What needs the terms of all sums: each feature alone.
+# Rows, events and switches beside the sum. Each moves otherwise than without it.
+BESIDE = {
+    "floor": 'constraints: {f(i = 1..n): {relation: "y(i) >= -0.9", restitution: 0.5}}',
+    "friction": """constraints:
+  d(i = 1..n): {relation: "x_dot(i) = 0", limit: 0.4}
+  f: {relation: "y(3) >= y0", restitution: 0.3, friction: 0.4, slip: x_dot(3)}""",
+    "rods": """constraints:
+  r(i = 1..n-1): (x(i+1) - x(i))^2 + (y(i+1) - y(i))^2 = l(i)^2
+  line: y(1) = sin(2.4)/3 + 0.3*sin(t) + (x(n) - cos(2.4*n)*n/3)/4""",
+    "event": """modes: {k: 0}
+events:
+  hit: {at: "x(2) >= 0.15", set: {k: k + 1}, impulse: {y(4): 0.7}}
+  tick: {every: 0.3, set: {k: 2 - k}}
+forces: {x(2): -3*k}""",
+    "until": "",
+    "state": """states: {s: {rate: "x(1)*y(2) - 2*s"}}
+forces: {x(1): -5*s}""",
+    "switches": """forces:
+  x(1): -0.5*sign(x_dot(1)) + if(t > 0.33, 1, 0)
+  y(2): abs(y(2)) - max(x(3), 0.1)*y_dot(2)""",
+    "action": "output: {action: true, gauss: true}",
+}
+STARTS = """  y0: sin(7.2)
+  l(i = 1..n-1): >-
+    hypot(cos(2.4*i + 2.4)*(i + 1)/3 - cos(2.4*i)*i/3,
+    sin(2.4*i + 2.4)*(i + 1)/3 - sin(2.4*i)*i/3)
+"""
+
+
+def beside(name: str, n: int) -> str:
+    """Return the model of n bodies that attract, with a feature of BESIDE."""
+    text = MODEL.format(n=n, term=SOFT, more=BESIDE[name])
+    if name in ("friction", "rods"):
+        text = text.replace("coordinates:", STARTS + "coordinates:")
+    if name == "rods":
+        text = text.replace("0.3*cos(i)", "0").replace(
+            "simulation", "  y_dot(1..n): 0.3\nsimulation"
+        )
+    if name == "until":
+        text = text.replace("duration: 1,", "duration: 1, until: x(2) >= 0.15,")
+    if name == "state":
+        text = text.replace("initial:\n", "initial:\n  s: 0.4\n")
+    return text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        *((name, "dop853") for name in BESIDE),
+        *((name, "rk4") for name in BESIDE if name != "action"),
+        *((name, "moreau") for name in ("floor", "friction", "rods", "switches")),
+    ],
+)
+def test_motion_beside_rows_and_switches_is_that_of_the_terms(
+    name: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, given = beside(name, 6), {} if method == "dop853" else {"step": 0.01}
+    found = []
+    for least in (1, 10**9):
+        gather(monkeypatch, least)
+        model = lagsim.load(text)
+        assert may_gather(read(text, "model.yaml"), method_named(method).NEEDS) is (
+            least == 1
+        )
+        found.append(lagsim.simulate(model, method=method, error_bar="never", **given))
+    one, other = found
+    assert one.columns == other.columns
+    assert [x.kind for x in one.events] == [x.kind for x in other.events]
+    for column in one.columns:
+        scale = max(1.0, np.abs(other[column]).max())
+        assert np.abs(one[column] - other[column]).max() <= 1e-9 * scale, column
+    assert one.record["steps"] == other.record["steps"]
+
+
+PAIRS = f"definitions: {{V: 'sum(i = 1..n, sum(j = i+1..n, {SQUARE}))'}}\n"
+# Features that are solved for with a sum of pairs, or need reactions.
 WRITTEN_OUT = (
-    "constraints: {rod: x(1)^2 + y(1)^2 = 1}",
-    "states: {s: {rate: x(1) - s}}",
-    "modes: {k: 0}\nevents: {tick: {every: 0.1, set: {k: k + 1}}}",
-    "until",
-    "output: {action: true}",
-    "forces: {x(1): abs(x(2))}",
+    "constraints: {c: V = 3}",
+    "constraints: {c: {relation: x_dot(1) = 0, limit: V}}",
+    "modes: {k: 0}\nevents: {e: {at: V >= 3, set: {k: 1}}}",
+    "forces: {x(1): abs(V - 3)}",
+    "output: {reactions: [V]}",
 )
 
 
@@ -102,17 +178,14 @@ def test_terms_stay_elements_where_nothing_needs_them_written_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gather(monkeypatch, 1)
-    for more in ("", *WRITTEN_OUT):
-        text = MODEL.format(n=4, term=SOFT, more="" if more == "until" else more)
-        if more == "until":
-            text = text.replace("duration: 1,", "duration: 1, until: x(1) <= -9,")
-        if "states" in more:
-            text = text.replace("initial:\n", "initial:\n  s: 0\n")
-        model = read(text, "model.yaml")
-        read_apart = more.startswith(("constraints", "states", "modes"))
-        assert elements.gathered(model.graph) is not read_apart, more
-        assert may_gather(model) is (not more), more
-        assert not may_gather(model, ("jacobian",))  # of a method
+    plain = (beside(name, 4) for name in BESIDE)
+    pairs = (MODEL.format(n=4, term=SOFT, more=PAIRS + more) for more in WRITTEN_OUT)
+    for gathers, texts in ((True, plain), (False, pairs)):
+        for text in texts:
+            model = read(text, "model.yaml")
+            assert elements.gathered(model.graph)
+            assert may_gather(model) is gathers, text
+            assert not may_gather(model, ("jacobian",))  # of a method
 
 
 @pytest.mark.parametrize(("method", "n"), [("taylor", 100), ("radau", 151)])

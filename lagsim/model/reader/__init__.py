@@ -106,8 +106,6 @@ NAMED = {
     "definitions": NameKind.DEFINITION,
     "tables": NameKind.TABLE,
 }
-# Sections with which no sum is integrated as elements, see `derivation.may_gather`.
-_WRITTEN_OUT = ("constraints", "states", "events")
 
 
 def read_file(
@@ -514,8 +512,6 @@ class File:
         from lagsim.model.expansion.gathering import DEFINED, OF_ENERGIES
 
         permitted = OF_ENERGIES.get(energy) if energy else DEFINED
-        if any(entries_of(self.top.value(key)) for key in _WRITTEN_OUT):
-            permitted = None
         return self.expansion.scope.gathering(permitted)
 
     def _read_again(
