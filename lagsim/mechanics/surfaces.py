@@ -84,6 +84,9 @@ class Side(NamedTuple):
     slack
         The name of the distance from its level up to which the expression counts as on
         the side selected.
+    departed
+        The name of the level that the motion leaves, for a surface that is only shown:
+        past another level the slack does not count.
     node
         The expression whose value 0, or whole number, is the surface.
     whole
@@ -105,6 +108,7 @@ class Side(NamedTuple):
     variable: str
     sliding: str
     slack: str
+    departed: str
     node: int
     whole: bool
     text: str

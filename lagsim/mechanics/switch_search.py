@@ -137,7 +137,8 @@ def _sides(
         node, sign = oriented(g, surface)
         key = node, surface.op in WHOLE
         k = len(sides)
-        new = Side(f"side.{k}", f"sliding.{k}", f"slack.{k}", *key, text)
+        sliding, slack, departed = f"sliding.{k}", f"slack.{k}", f"departed.{k}"
+        new = Side(f"side.{k}", sliding, slack, departed, *key, text)
         side = sides.setdefault(key, new._replace(shown=discrete not in switches))
         sides_of[discrete] = g.variable(side.variable), sign
     return tuple(sides.values()), sides_of

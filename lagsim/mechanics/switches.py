@@ -527,7 +527,9 @@ class Switches:
         """
         g, half = self.graph, self.graph.constant(0.5)
         (off,) = self.at_levels([side.node])
-        if side.whole:  # the distance from the closer end of the side
+        if side.whole and side.shown:  # no arc ends at the other end of the side
+            off = g.call("sub", off, g.variable(side.departed))
+        elif side.whole:  # the distance from the closer end of the side
             middle = g.call("add", g.variable(side.variable), half)
             off = g.call("abs", g.call("sub", off, middle))
             off = g.call("sub", off, half)

@@ -497,6 +497,7 @@ class System:
             p[side.variable] = memory.place("side") + k
             p[side.sliding] = memory.place("slides") + k
             p[side.slack] = memory.place("slack") + k
+            p[side.departed] = memory.place("departed") + k
             if side.floor:
                 p[side.floor] = memory.place("floor") + k
             if corner := self.switches.corners.get(k):

@@ -170,6 +170,7 @@ class ModeWords(KnownPoints):
     floor: Floats = array("surfaces")
     # the value of `floor` for states between rows
     least_root: Floats = array("surfaces")
+    departed: Floats = array("surfaces")  # the level that a shown surface leaves
     slack: Floats = array(each_watched)  # distance past its end that a mode still lasts
     band: Floats = array(each_watched)  # distance past its end that exceeds rounding
     law_mode: Floats = array("laws")

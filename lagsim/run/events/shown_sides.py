@@ -44,6 +44,9 @@ APART = (1.0, 0.61)
 SCALES = (1.0, 2.0**-10)
 # Factor of the slack of an argument at its level whose rounding exceeds the slack.
 GROWS = 16.0
+# Factor of the rounding up to which an argument is at its level, if other steps depend
+# on its step: the rounding of these is measured at states that differ by its own.
+APPLIED = 2.0
 # Factor of the slack of sides on which other expressions depend, while the rounding of
 # these is measured.
 WIDER = 16.0
@@ -155,6 +158,7 @@ class ShownSides(Source):
         the first depends on a side selected here.
         """
         modes, slack, kinds = self.modes, arc.system.p.slack, arc.system.p.slides
+        departed = arc.system.p.departed
         found, (sizes, slopes) = modes.values(arc.t, arc.y), modes.term_sizes()
         values = found.tolist()
         limits = HALF_OF_DIGITS * sizes
@@ -173,8 +177,11 @@ class ShownSides(Source):
                 left = order[place:]
                 break
             self.far.append((k, self.whole[k], far[k]))
+            if levels[k] != departed[k]:  # the slack is that of another level
+                slack[k] = 0.0
             free, own = kinds[k] == 0.0, slack[k]
-            if k not in near or (free and off[k] > max(least[k], own)):
+            clear = APPLIED * least[k] if modes.shown_nested else least[k]
+            if k not in near or (free and off[k] > max(clear, own)):
                 modes.set_by_value(k, defined(values[k]))
                 slack[k] = 0.0
             elif free and off[k] <= own > 0.0 and k not in surfaces.shown:

@@ -343,6 +343,7 @@ class SurfaceModes:
         p.side[k] = p.low[k] = value
         p.high[k] = value + 1.0 if whole else 1.0
         p.part_above[k] = value - math.floor(value) if whole else (value + 1.0) / 2.0
+        p.departed[k] = level
         p.least[k] = level if at_level else -math.inf
         p.most[k] = level if at_level else math.inf
 
