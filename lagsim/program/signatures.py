@@ -34,7 +34,7 @@ AT_CONDITIONS: dict[Callable[..., Any], tuple[Any, Sequence[Any]]] = {
     ),
     truth.located_within: (ctypes.c_double, (_POINTER, _POINTER)),
     truth.wait: (ctypes.c_int64, (_POINTER, _POINTER)),
-    truth.decide_before: (None, (_POINTER, _POINTER, ctypes.c_int64)),
+    truth.decide_before: (ctypes.c_int64, (_POINTER, _POINTER, ctypes.c_int64)),
     truth.mark_satisfied: (ctypes.c_int64, (_POINTER, _POINTER)),
     truth.mark_true: (None, (_POINTER, _POINTER)),
     truth.change: (ctypes.c_int64, (_POINTER, _POINTER)),

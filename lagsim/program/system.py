@@ -7,6 +7,7 @@ memory, so that new values of parameters require no compilation.
 
 from __future__ import annotations
 
+from array import array
 from copy import copy
 from functools import cached_property
 from time import process_time
@@ -159,6 +160,8 @@ class System:
         Index in p at which the working memory of an arc begins.
     initial : ndarray
         Content of p before a run.
+    unused : memoryview
+        The working memory of an arc in `initial`.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
@@ -482,14 +485,15 @@ class System:
             whole.flat[self._layout_of[parameter.name]] = parameter.value
         self.first_unused = whole.place("motion")
         self.initial = whole.flat.copy()
+        self.unused = self.initial.data[self.first_unused :]
         return whole
 
     def _layout(self, memory: Parameters) -> Layout:
         e = self.equations
         fixed = self._fixed()
         p = {
-            name: memory.place(array) + k
-            for array, names in fixed.items()
+            name: memory.place(kind) + k
+            for kind, names in fixed.items()
             for k, name in enumerate(names)
         }
         p[GAIN] = memory.fields["gain"].word
@@ -803,11 +807,9 @@ class Runner:
         given : the arrays that the kernel reads, in their order.
         """
         count, size = self.system.surfaces, self.system.size
-        known = np.concatenate(given)
-        last = results * count + len(known)
-        out = np.zeros(last + 6 * size + 2 * count + 4)
-        out[results * count : last] = known
-        y = np.array(y, dtype=float, order="C")
+        first = np.zeros(results * count)
+        out = np.concatenate((first, *given, np.zeros(6 * size + 2 * count + 4)))
+        y = np.ascontiguousarray(y)
         self.kernel(kernel)(t, address(y), self.system.p.address, address(out))
         return out[: results * count].reshape(results, count)
 
@@ -822,11 +824,10 @@ class Runner:
         one.
         """
         p = self.system.p
-        p.reference = p.usual_reference = self.system.plan.smallest_singular_value
-        p.factored = p.noted = 0.0
-        p.sigma = p.least_sigma = 1.0
-        first = self.system.first_unused
-        p.flat[first:] = self.system.initial[first:]
+        usual = self.system.plan.smallest_singular_value
+        # Reference and its usual value; sigma and the least; factored, noted.
+        p.begun[:] = array("d", (usual, usual, 1.0, 1.0, 0.0, 0.0))
+        p.numbers[self.system.first_unused :] = self.system.unused
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have no lengths
             p.lengths[:rows] = p.usual_lengths[:rows] = self.system.plan.lengths

@@ -386,7 +386,8 @@ class Arc(NamedTuple):
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = state.event = state.most_step = 0.0
-        return self._replace(runner=runner, state=state, end=end)
+        fixed = self.equations, self.start, self.plan, self.system, settings
+        return Arc(*fixed, runner, state, end)  # faster than `_replace`
 
     def by(self, plan: Plan, system: System) -> Arc:
         """Return the arc with another plan and its system, on a copy of the state."""

@@ -37,6 +37,7 @@ from lagsim.run.failures import (
     Fallback,
     Stiffness,
     Unmet,
+    has_ends,
     reason_of,
     unsettled,
 )
@@ -261,6 +262,7 @@ class Run:
         # Most sources have no such function; the others are called at each arc.
         self.timed = _with_own("times", self.sources)
         self.pausing = _with_own("pause_at", self.sources)
+        self.deciding = _with_own("decide", self.sources)
         self.passing = _with_own("passed", self.sources)
         self.preparing = _with_own("set_out", self.sources)
         self.recorder = Recorder(observers, listed)
@@ -482,7 +484,7 @@ class Run:
 
         None if no source does.
         """
-        for source in self.sources:
+        for source in self.deciding:
             decision = source.decide(self.arc, code)
             if decision is not None:
                 return decision
@@ -649,7 +651,7 @@ def _sources(arc: Arc) -> tuple[list[Source], Deciders]:
 
     Return also those of them that decide at an instant.
     """
-    e, system, switches = arc.equations, arc.system, arc.system.switches
+    e, system = arc.equations, arc.system
     switching = shown = contacts = None
     knots = KnotTimes(arc) if clocks(arc) else None
     breaks = TimeBreaks(arc)
@@ -668,7 +670,7 @@ def _sources(arc: Arc) -> tuple[list[Source], Deciders]:
         contacts = Contacts(arc)
     deciders = Deciders(
         knots, breaks, transitions, switching, shown, contacts,
-        equalities_may_jump(arc), bool(switches.modes or switches.sides),
+        equalities_may_jump(arc), has_ends(arc),
     )  # fmt: skip
     foresees = method(arc.plan.method).ADAPTIVE and system.timed
     sources = [

@@ -210,6 +210,14 @@ def _fastest(arc: Arc) -> str:
     return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
 
 
+def has_ends(arc: Arc) -> bool:
+    """Whether the model has tables that end the run beyond their points."""
+    g, switches = arc.equations.graph, arc.system.switches
+    cells = (*(x.discrete for x in switches.modes), *switches.state)
+    knots = [s.node for s in switches.sides] + [n for k in cells for n in g.args[k]]
+    return any(last_level(g, n) < inf for n in knots)
+
+
 def end_of_table(arc: Arc, given: Sequence[int] = ()) -> Ending | None:
     """Return the ending if a table without extrapolation is past its last point.
 

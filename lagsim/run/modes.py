@@ -1,13 +1,12 @@
-"""The modes of an arc and the truth of conditions as one frozen record, and trials.
+"""The modes of an arc and the truth of conditions: their record, selections, trials.
 
 The kernels read the modes of the file, the branches of switches of t, and the modes of
 surfaces and laws from the memory of the arc (`methods.parts.parameters.ModeWords`). A
-phase of `run.settle` decides on trial (`TrialModes`): until the trial ends, the modes
-that it tries and selects are in the memory, and the functions of the model are
-evaluated with these modes. Then the memory is restored, and the selected modes are
-returned as a record. Only `settle` writes the record to the memory (`write`). The truth
-of the conditions of events, which is in the memory of the method, is part of the
-record.
+phase of `run.settle` writes the modes that it tries and selects there, in a `Selection`
+and nowhere else: the functions of the model are evaluated with these modes. A selection
+stays in force, unless an error ends it. A `TrialModes` restores the modes before it.
+The truth of the conditions of events, which is in the memory of the method, belongs to
+the modes.
 
 Within an arc the kernel itself changes some words:
 
@@ -73,33 +72,40 @@ def write(arc: Arc, modes: ArcModes) -> None:
         arc.runner.prepare()
 
 
-class TrialModes:
-    """Context in which the modes and the truth in the memory may be changed on trial.
+class Selection:
+    """Context in which a phase selects modes and the truth, in the memory of the arc.
 
-    Within the context the functions of the model are evaluated with the modes on trial;
-    its end restores the modes and the truth before.
+    Within the context the functions of the model are evaluated with the modes selected
+    so far. The modes stay in force after it, unless an exception ends the context. If
+    modes of the file or branches of t change, the phase calls `Runner.prepare`.
 
     Attributes
     ----------
     before : ArcModes
         The modes and the truth at the start of the context.
-    found : ArcModes or None
-        The modes and the truth selected in the context, which are in the memory at its
-        end; None if they equal those before.
     """
 
     def __init__(self, arc: Arc) -> None:
         self.arc, self.before = arc, ArcModes.of(arc)
-        self.found: ArcModes | None = None
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_error: object) -> None:
-        found = ArcModes.of(self.arc)
-        if found != self.before:
-            self.found = found
+    def __exit__(self, error: type[BaseException] | None, *_about: object) -> None:
+        if error is not None:
+            self.undo()
+
+    def undo(self) -> None:
+        """Restore the modes and the truth at the start of the context."""
+        if ArcModes.of(self.arc) != self.before:
             write(self.arc, self.before)
+
+
+class TrialModes(Selection):
+    """Context in which modes and the truth are tried; its end restores those before."""
+
+    def __exit__(self, *_error: object) -> None:
+        self.undo()
 
 
 class EqualitiesAlone:

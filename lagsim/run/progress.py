@@ -52,19 +52,25 @@ class Progress:
 
     def _stuck_since(self, arc: Arc, code: int) -> float | None:
         """Store the end of an arc; return the time since which arcs are too short."""
-        settings, state, t = arc.settings, arc.state, arc.t
+        state, t = arc.state, arc.t
         number = state.event if code == at.EVENT_FOUND else state.switched
         end = code, int(number) - 1
-        self._ends.append((t, *end))
-        least = SAME_INSTANT * max(settings.duration, abs(settings.start), abs(t))
-        first = self._ends[0][0]
-        if len(self._ends) == MOST_ARCS and t - first <= MOST_ARCS * least:
-            return first
-        own = self._own.setdefault(end, deque(maxlen=MOST_ENDS))
+        own = self._own.get(end)
+        if own is None:
+            own = self._own[end] = deque(maxlen=MOST_ENDS)
         own.append(t)
-        least = max(least, HURRIES * settings.duration)
-        if len(own) < MOST_ENDS or code == at.DONE:
+        self._ends.append((t, *end))
+        is_own_long = len(own) == MOST_ENDS and code != at.DONE
+        is_long = len(self._ends) == MOST_ARCS
+        if not is_long and not is_own_long:
             return None
+        settings, first = arc.settings, self._ends[0][0]
+        least = SAME_INSTANT * max(settings.duration, abs(settings.start), abs(t))
+        if is_long and t - first <= MOST_ARCS * least:
+            return first
+        if not is_own_long:
+            return None
+        least = max(least, HURRIES * settings.duration)
         took = t - own[0]
         is_stuck = took <= MOST_ENDS * least and t - own[-2] <= GROWS * took
         return own[0] if is_stuck else None

@@ -14,10 +14,9 @@ returns the next one (`instant.InstantRecord`):
     7 bookkeep    rows before and after jumps, and lists, all with one time
 
 Each phase selects modes (of the file, branches of t, of surfaces and laws) and the
-truth of conditions on trial, and leaves the memory of the arc as it was
-(`modes.TrialModes`). Then `carried_out` alone writes the modes, the
-truth and the state to this memory, which compiled functions and the kernels of the next
-arc read. docs/events.md lists who writes each word.
+truth of conditions in the memory of the arc (`modes.Selection`), which compiled
+functions and the kernels of the next arc read. Then `carried_out` alone writes the
+state there. docs/events.md lists who writes each word.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ from lagsim.run.events.constraints import (
     row_of,
 )
 from lagsim.run.events.corner_sides import CornerSides
-from lagsim.run.events.records import NO_SURFACES, NOTHING
+from lagsim.run.events.records import NO_SURFACES, NOTHING, Due
 from lagsim.run.failures import end_of_table
 from lagsim.run.instant import InstantRecord
-from lagsim.run.modes import ArcModes, TrialModes, write
+from lagsim.run.modes import ArcModes, Selection, TrialModes, write
 from lagsim.run.trajectory import (
     GO_ON,
     NOWHERE,
@@ -89,8 +88,8 @@ class Deciders(NamedTuple):
         The laws: contacts, friction, limits, freewheels, relations with `when`.
     jumping : bool
         Whether an equality of the model or its rate may jump.
-    switches : bool
-        Whether the model has switches or tables.
+    ends : bool
+        Whether the model has tables that end the run beyond their points.
     """
 
     knots: KnotTimes | None = None
@@ -100,7 +99,7 @@ class Deciders(NamedTuple):
     shown: ShownSides | None = None
     contacts: Contacts | None = None
     jumping: bool = False
-    switches: bool = False
+    ends: bool = False
 
 
 def unless_overflow(work: Callable[P, T]) -> Callable[P, T | Ending]:
@@ -272,13 +271,13 @@ def acts(now: InstantRecord, by: Deciders) -> InstantRecord:
             now = now.replaced(before=row_of(arc))
     if by.transitions is None or not due:
         return now
-    with TrialModes(arc) as trial:
+    with Selection(arc):
         corners = corners_at(now, by)
         row = None if now.before is None else now.before.row
         found, acted = by.transitions.act(arc, now.due, now.acts, row, corners)
         if corners is not None:
             corners.restore()
-    return carried_out(now, found, modes=trial.found, acts=acted, stale=True)
+    return carried_out(now, found, acts=acted, stale=True)
 
 
 @phase
@@ -292,15 +291,14 @@ def branches(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     if not now.stale:
         return now
-    arc, found, passed = now.arc, None, GO_ON
+    arc, passed = now.arc, GO_ON
     if arc.system.switches.modes:
-        with TrialModes(arc) as trial:
+        with Selection(arc):
             if by.knots is not None:
                 by.knots.select(arc)
             if by.breaks is not None:
                 passed = by.breaks.select(arc)
-        found = trial.found
-    now = carried_out(now, passed, modes=found, stale=False, admissible=None)
+    now = carried_out(now, passed, stale=False, admissible=None)
     arc.runner.prepare()
     return now
 
@@ -319,15 +317,13 @@ def sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.switching is None:
         return now
     located, arc = now.located, now.arc
-    with TrialModes(arc) as trial:
+    with Selection(arc):
         if located.surface >= 0:
             found = by.switching.select_at(arc, now.surfaces, now.laws, located.surface)
         else:
             found = by.switching.select(arc, now.surfaces, now.laws)
     now = now.replaced(located=NOWHERE, admissible=None)
-    return carried_out(
-        now, found.decision, modes=trial.found, surfaces=found.surfaces, laws=found.laws
-    )
+    return carried_out(now, found.decision, surfaces=found.surfaces, laws=found.laws)
 
 
 @phase
@@ -360,7 +356,7 @@ def velocities(now: InstantRecord, by: Deciders) -> InstantRecord:
     now : the record before the phase.
     by : the parts of the run that decide.
     """
-    ending = end_of_table(now.arc) if by.switches else None
+    ending = end_of_table(now.arc) if by.ends else None
     if ending is not None:
         return now.replaced(ending=ending)
     projected = GO_ON
@@ -384,15 +380,15 @@ def equalities_struck(
     by : the parts of the run that decide.
     before : the table row just before the instant.
     """
-    with TrialModes(now.arc) as trial:
+    with Selection(now.arc) as selection:
         found, surfaces = inelastic_impact(now.arc, before, by.switching, now.surfaces)
     now = now.replaced(before=before._replace(compared=True))
     if found is GO_ON:
+        selection.undo()
         return now, found
     jump = Decision(rows=found.rows, impulses=found.impulses)
     found = found._replace(rows=None)
-    others: dict[str, Any] = {"surfaces": surfaces, "admissible": None}
-    return carried_out(now, found, modes=trial.found, **others), jump
+    return carried_out(now, found, surfaces=surfaces, admissible=None), jump
 
 
 def corners_at(now: InstantRecord, by: Deciders) -> CornerSides | None:
@@ -417,7 +413,7 @@ def laws_struck(
     assert by.contacts is not None
     assert now.laws is not None
     arc = now.arc
-    with TrialModes(arc) as trial:
+    with Selection(arc):
         laws = now.laws if law < 0 else by.contacts.located(arc, now.laws, law)
         corners = corners_at(now, by)
         found = by.contacts.velocities(arc, laws, law, corners, decided=decided)
@@ -428,9 +424,7 @@ def laws_struck(
     decision = found.decision(arc).after(projected)
     if decision.ending is None and law >= 0:
         decision = decision._replace(ending=by.contacts.accumulate())
-    return carried_out(
-        now, decision, modes=trial.found, laws=found.laws, admissible=found.state
-    )
+    return carried_out(now, decision, laws=found.laws, admissible=found.state)
 
 
 @phase
@@ -447,11 +441,9 @@ def modes(now: InstantRecord, by: Deciders) -> InstantRecord:
     if by.contacts is None or now.laws is None or now.admissible is None:
         return now
     arc = now.arc
-    with TrialModes(arc) as trial:
+    with Selection(arc):
         found = by.contacts.modes(arc, now.laws, now.admissible)
-    return carried_out(
-        now, found.decision(arc), modes=trial.found, laws=found.laws, admissible=None
-    )
+    return carried_out(now, found.decision(arc), laws=found.laws, admissible=None)
 
 
 @phase
@@ -465,9 +457,9 @@ def shown_sides(now: InstantRecord, by: Deciders) -> InstantRecord:
     """
     if by.shown is None or by.shown.are_decided(now.arc):
         return now
-    with TrialModes(now.arc) as trial:
+    with Selection(now.arc):
         surfaces = by.shown.select(now.arc, now.surfaces)
-    return carried_out(now, GO_ON, modes=trial.found, surfaces=surfaces)
+    return now.replaced(surfaces=surfaces)
 
 
 @phase
@@ -480,24 +472,21 @@ def due_after(now: InstantRecord, by: Deciders) -> InstantRecord:
     now : the record after the phases before.
     by : the parts of the run that decide.
     """
-    if by.transitions is None or now.acts.is_over:
+    on = by.transitions
+    if on is None or now.acts.is_over or not on.has_conditions:
         return now if now.due is NOTHING else now.replaced(due=NOTHING)
     struck, acted = now.impacts, now.acts
-    with TrialModes(now.arc) as trial:
-        due = by.transitions.due_after(
-            now.arc, struck=struck, stored_truth=now.stored_truth
-        )
+    with Selection(now.arc):
+        due = on.due_after(now.arc, struck=struck, stored_truth=now.stored_truth)
     acted = acted._replace(rounds=()) if struck and acted.rounds else acted
-    return carried_out(
-        now, GO_ON, modes=trial.found,
-        due=due, acts=acted, impacts=False, stored_truth=due.acts,
-    )  # fmt: skip
+    return now.replaced(due=due, acts=acted, impacts=False, stored_truth=due.acts)
 
 
 @phase
 def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Return the record with the row after the last jump, and the end by `until`."""
-    now.arc.system.p.settled[:] = now.arc.t
+    if now.arc.system.surfaces:
+        now.arc.system.p.settled[:] = now.arc.t
     if now.after is not None:
         now = now.replaced(after=now.arc.runner.tabulate(now.arc.row()))
     if by.transitions is not None and now.acts.is_over:
@@ -505,13 +494,7 @@ def bookkeep(now: InstantRecord, by: Deciders) -> InstantRecord:
     return now
 
 
-def carried_out(
-    now: InstantRecord,
-    found: Decision,
-    *,
-    modes: ArcModes | None = None,
-    **others: Any,
-) -> InstantRecord:
+def carried_out(now: InstantRecord, found: Decision, **others: Any) -> InstantRecord:
     """Apply the decision of a phase to the arc, and return the next record.
 
     Where velocities jump, the row before the first jump of the instant and the row
@@ -523,16 +506,12 @@ def carried_out(
         The record before the phase.
     found : Decision
         The decision of the phase.
-    modes : ArcModes, optional
-        The modes, and the truth of conditions, that the phase has changed.
     **others
         Further fields of the next record.
     """
-    arc = now.arc
-    if modes is not None:
-        write(arc, modes)
     if found is GO_ON:
         return now.replaced(**others)
+    arc = now.arc
     if found.sizes is not None:
         arc.sizes[:] = found.sizes
     if found.y is not None:
@@ -573,6 +552,8 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
     """Return the record with the events that are due just before the instant."""
     if by.transitions is None:
         return now
+    if not by.transitions.has_conditions:
+        return now.replaced(due=Due(by.transitions.periodic_due(now.arc)))
 
     def rests(arc: Arc) -> bool:
         """Whether a law or a surface may hold a rate at 0 from this instant on."""
@@ -584,14 +565,12 @@ def due_before(now: InstantRecord, by: Deciders) -> InstantRecord:
         on = by.switching
         return on is not None and on.comes_to_rest(arc, now.surfaces)
 
-    with TrialModes(now.arc) as trial:
+    with Selection(now.arc):
         due = by.transitions.due(now.arc, rests, now.acts.waited)
     acts = now.acts
     if due.waiting:
         acts = acts._replace(waited=acts.waited | due.waiting)
-    return carried_out(
-        now, GO_ON, modes=trial.found, due=due, acts=acts, stored_truth=True
-    )
+    return now.replaced(due=due, acts=acts, stored_truth=True)
 
 
 def started(arc: Arc, by: Deciders) -> InstantRecord:
@@ -606,27 +585,28 @@ def started(arc: Arc, by: Deciders) -> InstantRecord:
     """
     now, switches = new_record(arc, located=STARTED), arc.system.switches
     if by.jumping and (switches.modes or switches.turns):
-        with TrialModes(arc) as trial:
+        with Selection(arc):
             before = at_start(arc)
-        now = carried_out(now, GO_ON, modes=trial.found, before=before)
+        now = now.replaced(before=before)
     now = branches(now, by)
     if by.transitions is None:
         return now
-    with TrialModes(arc) as trial:
+    with TrialModes(arc):
         if by.switching is not None:
             by.switching.put_on_levels(arc)
         if by.shown is not None:
             by.shown.put_on_levels(arc)
         due = by.transitions.due_at_start(arc)
-    truth = trial.before._replace(truth=(trial.found or trial.before).truth)
-    now = carried_out(now, GO_ON, modes=truth, due=due, stored_truth=True)
+        truth = ArcModes.of(arc).truth
+    write(arc, ArcModes.of(arc)._replace(truth=truth))
+    now = now.replaced(due=due, stored_truth=True)
     if due.begun is not None and due.begun.impulse:
         first, rest, before = ArcModes.of(arc), now, now.before or row_of(arc)
         if not may_strike(arc, by):
             rest = modes(velocities(sides(now, by), by), by)
             before = before._replace(row=row_of(arc).row)
         now = now.replaced(before=before, surfaces=rest.surfaces, ending=rest.ending)
-        now = carried_out(now, GO_ON, modes=first)
+        write(arc, first)
     return now
 
 

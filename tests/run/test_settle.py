@@ -11,7 +11,7 @@ import lagsim
 from lagsim.methods.parts.parameters import KEPT
 from lagsim.run import arcs, settle
 from lagsim.run.events.surface_modes import SurfaceModes
-from lagsim.run.modes import ArcModes, TrialModes
+from lagsim.run.modes import ArcModes, Selection
 
 PAGE = (Path(__file__).parents[2] / "docs" / "events.md").read_text(encoding="utf-8")
 
@@ -71,29 +71,40 @@ class Watched(NamedTuple):
 
 @pytest.fixture(scope="module")
 def watched():
-    """Run ALL_KINDS; only `settle` writes modes, and only to words of the record."""
-    written, found = [], Watched(set(), set(), set())
-    inner, own, due = settle.write, settle.settle, settle.due_before
+    """Run ALL_KINDS; modes change within selections of `settle` alone.
+
+    Selections write only words of the record.
+    """
+    known, found = [], Watched(set(), set(), set())
+    own, due, write = settle.settle, settle.due_before, settle.write
     store = SurfaceModes.store
 
-    class Trial(TrialModes):
+    class Selected(Selection):
         def __init__(self, arc):
             super().__init__(arc)
-            assert not written or self.before == written[-1]
+            assert not known or self.before == known[-1]
+
+        def __exit__(self, *error):
+            super().__exit__(*error)
+            known.append(ArcModes.of(self.arc))
+            p = self.arc.system.p
+            found.given.add((*p.file_modes.tolist(), *p.branches.tolist()))
+
+        def undo(self):
+            super().undo()
+            known.append(ArcModes.of(self.arc))
 
     def writing(arc, modes):
-        inner(arc, modes)
-        written.append(modes)
-        p = arc.system.p
-        found.given.add((*p.file_modes.tolist(), *p.branches.tolist()))
+        write(arc, modes)
+        known.append(modes)
 
     def beginning(now, by):
-        written.clear()  # the kernel has changed words in the arc
+        known.clear()  # the kernel has changed words in the arc
         return due(now, by)
 
     def settling(now, by):
         now = own(now, by)
-        assert not written or ArcModes.of(now.arc) == written[-1]
+        assert not known or ArcModes.of(now.arc) == known[-1]
         found.kinds.update(e.kind for e in now.events)
         return now
 
@@ -106,8 +117,8 @@ def watched():
             assert first <= p.place(name) < last, name
 
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settle, "Selection", Selected)
         patch.setattr(settle, "write", writing)
-        patch.setattr(settle, "TrialModes", Trial)
         patch.setattr(arcs, "settle", settling)
         patch.setattr(arcs, "due_before", beginning)
         patch.setattr(SurfaceModes, "store", storing)
@@ -124,7 +135,7 @@ def test_only_settle_writes_the_modes_of_an_arc(watched):
 
 
 def test_all_words_that_a_selection_of_sides_stores_are_in_the_record(watched):
-    # A trial restores them, and another system of the run receives them.
+    # An error restores them, and another system of the run receives them.
     assert watched.stored >= {"slack", "band", "roundoff", "decisive"}
 
 

@@ -227,6 +227,12 @@ class Surfaces(ModeWords):
     slides_before: Floats = array("surfaces")
     # time of the last instant, for all surfaces
     settled: Floats = array("surfaces", inf)
+    # Distance from its level up to which the value of a shown surface may be rounding,
+    # -1 for other surfaces; the magnitudes of components up to which this holds.
+    far: Floats = array("surfaces", -1.0)
+    far_up_to: Floats = array(lambda p: p.size if p.surfaces else 0, -1.0)
+    shown_decided: float  # the result of `departures.shown_are_decided`
+    shown_values: Floats = array("surfaces")  # its working memory
     # Distance of the expression of a carried surface from its bounds above.
     margin_above: Floats = array("surfaces")
     # Where the rows of J begin among its elements, and the column of each.
@@ -302,10 +308,10 @@ class Parameters(Laws):
     sigma: float  # length of the last independent column at the current state
     least_sigma: float  # the smallest sigma since a kernel set this to 1
     factored: float  # 1: L of M is known; 2: also the factors of S
+    noted: float  # number of stored directions of the rows
     lasting: float  # the largest value of `factored` while the modes of laws stay
     least_pivot: float  # least pivot of the matrices S of the rows that hold
     ranked: float  # the rank at the last factorisation
-    noted: float  # number of stored directions of the rows
 
     # From here on arrays are valid within an arc only: first q'' and lambda, which the
     # model reads.
@@ -391,3 +397,10 @@ class Parameters(Laws):
         columns,
     )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
+
+    @cached_property
+    def begun(self) -> memoryview:
+        """View of the numbers, `reference` to `noted`, with which each arc begins."""
+        first, last = self.fields["reference"].word, self.fields["noted"].word
+        words: memoryview = self.numbers[first : last + 1]
+        return words

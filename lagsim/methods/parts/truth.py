@@ -227,11 +227,12 @@ def located_within(s: SearchTable, p: Parameters) -> float:
     return error_of_time(s, found)
 
 
-def decide_before(s: SearchTable, p: Parameters, found: int) -> None:
+def decide_before(s: SearchTable, p: Parameters, found: int) -> int:
     """Evaluate the conditions at the state just before an instant.
 
     Rates are evaluated only where a condition may change; `calm` becomes 1 if no
-    condition can change unless the state jumps.
+    condition can change unless the state jumps. Return 1 if an inequality is false by
+    its value that is located, or jumps past 0, at this time, else 0.
 
     found : see `evaluate_with_bounds`.
     """
@@ -252,6 +253,11 @@ def decide_before(s: SearchTable, p: Parameters, found: int) -> None:
     if not far:
         s.calm = 0.0
         evaluate_with_bounds(s, p, found, -1)
+    for k in range(s.conditions):
+        is_false = s.equation[k] == 0.0 and s.worth[k] < -s.zero[k]
+        if is_false and (k == found or is_zero_at_switch(s, k)):
+            return 1
+    return 0
 
 
 def is_zero_at_switch(s: SearchTable, k: int) -> bool:

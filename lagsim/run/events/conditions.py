@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts.truth import LEAST
-from lagsim.run.instants import width
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -65,8 +64,8 @@ class Truth:
 
     The kernels decide the truth just before and just after the instant. They write it
     to two arrays (C,) of the memory, `orientation` (0 for a condition that is true) and
-    `leeway`. This happens in a trial (`run.modes.TrialModes`), whose record includes
-    both arrays.
+    `leeway`. This happens in a selection (`run.modes.Selection`), which restores both
+    arrays after an error.
 
     Attributes
     ----------
@@ -84,7 +83,7 @@ class Truth:
         self.steps = steps
         self._kernel, self._words = arc.runner.kernel, arc.system.p.address
         # Orientation and leeway (C,) of the conditions before `satisfied`.
-        self._before = np.zeros(0), np.zeros(0)
+        self._before: tuple[Floats, ...] = ()
 
     def run(self, kernel: str, *arguments: float) -> float:
         """Call a kernel of `methods.parts.truth` by its name, and return its result."""
@@ -144,13 +143,7 @@ class Truth:
 
         found : index of the condition located at the instant, or -1.
         """
-        self.run("decide_before", found)
-        state = self.state
-        zero_at = state.step_t + state.zero_at * state.step_h
-        jumps = np.abs(zero_at - state.t) <= width(self.arc.settings, self.arc.t)
-        if found >= 0:
-            jumps[found] = True
-        if np.any(jumps & (state.equation == 0.0) & (state.worth < -state.zero)):
+        if self.run("decide_before", found):
             # By a step of the time, whose value at its own time is that before it:
             # floor(1 - t) is 0 at 1.
             self._store_jumps()

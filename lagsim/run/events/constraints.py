@@ -85,7 +85,7 @@ def at_start(arc: Arc) -> Before:
 
     Switches of t have their values at the start itself in the row, and keep these
     values in the memory; the first arc has the values just after the start. Called
-    within a trial of modes.
+    within a selection of modes.
     """
     discrete = [mode.discrete for mode in arc.system.switches.modes]
     values = {**arc.parameters, "t": arc.t}

@@ -55,6 +55,8 @@ class Transitions(Source):
         The number of assignments before each event, and of all.
     periodic, event_of : list of int
         The indices of periodic events; the index of the event of each condition.
+    has_conditions : bool
+        Whether any event, or `until`, has a condition.
     selects : bool
         Whether conditions contain functions with jumps (steps, such as `sign`), whose
         sides are selected at an instant.
@@ -71,6 +73,7 @@ class Transitions(Source):
         self.sets = [0, *accumulate(len(x.sets) for x in events)]
         self.periodic = [k for k, number in enumerate(self.next) if number > 0]
         self.event_of = [k for k, x in enumerate(events) if x.at is not None]
+        self.has_conditions = bool(arc.equations.model.located)
         self.energetic = arc.system.equations.is_set
         self.kicks = arc.equations.model.kicks
         nodes = [x.node for x in arc.equations.model.located]
@@ -110,20 +113,21 @@ class Transitions(Source):
         """Return the time of the next act of periodic event k."""
         return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
 
+    def periodic_due(self, arc: Arc) -> frozenset[int]:
+        """Return the indices of the periodic events that act at the time reached."""
+        limit = arc.t + width(arc.settings, arc.t)
+        return frozenset(k for k in self.periodic if self._time(arc, k) <= limit)
+
     def due(
         self, arc: Arc, comes_to_rest: Callable[[Arc], bool], waited: frozenset[int]
     ) -> Due:
-        """Return the events that are due at the state just before the instant.
+        """Return the events due just before the instant, in a model with conditions.
 
         comes_to_rest : function of the arc, whether a law or a surface may hold a rate
             at 0 from then on, so that `if(x_dot < 0, 1, 0)` stays 0.
         waited : conditions that have waited at this instant for its laws and surfaces.
         """
-        limit = arc.t + width(arc.settings, arc.t)
-        periodic = frozenset(k for k in self.periodic if self._time(arc, k) <= limit)
-        if not len(arc.state.orientation):
-            return Due(periodic)
-        truth = self.truth(arc)
+        periodic, truth = self.periodic_due(arc), self.truth(arc)
         truth.decide_before(int(arc.state.event) - 1)
         satisfied = frozenset(truth.satisfied())
         waiting = frozenset[int]()
@@ -135,14 +139,12 @@ class Transitions(Source):
         return Due(periodic, satisfied - waiting, waiting)
 
     def due_after(self, arc: Arc, *, struck: bool, stored_truth: bool) -> Due:
-        """Return the events that are due at the state after all acts.
+        """Return the events due after all acts, in a model with conditions.
 
         struck : whether velocities have jumped since the conditions were decided.
         stored_truth : whether the truth of the conditions just before the instant is
             stored; if not, it is evaluated here.
         """
-        if not len(arc.state.orientation):
-            return NOTHING
         truth = self.truth(arc)
         if not stored_truth:
             truth.decide_before()
@@ -268,14 +270,15 @@ class Transitions(Source):
 class ArcActs:
     """The modes of the file and the conditions of an arc, on which events act.
 
-    See `rounds.ActsTarget`. The modes are those in the memory, in a trial (`modes`).
-    The truth of the conditions `waiting` is decided after the acts.
+    See `rounds.ActsTarget`. The modes are those in the memory, in a selection
+    (`run.modes`). The truth of the conditions `waiting` is decided after the acts.
     """
 
     def __init__(self, arc: Arc, by: Transitions, waiting: frozenset[int]) -> None:
         self.arc, self.by, self.waiting = arc, by, waiting
         self._truth = by.truth(arc)
-        self._truth.keep()
+        if waiting:
+            self._truth.keep()
 
     @property
     def modes(self) -> dict[str, float]:
