@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import floor, inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import LEVEL, Parameters
 from lagsim.methods.parts.state import derivative, rounding, surface_rows, surfaces
 from lagsim.program.sliding import extent, product
 from lagsim.tolerances import (
@@ -83,17 +83,17 @@ def term_sizes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     divided by the unit of rounding, since slopes may vanish.
 
     out : the magnitudes (surfaces,); the sums of the magnitudes of the slopes
-        (surfaces,); then the input: whether an expression contains rates that jump
-        (surfaces,), and the largest magnitudes of the components so far (size,); and
-        working memory (size + 2 surfaces,).
+        (surfaces,); the values of the expressions (surfaces,); then the input: whether
+        an expression contains rates that jump (surfaces,), and the largest magnitudes
+        of the components so far (size,); and working memory (size + surfaces,).
     """
     count = p.surfaces
     size = p.size
-    on_rates = out[2 * count :]
-    sizes = out[3 * count :]
+    here = out[2 * count :]
+    on_rates = out[3 * count :]
+    sizes = out[4 * count :]
     work = sizes[size:]
-    here = work[size:]
-    nearby = here[count:]
+    nearby = work[size:]
     # In the places of velocities, the magnitudes of positions.
     work[: p.n] = sizes[p.positions]
     for i in range(p.velocities.stop, p.dynamic.stop):
@@ -168,9 +168,42 @@ def deciding_rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         out[3 * count + k] = extent(k, p, ranges[p.driven])
 
 
+def shown_are_decided(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Store in `p.shown_decided` whether no side of a shown surface need be selected.
+
+    1 if each shown surface is off its levels, by more than `p.far`; 2 if some are at
+    the level where they stay while the motion rests; 0 if a side is to be selected, as
+    where a component of the state exceeds the magnitude up to which `p.far` is valid.
+
+    out : the largest magnitudes of the components so far (size,), which stay unchanged.
+    """
+    p.shown_decided = 0.0
+    for i in range(p.size):
+        if max(abs(y[i]), out[i]) > p.far_up_to[i]:
+            return
+    surfaces(t, y, p, p.shown_values)
+    decided = 1.0
+    for k in range(p.surfaces):
+        if p.far[k] < 0.0:
+            continue
+        value = p.shown_values[k]
+        level = 0.0
+        if p.is_whole[k] > 0.0:
+            level += floor(value + 0.5)
+        off = abs(value - level)
+        if p.slides[k] == 0.0 and p.slack[k] == 0.0 and p.least[k] == -inf:
+            if not off > p.far[k]:
+                return
+        elif p.slides[k] == LEVEL and p.least[k] == level and off <= p.slack[k]:
+            decided = 2.0
+        else:
+            return
+    p.shown_decided = decided
+
+
 def or_zero(x: float) -> float:
     """Return x, or 0 where it is not a number."""
     return x if x == x else 0.0
 
 
-KERNELS = [departures, term_sizes, deciding_rates]
+KERNELS = [departures, term_sizes, deciding_rates, shown_are_decided]

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
+from lagsim.native.layout import address
 from lagsim.run.events.surface_modes import ABOVE, BELOW, LEVEL, SurfaceModes
 from lagsim.run.trajectory import Decision, Source, Turn
 from lagsim.tolerances import (
@@ -52,6 +52,8 @@ APPLIED = 2.0
 WIDER = 16.0
 # Error of a nearly constant coordinate, see `switching`.
 NOISE = 1e-4
+# Result of the kernel `shown_are_decided` where the sides last while the motion rests.
+RESTING = 2.0
 # Bounds of rounding by rows, as a part of the largest component.
 BY_ROWS = 1e-9
 
@@ -68,10 +70,6 @@ class ShownSides(Source):
     def __init__(self, arc: Arc) -> None:
         self.modes = SurfaceModes(arc)
         self.whole: list[bool] = self.modes.whole.tolist()
-        # Each shown surface, whether it steps at whole numbers, and a bound of values
-        # that may be rounding, for magnitudes up to `then`.
-        self.far: list[tuple[int, bool, float]] = []
-        self.then = np.zeros(0)
 
     @cached_property
     def autonomous(self) -> bool:
@@ -87,22 +85,11 @@ class ShownSides(Source):
         at its level while the motion rests: y' is 0, and nothing depends on t. Values
         are compared with bounds of an earlier instant, far above rounding.
         """
-        p, size = arc.system.p, len(arc.y)
-        if len(self.then) != size or (arc.magnitudes > self.then).any():
-            return False
-        slack, slides, least = p.slack, p.slides, p.least
-        values = arc.runner.function("surfaces", self.modes.count)(arc.t, arc.y)
-        values, rests = values.tolist(), False
-        for k, is_whole, far in self.far:
-            level = nearest(values[k]) if is_whole else 0.0
-            off = abs(values[k] - level)
-            free = slides[k] == slack[k] == 0.0 and least[k] == -math.inf
-            if free and off > far:
-                continue
-            if slides[k] != kept.LEVEL or least[k] != level or not off <= slack[k]:
-                return False
-            rests = True
-        return not rests or (self.autonomous and not arc.rates(arc.t, arc.y).any())
+        p, kernel = arc.system.p, arc.runner.kernel("shown_are_decided")
+        kernel(arc.t, address(arc.y), p.address, address(arc.sizes))
+        if p.shown_decided == RESTING:
+            return self.autonomous and not arc.rates(arc.t, arc.y).any()
+        return bool(p.shown_decided)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Return the decision to settle where a shown surface has left its level."""
@@ -136,15 +123,18 @@ class ShownSides(Source):
         surfaces : the surfaces at the instant, with the modes of the motion.
         """
         self.modes.arc = arc
-        self.far, self.then = [], 2.0 * arc.magnitudes
-        decided, left = list[int](), self.modes.shown_order
-        slack = arc.system.p.slack
+        p, left = arc.system.p, self.modes.shown_order
+        p.far_up_to[:] = 2.0 * arc.magnitudes
+        decided: list[int] = []
+        wider: list[int] = []
         while left:
             found, left = self._select(arc, surfaces, left)
-            # Changes of the state by rounding keep these sides.
-            slack[found] *= WIDER
             decided += found
-        slack[decided] /= WIDER
+            if left:  # changes of the state by rounding keep the sides found
+                p.slack[found] *= WIDER
+                wider += found
+        if wider:
+            p.slack[wider] /= WIDER
         if not decided:
             return surfaces
         return surfaces._replace(shown=surfaces.shown.union(decided))
@@ -157,9 +147,10 @@ class ShownSides(Source):
         Return the surfaces that are at their levels, and the remaining ones, of which
         the first depends on a side selected here.
         """
-        modes, slack, kinds = self.modes, arc.system.p.slack, arc.system.p.slides
-        departed = arc.system.p.departed
-        found, (sizes, slopes) = modes.values(arc.t, arc.y), modes.term_sizes()
+        modes, p = self.modes, arc.system.p
+        slack, kinds = p.slack.tolist(), p.slides.tolist()
+        departed = p.departed.tolist()
+        sizes, slopes, found = modes.term_sizes()
         values = found.tolist()
         limits = HALF_OF_DIGITS * sizes
         if arc.system.m:
@@ -170,20 +161,22 @@ class ShownSides(Source):
         near = [
             k for k in order if off[k] <= max(far[k], slack[k]) and off[k] < math.inf
         ]
-        least = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if near else sizes)
-        decided, left = list[int](), list[int]()
+        rounding = RESIDUAL_ROUNDOFF * (modes.including_rows(sizes) if near else sizes)
+        least = rounding.tolist()
+        decided: list[int] = []
+        left: list[int] = []
         for place, k in enumerate(order):
             if decided and not modes.depends[k].isdisjoint(decided):
                 left = order[place:]
                 break
-            self.far.append((k, self.whole[k], far[k]))
+            p.far[k] = far[k]
             if levels[k] != departed[k]:  # the slack is that of another level
-                slack[k] = 0.0
+                p.slack[k] = slack[k] = 0.0
             free, own = kinds[k] == 0.0, slack[k]
             clear = APPLIED * least[k] if modes.shown_nested else least[k]
             if k not in near or (free and off[k] > max(clear, own)):
                 modes.set_by_value(k, defined(values[k]))
-                slack[k] = 0.0
+                p.slack[k] = 0.0
             elif free and off[k] <= own > 0.0 and k not in surfaces.shown:
                 continue
             else:
@@ -193,7 +186,7 @@ class ShownSides(Source):
                     continue
             modes.write_shown(k)
         if decided:
-            self._decide(arc, decided, found, least)
+            self._decide(arc, decided, found, rounding)
         for k in decided:
             modes.write_shown(k)
         return decided, left
@@ -209,37 +202,40 @@ class ShownSides(Source):
         keeps = arc.system.m > 0 or arc.system.p.sliding > 0.0
         clear = [k for k in on if abs(rates[k]) > weak[k]]
         moved = [k for k in clear if by_state[k] > HALF_OF_DIGITS * abs(rates[k])]
-        ways, drifts = np.zeros(modes.count), np.zeros(modes.count)
+        ways, drifts = {k: rates[k] for k in clear}, [0.0] * modes.count
         if len(clear) < len(on):
-            drifts = modes.drifts() if keeps else drifts
+            drifts = modes.drifts().tolist() if keeps else drifts
             apart = np.maximum(CLEAR_OF_ROUNDING * least, drifts)
-            ways = modes.leads({k: apart[k] for k in on if k not in clear})
-        ways[clear] = [rates[k] for k in clear]
-        off = np.abs(values - modes.levels)
-        beyond = [k for k in on if off[k] > max(least[k], slack[k])]
-        if (keeps or len(moved) < len(on)) and (beyond or ways[on].any()):
+            slow = [k for k in on if k not in ways]
+            led = modes.leads({k: apart[k] for k in slow}).tolist()
+            ways |= {k: led[k] for k in slow}
+        own_least, own_slack = least.tolist(), slack.tolist()
+        off = {k: abs(float(values[k] - modes.levels[k])) for k in on}
+        beyond = [k for k in on if off[k] > max(own_least[k], own_slack[k])]
+        if (keeps or len(moved) < len(on)) and (beyond or any(ways.values())):
             held = self._held(arc, on, values, least)
-            ways[held], beyond = 0.0, [k for k in beyond if k not in held]
+            ways |= dict.fromkeys(held, 0.0)
+            beyond = [k for k in beyond if k not in held]
             if keeps and held and len(clear) == len(on):
-                drifts = modes.drifts()
+                drifts = modes.drifts().tolist()
         # Changes of the expressions by errors within the tolerance.
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         noise = NOISE * arc.state.rtol
         for k in on:
             error = noise * (1.0 if modes.on_rates[k] else step) * reach[k]
-            own = max(least[k], math.ulp(0.0), 2.0 * off[k], error)
+            own = max(own_least[k], math.ulp(0.0), 2.0 * off[k], error)
             # An expression of unbounded slope (a root at 0) leaves its level at once.
             if k in beyond or not own < math.inf:
                 modes.set_by_value(k, defined(values[k]))
                 slack[k] = 0.0
                 continue
-            if off[k] > slack[k] > 0.0:  # the terms that cancel have become larger
+            if off[k] > own_slack[k] > 0.0:  # the terms that cancel have become larger
                 own = max(own, GROWS * off[k])
             if ways[k] != 0.0:
                 modes.set_mode(k, modes.levels[k], ABOVE if ways[k] > 0.0 else BELOW)
                 slack[k] = own
             else:
-                slack[k] = max(own + drifts[k], slack[k])
+                slack[k] = max(own + drifts[k], own_slack[k])
 
     def _held(
         self, arc: Arc, on: list[int], values: Floats, least: Floats

@@ -1,4 +1,4 @@
-"""Modes of the switching surfaces, on trial at an instant and in an arc."""
+"""Modes of the switching surfaces, at an instant and in an arc."""
 
 from __future__ import annotations
 
@@ -98,10 +98,10 @@ class Selected(NamedTuple):
 
 
 class SurfaceModes:
-    """The modes of the switching surfaces of a run, on trial at an instant.
+    """The modes of the switching surfaces of a run, at an instant.
 
     `begin` reads the modes from the memory of the arc, and `write` writes them there,
-    within a trial (`run.modes`).
+    within a selection (`run.modes`).
 
     Attributes
     ----------
@@ -432,8 +432,8 @@ class SurfaceModes:
         given = self.on_rates, arc.magnitudes, arc.ranges
         return arc.runner.at_levels("deciding_rates", 4, arc.t, arc.y, *given)
 
-    def term_sizes(self, y: Floats | None = None) -> tuple[Floats, Floats]:
-        """Return magnitudes of terms (K,) and sums of slopes (K,) at y (size,).
+    def term_sizes(self, y: Floats | None = None) -> Floats:
+        """Return magnitudes of terms, sums of slopes, and values (3, K) at y (size,).
 
         They are the results of the kernel `departures.term_sizes`.
 
@@ -442,8 +442,7 @@ class SurfaceModes:
         arc = self.arc
         given = self.on_rates, arc.magnitudes
         y = arc.y if y is None else y
-        sizes, slopes = arc.runner.at_levels("term_sizes", 2, arc.t, y, *given)
-        return sizes, slopes
+        return arc.runner.at_levels("term_sizes", 3, arc.t, y, *given)
 
     def decisive(self) -> Floats:
         """Mark surfaces on whose sides the rest of another surface depends, shape (K,).
