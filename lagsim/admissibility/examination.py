@@ -607,11 +607,16 @@ class _Examiner:
 
         positions, states : indices of the unknowns.
         """
-        from lagsim.admissibility.rest import find_rest
+        from lagsim.admissibility.rest import find_rest, sliding_limits
 
         still = self.stated.at(v=np.zeros(self.n))
         stated = defined_conditions(still, velocities=False)
-        return find_rest(still, stated, (positions, states), self.off)
+        slides = sliding_limits(still, self.off)
+        at = still.of(slides.equations) if slides.multipliers else still
+        found = find_rest(at, stated, (positions, states), slides.off)
+        if found is None or not slides.multipliers:
+            return found
+        return found._replace(point=found.point.of(self.e))
 
     def _guess_relations(self, point: Point, block: int) -> Relations:
         """Return the relations from which guesses are solved.

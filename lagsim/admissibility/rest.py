@@ -16,6 +16,7 @@ an unknown. A share outside of [0, 1] releases the state to the side beyond; see
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -569,6 +570,56 @@ def find_rest(
                 beside = (base | x for base in bases for x in each)
                 active = next((x for x in beside if frozenset(x) not in tried), active)
     return None
+
+
+class SlidingLimits(NamedTuple):
+    """Equations in which limited equalities that slide at rest are forces.
+
+    Attributes
+    ----------
+    equations : Equations
+    off : frozenset of str
+        The constraints out of force, with those that slide.
+    multipliers : dict of str to int
+        The multipliers of those that slide, by the name of the row: nodes.
+    """
+
+    equations: Equations
+    off: frozenset[str]
+    multipliers: dict[str, int]
+
+
+def sliding_limits(point: Point, off: Collection[str]) -> SlidingLimits:
+    """Return the equations with limited equalities that slide at rest as forces.
+
+    A body at rest on a moving belt slides (x_dot = 3 is off by -3): the limit acts
+    against the slip. For friction of contacts, which depends on multipliers, see
+    `acting_rows`.
+
+    point : a state with velocities 0.
+    off : the constraints that are out of force.
+    """
+    e, g = point.e, point.g
+    own: dict[int, list[Law]] = {}
+    for k, law in enumerate(e.laws):
+        limited = law.bounded and not (law.slips or law.slider or law.row.holonomic)
+        if limited and law.constraint not in off:
+            own.setdefault(min(k, law.pair) if law.pair >= 0 else k, []).append(law)
+    f, multipliers, slides = list(e.f), dict[str, int](), set(off)
+    for laws in own.values():
+        rates = [law.row.rate for law in laws]
+        slips, rounding = point.array(rates), point.rounding(rates)
+        if np.linalg.norm(slips) <= CLEAR_OF_ROUNDING * np.max(rounding):
+            continue
+        slides |= {law.constraint for law in laws}
+        size = g.call("sqrt", g.product_sum((x, x) for x in rates))
+        for law, rate in zip(laws, rates, strict=True):
+            push = g.call("div", g.call("mul", law.bound, rate), size)
+            multipliers[law.row.name] = push = g.call("neg", push)
+            for j, entry in law.row.A.entries.items():
+                f[j] = g.call("add", f[j], g.call("mul", push, entry))
+    with_forces = replace(e, f=tuple(f)) if multipliers else e
+    return SlidingLimits(with_forces, frozenset(slides), multipliers)
 
 
 def acting_rows(point: Point) -> dict[int, Row]:

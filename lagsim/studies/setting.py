@@ -12,19 +12,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import sliding_limits
 from lagsim.admissibility.verdict import out_of_force, with_timed
 from lagsim.codes.known import FROZEN_TIME
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
 from lagsim.run.session import after_start_events
-from lagsim.tolerances import CLEAR_OF_ROUNDING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.admissibility.examination import StartReport
-    from lagsim.mechanics.constraints import Law
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
 
@@ -92,36 +91,11 @@ def setting_of(model: Model) -> Setting:
 
 
 def with_sliding(setting: Setting) -> Setting:
-    """Return the setting with limited equalities that slide at rest as forces.
-
-    A body at rest on a moving belt slides (x_dot = 3 is off by -3): the limit acts
-    against the slip. For friction of contacts, which depends on multipliers, see
-    `admissibility.rest.acting_rows`.
-    """
-    e, point, g = setting.equations, setting.point, setting.equations.graph
-    own: dict[int, list[Law]] = {}
-    for k, law in enumerate(e.laws):
-        limited = law.bounded and not (law.slips or law.slider or law.row.holonomic)
-        if limited and law.constraint not in setting.off:
-            own.setdefault(min(k, law.pair) if law.pair >= 0 else k, []).append(law)
-    f, multipliers = list(e.f), dict[str, int]()
-    off = set(setting.off)
-    for laws in own.values():
-        rates = [law.row.rate for law in laws]
-        slips, rounding = point.array(rates), point.rounding(rates)
-        if np.linalg.norm(slips) <= CLEAR_OF_ROUNDING * np.max(rounding):
-            continue
-        off |= {law.constraint for law in laws}
-        size = g.call("sqrt", g.product_sum((x, x) for x in rates))
-        for law, rate in zip(laws, rates, strict=True):
-            push = g.call("div", g.call("mul", law.bound, rate), size)
-            multipliers[law.row.name] = push = g.call("neg", push)
-            for j, entry in law.row.A.entries.items():
-                f[j] = g.call("add", f[j], g.call("mul", push, entry))
-    if not multipliers:
-        return setting
-    slides = replace(e, f=tuple(f))
-    return setting._replace(equations=slides, off=frozenset(off), sliding=multipliers)
+    """Return the setting with limited equalities that slide at rest as forces."""
+    found = sliding_limits(setting.point, setting.off)
+    return setting._replace(
+        equations=found.equations, off=found.off, sliding=found.multipliers
+    )
 
 
 def _frozen(model: Model, time: float) -> Model:

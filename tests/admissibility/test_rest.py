@@ -438,3 +438,40 @@ simulation: {{begin: rest, duration: 1, output_step: 0.5}}
     x = brentq(lambda x: 20 * (0.3 - x) - 9.81 * x / math.sqrt(0.16 - x * x), 0, 0.3)
     assert found["x"] == pytest.approx(x, abs=1e-12)
     assert found["Z"] == pytest.approx(0.0, abs=1e-18)
+
+
+BELT = """
+parameters: {{mu: 0.3, r: 0.2}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: x_dot^2 + y_dot^2/2, potential: 10*x^2 + 5*y^2 + {load}*y}}
+constraints: {{{limits}}}
+initial: {{x: {{guess: 0}}, y: {{guess: 0}}}}
+simulation: {{duration: 1, begin: rest}}
+"""
+
+
+# At rest 20 x = f_x and 10 y + load = f_y, with the forces f of the limits.
+@pytest.mark.parametrize(
+    ("limits", "load", "x", "y"),
+    [
+        ("belt: {relation: x_dot = 3, limit: 4*mu}", 0, 0.06, 0.0),
+        ("belt: {relation: -x_dot = 3, limit: 4*mu}", 0, -0.06, 0.0),
+        # The bound follows from the deflection of a spring: y = -1.
+        ("belt: {relation: x_dot = 3, limit: -10*mu*y}", 10, 0.15, -1.0),
+        ("belt: {relation: x_dot = 3, limit: {static: 9, dynamic: 2}}", 0, 0.1, 0.0),
+        ("belt: {relation: x_dot = 3, limit: 2 + x}", 0, 2 / 19, 0.0),
+        ("belt: {relation: x_dot - r*y_dot = 3, limit: 2}", 0, 0.1, -0.04),
+        ("belt: {relation: [x_dot = 3, y_dot = -4], limit: 5}", 0, 0.15, -0.4),
+        (
+            ("belt: {relation: x_dot = 3, limit: 1},"
+            " other: {relation: x_dot = -2, limit: 3}"),
+            0, -0.1, 0.0,
+        ),
+    ],
+)  # fmt: skip
+def test_a_start_at_rest_on_a_limit_that_slides(limits, load, x, y):
+    text = BELT.format(limits=limits, load=load)
+    result = lagsim.simulate(text, error_bar="never")
+    assert result.complete
+    for name, value in (("x", x), ("y", y)):
+        assert result[name] == pytest.approx(value + 0 * result.t, abs=1e-12)
