@@ -115,6 +115,12 @@ KINKED = (
     "may lie between both sides, write one relation for each side, such as `y >= k*x` "
     "and `y >= -k*x` for `y >= k*abs(x)`"
 )
+# Advice where a contact strikes a body that a curve of velocities holds.
+CURVED = (
+    "an impact leads off `{name}`, a curve of velocities, and no law of impacts is "
+    "known there: write the contact as a stiff force, such as `if(x > 1, -k*(x - 1), "
+    "0)`, or the relation as linear in velocities"
+)
 # Reasons of failed runs; the state at the end follows.
 FAILURES = {
     Outcome.TOO_MANY_STEPS: "too many steps ({steps}{about})",
@@ -152,18 +158,25 @@ def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
     text = f"{cause} at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
     if outcome is Outcome.STEP_TOO_SMALL:
         text += f"; {_fastest(arc)}"
-    advice = _on_kinks(arc, ending) or outcome.advice
+    advice = _on_rows(arc, ending) or outcome.advice
     return f"{text}: {advice}{_other_means(arc, outcome)}"
 
 
-def _on_kinks(arc: Arc, ending: Ending) -> str:
-    """Return advice on a contact with a kink in its gap; "" if there is none.
+def _on_rows(arc: Arc, ending: Ending) -> str:
+    """Return advice on rows that change where a contact acts; "" if there are none.
 
-    The gap has a kink that could not be divided into pieces.
+    A gap has a kink that could not be divided into pieces, or an equality is a curve of
+    velocities, which an impact leaves.
     """
+    e = arc.equations
+    if ending.outcome is Outcome.NO_ANSWER:
+        rows = {x.row.name: x.row for x in e.relations}
+        on_curve = ending.about in rows and e.is_curved(rows[ending.about])
+        struck = any(x.gapped for x in e.laws)
+        return CURVED.format(name=ending.about) if on_curve and struck else ""
     if ending.outcome is not Outcome.SWITCHES_ACCUMULATE:
         return ""
-    g, switches = arc.equations.graph, arc.system.switches
+    g, switches = e.graph, arc.system.switches
     sides = {g.variable(x.variable): x.text for x in switches.sides}
     for law in arc.equations.laws:
         if law.role is not CONTACT or f"`{law.name}`" not in ending.about:

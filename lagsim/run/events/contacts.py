@@ -33,7 +33,12 @@ from lagsim.notes import Event
 from lagsim.run.events.accumulation import Accumulation
 from lagsim.run.events.conditions import allow_closed
 from lagsim.run.events.corner_sides import corner_events
-from lagsim.run.events.corrections import corrected_state, kept_at_rest, stop
+from lagsim.run.events.corrections import (
+    corrected_state,
+    kept_at_rest,
+    leaves_curves,
+    stop,
+)
 from lagsim.run.events.impulses import data_at, followed, transmit
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.law_modes import (
@@ -186,6 +191,7 @@ class Contacts(Source):
         pairs = enumerate(self.laws)
         curved = arc.equations.is_curved
         self.curved = [k for k, x in pairs if x.equal and curved(x.row)]
+        self.always = [x.name for x in arc.equations.rows if curved(x)]
         self.modes_at_start = arc.modes
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -552,12 +558,14 @@ class Contacts(Source):
             for name, k in bent.items() if name not in named
         ]  # fmt: skip
         off = np.abs(there.rates) > CLEAR_OF_ROUNDING * there.still
-        missed = [k for k in self.curved if k in active and off[k]]
+        missed = [self.laws[k].name for k in self.curved if k in active and off[k]]
+        if self.always and leaves_curves(arc, before, y):
+            missed = self.always
         if not result.found:
             found.ending = Ending(Outcome.PARADOX, self._names(active))
         elif missed:
             # One row gives the impulses beside contacts: the curve is left.
-            found.ending = Ending(Outcome.NO_ANSWER, self.laws[missed[0]].name)
+            found.ending = Ending(Outcome.NO_ANSWER, missed[0])
         elif not result.impulses.any() and not bent:
             # the closing rates were rounding of the other motions of their bodies
             found.rows = None

@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
+from lagsim.run.modes import EqualitiesAlone
 from lagsim.tolerances import HALF_OF_DIGITS, SUM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lagsim.language.arrays import Floats, Ints
+    from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Kinematics
+
+# Velocities off a curve by this part of the largest one have left the curve.
+OFF_CURVE = 1e-8
 
 
 def corrected_state(here: Kinematics, law: int) -> Floats | None:
@@ -140,3 +145,17 @@ def stop(here: Kinematics, y: Floats, stopped: Collection[int]) -> None:
             moves = rate != row[j] * v[j]  # the surface on which it rests moves
             v[j] = v[j] - rate / row[j] if moves else 0.0
     y[here.arc.velocities] = v
+
+
+def leaves_curves(arc: Arc, before: Floats, y: Floats) -> bool:
+    """Whether the velocities in y are off the equalities that always hold.
+
+    A relation that is a curve of velocities has one row in an impact, along which its
+    rate changes: a large jump of velocities leads off the curve.
+
+    before, y : states (size,) just before and after an impact.
+    """
+    with EqualitiesAlone(arc):
+        step = arc.runner.function("velocity_step")(arc.t, y)[: arc.system.n]
+    speeds = np.abs([before[arc.velocities], y[arc.velocities]])
+    return bool(np.max(np.abs(step)) > OFF_CURVE * np.max(speeds))

@@ -4,6 +4,8 @@ The expected velocities are those of a large force along the relation's row, whi
 with the velocities: dv = M^-1 A(v)^T dLambda until the relation holds.
 """
 
+import math
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -92,3 +94,59 @@ def test_a_contact_that_the_jump_opens_does_not_count():
     right, _ = after([PARABOLA], start)
     found = [found[x][last] for x in ("x_dot", "y_dot", "z_dot")]
     assert found == pytest.approx(right, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("curve", "wall"),
+    [
+        ("0.3*x_dot^2", "x <= 1, restitution: 0.5"),
+        ("0.3*x_dot^2", "x <= 1, restitution: 0"),
+        ("0.3*x_dot^2", "y <= 0.2, restitution: 0.5"),
+        ("0.3*x_dot^2", "x + y <= 1, restitution: 0"),
+        ("0.3*sin(x_dot)/sin(1)", "x <= 1, restitution: 0.5"),
+    ],
+)
+def test_an_impact_that_leads_off_a_curve_ends_the_run_with_advice(curve, wall):
+    result = lagsim.simulate(
+        f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+constraints:
+  curve: {{relation: y_dot = {curve}}}
+  wall: {{relation: {wall}}}
+initial: {{x: 0, y: 0, x_dot: 1, y_dot: 0.3}}
+simulation: {{duration: 3}}
+""",
+        error_bar="never",
+    )
+    # The motion is uniform up to the first impact, at which the run ends.
+    assert not result.complete
+    assert "an impact leads off `curve`" in result.record["reason"]
+    assert result.t[-1] in (
+        pytest.approx(1.0),
+        pytest.approx(2 / 3),
+        pytest.approx(1 / 1.3),
+    )
+    assert len([x for x in result.events if x.kind == "impact"]) <= 1
+
+
+def test_an_impact_beside_a_curve_that_it_does_not_move():
+    result = lagsim.simulate(
+        """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 10*z}
+constraints:
+  curve: {relation: y_dot = 0.3*x_dot^2}
+  floor: {relation: z >= 0, restitution: 0.5}
+initial: {x: 0, y: 0, z: 1, x_dot: 1, y_dot: 0.3}
+simulation: {duration: 0.6}
+""",
+        error_bar="never",
+    )
+    fall = math.sqrt(0.2)
+    up = 0.5 * 10 * fall
+    assert result.complete
+    assert result["z"][-1] == pytest.approx(
+        up * (0.6 - fall) - 5 * (0.6 - fall) ** 2, abs=1e-9
+    )
+    assert result["y"][-1] == pytest.approx(0.18, abs=1e-9)
