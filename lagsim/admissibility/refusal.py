@@ -24,7 +24,7 @@ from lagsim.language.elements import payload
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.functions import ELEMENTS
 from lagsim.language.graph import DATA
-from lagsim.language.tables import arguments, written
+from lagsim.language.tables import FIRST, arguments, written
 from lagsim.mechanics.algebra import null_space, sizes_of
 from lagsim.mechanics.pieces import whole
 from lagsim.mechanics.surfaces import expression_text
@@ -61,6 +61,12 @@ NO_VALUE = (
 BEYOND = (
     "start, or guess, between the first and the last point of the table `{}`, or "
     "set `outside`"
+)
+# Largest distance of a start from a table's end, in units of rounding, and its hint.
+ROUNDED = 64.0
+PAST_END = (
+    "{0} = {1!r} is past the end {2!r} of the table `{3}` by {4:.2g}, a rounding: "
+    "start at {2!r}, or set `outside: extend`"
 )
 DIRECTION = (
     "a velocity of 0 has no direction: write friction in a plane not as "
@@ -274,6 +280,24 @@ def _member(point: Point, node: int) -> int | None:
     return None
 
 
+def _past_end(point: Point, node: int) -> str:
+    """Return the hint on a start past an end of a table by rounding; "" elsewhere.
+
+    node : the operation of the table.
+    """
+    g, of = point.g, written(point.g, node)
+    for k, x in enumerate(of.args):
+        axis = g.payload(g.args[node][k]).values
+        ends = axis[FIRST], axis[-1]
+        (value,) = point.array([x]).tolist()
+        for end in ends:
+            if 0.0 < abs(value - end) <= ROUNDED * UNIT_ROUNDOFF * abs(end):
+                return PAST_END.format(
+                    expression_text(g, x), value, end, of.name, value - end
+                )
+    return ""
+
+
 def _hint(point: Point, node: int) -> str:
     g = point.g
     op, args = g.ops[node], g.args[node]
@@ -282,7 +306,7 @@ def _hint(point: Point, node: int) -> str:
     if g.depends([node]) & still and not op.startswith("table."):
         return DIRECTION
     if op.startswith("table."):
-        return BEYOND.format(written(g, node).name)
+        return _past_end(point, node) or BEYOND.format(written(g, node).name)
     values = point.array(args)
     if not g.depends([node]):
         return "it has no finite value at any state: correct the expression"

@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from lagsim import load, simulate
+from lagsim import InputError, load, simulate
 
 MODEL = """
 coordinates: {{x: {{}}}}
@@ -126,3 +126,27 @@ def test_a_body_leaves_the_last_point_of_a_table_inwards():
     reached = 1 + math.sqrt(2) * math.acosh(2)
     [time] = [e.time for e in found.events if abs(e.time - reached) < 0.1]
     assert time == pytest.approx(reached, abs=1e-9)  # the knot x = 1
+
+
+@pytest.mark.parametrize(
+    ("start", "ends", "text"),
+    [
+        ("0.1 + 0.2", (-1, 0.3), "x = 0.30000000000000004 is past the end 0.3"),
+        ("0.3 - 1e-16", (0.3, 2), "x = 0.2999999999999999 is past the end 0.3"),
+    ],
+)
+def test_a_start_past_an_end_by_rounding_is_named(start, ends, text):
+    low, high = ends
+    model = f"""
+coordinates: {{x: {{}}}}
+tables: {{f: {{points: [[{low}, 1], [{high}, 2]], interpolation: linear}}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+forces: {{x: f(x)}}
+initial: {{x: {start}}}
+simulation: {{duration: 0.5}}
+"""
+    with pytest.raises(InputError) as caught:
+        simulate(model)
+    [problem] = caught.value.problems
+    assert problem.code == "not-finite"
+    assert text in problem.hint
