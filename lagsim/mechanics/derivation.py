@@ -164,6 +164,8 @@ FEW = 5
 # Functions besides y' that methods may use in models with elements (`NEEDS` of a
 # method), see `language.elements`.
 OF_ELEMENTS = frozenset(("power", "balance"))
+# Switches and kinks, and roots with an infinite slope: messages show their arguments.
+BENT = frozenset(k for k, x in OPERATIONS.items() if x.switch or x.branches) | {"cbrt"}
 
 
 def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
@@ -175,7 +177,7 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
     vectors = frozenset(g.of((ELEMENTS,)))
     if not vectors or not OF_ELEMENTS.issuperset(needs):
         return False
-    if output.reactions or not vectors.isdisjoint(g.cone(_deciding(model))):
+    if output.reactions or not vectors.isdisjoint(g.cone(_bent(model))):
         return False
     # Of sums of velocities M has no entries.
     velocities = {rate_of(c.name) for c in model.coordinates}
@@ -183,11 +185,10 @@ def may_gather(model: Model, needs: Collection[str] = ()) -> bool:
     return velocities.isdisjoint(g.depends(of_energies))
 
 
-def _deciding(model: Model) -> list[int]:
-    """Return the nodes on which modes depend, and those of constraints.
+def _bent(model: Model) -> list[int]:
+    """Return the arguments of all functions with a jump, a kink or an infinite slope.
 
-    They are the relations of conditions, sections and constraints, the bounds and slips
-    of laws, and the arguments of jumps and kinks in the motion.
+    Functions in columns alone are left out.
     """
     g, found = model.graph, list(model.relations)
     for c in model.constraints:
@@ -195,14 +196,11 @@ def _deciding(model: Model) -> list[int]:
         slips = () if c.law is None else c.law.slips
         nodes = (c.relation.node, c.limit, c.static, c.when, *law, *slips)
         found += [n for n in nodes if n is not None]
-    motion = [model.lagrangian, *(x.node for x in model.forces)]
-    motion += [x.rate for x in model.states]
-    motion += [] if model.dissipation is None else [model.dissipation]
-    for n in g.cone(motion):
-        row = OPERATIONS.get(g.ops[n])
-        if row is not None and (row.switch or row.branches):
-            found += g.args[n]
-    return found
+    found += [model.lagrangian, *(x.node for x in model.forces)]
+    found += [x.rate for x in model.states]
+    found += [] if model.dissipation is None else [model.dissipation]
+    bent = (n for n in g.cone(found) if g.ops[n] in BENT)
+    return [a for n in bent for a in g.args[n]]
 
 
 def derive(

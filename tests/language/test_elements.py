@@ -243,8 +243,8 @@ def test_terms_that_are_not_smooth_are_written_out(potential: str) -> None:
     ("potential", "more", "gathered"),
     [
         ("sum(i = 1..n, sum(j = i+1..n, x_dot(i)*y(j)))", "", False),
-        ("U", "constraints: {c: 'x(1) = U'}", True),
-        ("U", "events: {e: {at: 'U >= 9', impulse: {x(1): 1}}}", True),
+        ("U", "constraints: {c: 'x(1) = abs(U)'}", True),
+        ("U", "events: {e: {at: 'floor(U) >= 9', impulse: {x(1): 1}}}", True),
         ("U", "forces: {x(1): -sign(U)}", True),
     ],
 )
