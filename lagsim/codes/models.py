@@ -558,7 +558,8 @@ output: {reactions: [x]}
         "The equations of motion have no solution from this start on.",
         "At the start there are accelerations and contact forces that satisfy the "
         "equations of motion and the laws of all contacts.",
-        "start with the bodies apart, or reduce the friction",
+        "start with the bodies apart, reduce the friction, or leave out a relation "
+        "with `when` that follows from others",
         PAINLEVE,
         ("lagsim run pendulum.yaml",)),
     MessageRow("E309", "out-of-scale",

@@ -99,7 +99,8 @@ initial: {x: 0, z: 0}
         "At every time there are contact forces that push, obey the law of friction, "
         "and keep the bodies apart.",
         "friction and inertia admit no motion from this state on (Painleve's "
-        "paradox): reduce the friction, or make a body compliant",
+        "paradox): reduce the friction, or make a body compliant; without friction, "
+        "leave out a relation with `when` that follows from others",
         """\
 parameters: {g: 9.81, m: 1, a: 0.5}
 coordinates: {x: {}, y: {}, q: {}}
