@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # The constants that the loop of steps depends on, and the search of a step for events.
 OF_DRIVER = ("CONSTRAINED", "SWITCHES", "ADAPTIVE")
 OF_STEP = ("UNTIL", "SWITCHES", "LOCALIZED")
-OF_SEARCH = (*OF_STEP, "RATED")
+OF_SEARCH = ("CONSTRAINED", *OF_STEP, "RATED")
 
 
 class SystemProperties(Protocol):
@@ -99,7 +99,7 @@ def of_output(system: SystemProperties, name: str) -> Iterator[ProgramPart]:
     """
     kernels: list[Callable[..., Any]] = [driver.tabulate]
     if system.columns.wants_sections:
-        known = _chosen(statics(system, name), ["CONSTRAINED", *OF_SEARCH])
+        known = _chosen(statics(system, name), OF_SEARCH)
         yield kernel_part([search.find_crossings, *AT_SECTIONS], known)
     else:
         kernels.append(no_search.find_crossings)

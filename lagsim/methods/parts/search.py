@@ -24,7 +24,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import crossings, missed
-from lagsim.methods.parts.constraints import MARGIN
+from lagsim.methods.parts.constraints import MARGIN, project
 from lagsim.methods.parts.crossings import Crossings
 from lagsim.methods.parts.jumps import (
     FINEST,
@@ -38,11 +38,13 @@ from lagsim.methods.parts.leaving import find_leaving, rates_at_ends
 from lagsim.methods.parts.missed import AT_END, CLOSEST
 from lagsim.methods.parts.parameters import LEVEL, OFF, Parameters
 from lagsim.methods.parts.search_table import (
+    AROUND,
     BESIDE,
     BETWEEN,
     CROSSING,
     EVENT,
     FARTHER,
+    JUMP,
     MANY,
     MOST_POINTS,
     NEXT,
@@ -67,9 +69,11 @@ from lagsim.methods.parts.search_table import (
     same_time,
     sample,
     sampled,
+    state_at,
     store_ends,
     value_at,
 )
+from lagsim.methods.parts.state import located
 from lagsim.native.kernels.words import bits, from_bits
 from lagsim.tolerances import SUM_ROUNDOFF
 
@@ -77,6 +81,7 @@ if TYPE_CHECKING:
     from lagsim.native.kernels.words import Static
 
 UNTIL = True
+CONSTRAINED = True
 SWITCHES = True
 LOCALIZED = True
 
@@ -85,6 +90,8 @@ LOCALIZED = True
 FINEST_SIGNALS = 2.0**-12
 FINEST_CROSSINGS = 2.0**-30
 MOST_SIGNALS = 400
+# Part of a step within which a jump is located on projected states.
+WITHIN = 2.0**-6
 # Least factor by which a step with too many points is shortened.
 PART = 0.25
 # A smallest singular value up to this is 0 within half of the digits.
@@ -271,6 +278,8 @@ def find_end(s: Crossings, p: Parameters) -> None:
     search(EVENT, s, p, 0.0, 1.0)
     if UNTIL and s.event > 0.0:
         continue_past(s, p)
+        if CONSTRAINED and s.event > 0.0:
+            end_past_jump(s, p, int(s.event) - 1)
     if UNTIL and s.cut > 0.0:
         disarm_past(s)
     if UNTIL:
@@ -337,6 +346,69 @@ def continue_past(s: Crossings, p: Parameters) -> None:
             s.orientation[k] = s.passed_side[k]
             s.leeway[k] = s.passed_leeway[k]
             s.armed_at[k] = 0.0
+
+
+def end_past_jump(s: Crossings, p: Parameters, k: int) -> None:
+    """Move the end of the step past the jump of condition k that is located there.
+
+    The state at the end is projected onto the constraints, which may return a value to
+    the side before its jump: the condition would be false at its own act, and true for
+    the rest of the run. If no projected state in the part WITHIN of the step has
+    jumped, no condition counts as located, and the motion continues from the last one.
+    """
+    end = float(s.cut)
+    last = from_bits(bits(end) - 1)
+    if s.kinked[k] == 0.0 or end >= 1.0:
+        return
+    before, after = condition_at(s, p, k, last), condition_at(s, p, k, end)
+    slow = abs(before - condition_at(s, p, k, max(end - AROUND, 0.0)))
+    slow += abs(condition_at(s, p, k, min(end + AROUND, 1.0)) - after)
+    leap = abs(after - before)
+    if not leap > max(MANY * float(s.zero[k]), JUMP * slow):  # no jump, or no value
+        return
+    if is_past_jump(s, p, k, end, before, after):
+        return
+    low, high, step = end, end, end - last
+    found = False
+    while not found and high < min(end + WITHIN, 1.0):
+        low, step = high, FARTHER * step
+        high = min(low + step, 1.0)
+        found = is_past_jump(s, p, k, high, before, after)
+    middle = 0.5 * (low + high)
+    while found and low < middle and middle < high:
+        if is_past_jump(s, p, k, middle, before, after):
+            high = middle
+        else:
+            low = middle
+        middle = 0.5 * (low + high)
+    if not found:
+        s.event = 0.0
+    if s.zero_at[k] == end:
+        s.zero_at[k] = high
+    shorten(s, high)
+    s.row_limit = min(s.arc_rows, s.t - same_time(s, s.t))
+
+
+def condition_at(s: Crossings, p: Parameters, k: int, x: float) -> float:
+    """Return the value of condition k at the fraction x of the last step."""
+    conditions_at(s, p, x)
+    return float(s.values[k])
+
+
+def is_past_jump(
+    s: Crossings, p: Parameters, k: int, x: float, before: float, after: float
+) -> bool:
+    """Whether condition k has jumped in the projected state at a fraction of the step.
+
+    x : the fraction.
+    before, after : the values just before and after the jump.
+    """
+    t = state_at(s, p, x, s.point)
+    if x < 1.0:
+        project(s, p, t, s.step_h, s.point, s.work)
+    located(t, s.point, p, s.values)
+    value = float(s.values[k])
+    return abs(value - after) <= abs(value - before)
 
 
 def end_beside(s: Crossings, p: Parameters, before: float, after: float) -> float:

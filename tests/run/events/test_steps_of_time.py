@@ -142,3 +142,41 @@ def test_steps_of_the_time_act_in_each_period_of_a_long_step(clock, condition, m
     first = -1.5 + (part + 1.5) % period
     expected = [first + k * period for k in range(int((38.5 - first) / period) + 1)]
     assert found == pytest.approx(expected, abs=1e-9)
+
+
+# Clocks c = 0.25 + 1.75 t on curves: the state after a step is projected onto these.
+CURVE = """
+coordinates: {y: {}, w: {}}
+definitions: {c: EXPRESSION}
+constraints: {p: EXPRESSION = 0.25 + 1.75*t}
+energy: {kinetic: y_dot^2 + w_dot^2, potential: 0}
+modes: {n: 0}
+events: {e: {at: "CONDITION", set: {n: n + 1}}}
+initial: {y: 0, w: {guess: 0}, w_dot: {guess: 1}}
+simulation: {duration: 5, output_step: 0.5}
+"""
+# Conditions that become true once in each period of c: period, part, method, step.
+ON_CURVES = [
+    ("mod(floor(1.7*c), 2) + y <= 0.5", 2 / 1.7, 0.0, "radau", None),
+    ("if(mod(0.8*c - 0.9, 1) < 0.11, 1, 0) + y >= 0.7", 1.25, 1.125, "radau", None),
+    ("mod(floor(c), 2)*mod(floor(2*c), 2) - y <= 0.25", 2.0, 0.0, "rk4", 0.0625),
+    ("mod(0.6*c, 1) = 0", 1 / 0.6, 0.0, "rk4", 0.1),
+    ("mod(-0.6*c, 1) = 0", 1 / 0.6, 0.0, "euler", 0.002),
+    ("sign(sin(pi*c)) + y >= 0.5", 2.0, 0.0, "dop853", None),
+]
+
+
+@pytest.mark.parametrize("expression", ["w^3 + w", "sinh(w)", "w + exp(w) - 1"])
+@pytest.mark.parametrize(("condition", "period", "part", "method", "step"), ON_CURVES)
+def test_steps_act_in_each_period_of_a_projected_drive(
+    expression, condition, period, part, method, step
+):
+    text = CURVE.replace("EXPRESSION", expression).replace("CONDITION", condition)
+    fixed = {"step": step} if step else {}
+    result = lagsim.simulate(text, error_bar="never", method=method, **fixed)
+    found = [e.time for e in result.events if e.kind == "event"]
+    first = 0.25 + (part - 0.25) % period
+    periods = range(int((9.0 - first) / period) + 1)
+    expected = [(first + k * period - 0.25) / 1.75 for k in periods]
+    error = {"rk4": 1e-5, "euler": 2e-3}.get(method, 1e-9)
+    assert found == pytest.approx(expected, abs=error)
