@@ -280,6 +280,7 @@ def find_end(s: Crossings, p: Parameters) -> None:
         continue_past(s, p)
         if CONSTRAINED and s.event > 0.0:
             end_past_jump(s, p, int(s.event) - 1)
+        s.jumps_beside = 1.0 if s.event > 0.0 and another_jumps(s, p) else 0.0
     if UNTIL and s.cut > 0.0:
         disarm_past(s)
     if UNTIL:
@@ -427,6 +428,32 @@ def end_beside(s: Crossings, p: Parameters, before: float, after: float) -> floa
     for k in range(events(s)):
         over = over or ends(s, p, k, s.inner_values[k], after)
     return after if over else 0.0
+
+
+def another_jumps(s: SearchTable, p: Parameters) -> bool:
+    """Whether a false condition becomes true by a jump where one has been located.
+
+    Its switch may be just after the end of the step, by rounding or since its value at
+    the level is the former one, as that of `floor(-x)`.
+    """
+    waiting = 0
+    for c in range(s.conditions):
+        if is_false_at_end(s, c):
+            waiting += 1
+    if waiting == 0:
+        return False
+    rows_at(EVENT, s, p, s.cut + NEARBY)
+    found = False
+    for c in range(s.conditions):
+        if is_false_at_end(s, c):
+            found = found or s.values[s.surfaces + c] < 0.0
+    return found
+
+
+def is_false_at_end(s: SearchTable, c: int) -> bool:
+    """Whether condition c contains switches, and is false where the step ends."""
+    is_armed = s.orientation[c] != 0.0 and not follows(s, c) and c + 1.0 != s.event
+    return s.kinked[c] > 0.0 and is_armed and s.inner_values[s.surfaces + c] >= 0.0
 
 
 def store_values(s: SearchTable, p: Parameters, x: float) -> None:

@@ -166,6 +166,8 @@ class SearchTable(Rank):
     poles: Floats = array(lambda s: s.surfaces + s.conditions)
     # 1 if the surface or the condition is discontinuous at the located time
     discontinuous: float
+    # 1 if another condition becomes true by a jump where one has been located
+    jumps_beside: float
 
     # The truth of conditions, see `conditions.Truth`. A condition holds where its
     # orientation times its function is <= 0. Orientation 0: not armed, the value has

@@ -143,9 +143,10 @@ class Truth:
 
         found : index of the condition located at the instant, or -1.
         """
-        if self.run("decide_before", found):
-            # By a step of the time, whose value at its own time is that before it:
-            # floor(1 - t) is 0 at 1.
+        is_late = self.run("decide_before", found)
+        # A step of the time has the value before it at its own time: floor(1 - t) is 0
+        # at 1. So have steps of the state, and rounding decides which others.
+        if is_late or (found >= 0 and self.state.jumps_beside > 0.0):
             self._store_jumps()
             self.run("decide_before", found)
 
@@ -176,7 +177,7 @@ class Truth:
         waiting : indices of conditions whose truth `satisfied` has found to change.
         """
         state, indices = self.state, list(waiting)
-        state.marked[indices] = 0.0
+        state.marked[indices] = state.ahead[indices] = 0.0
         sides, leeways = (x[indices] for x in self._before)
         state.orientation[indices], state.leeway[indices] = sides, leeways
         clear = 2.0 * np.maximum(state.zero[indices], np.abs(state.worth[indices]))

@@ -1,4 +1,4 @@
-"""Conditions of which one ends at a jump, and another becomes true there."""
+"""Conditions that end, and others that become true, at one jump."""
 
 import pytest
 
@@ -51,3 +51,27 @@ def test_a_condition_becomes_true_at_the_jump_at_which_another_ends(
     names = [f"e{k}" for k, at in enumerate(events) if at != ending]
     assert sorted(name for name, _ in acts) == names
     assert [time for _, time in acts] == pytest.approx([1.75] * len(acts), abs=1e-13)
+
+
+# Conditions that become true where x reaches 1, whose values at the level itself are
+# those before it, between both, and after it.
+TOGETHER = (
+    "floor(1 - x) <= -0.5", "mod(x, 1) + y <= 0.3", "ceil(2*x) + y >= 2.6",
+    "sign(3*x - 3) - y >= 0", "if(x > 1, 1, 0) >= 0.5",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("method", [*METHODS, "rk4, step: 0.125", "verlet, step: 0.25"])
+@pytest.mark.parametrize("turns", range(5))
+def test_events_of_one_jump_act_in_the_order_of_the_file(turns, method):
+    events = [*TOGETHER[turns:], *TOGETHER[:turns]]
+    text = "\n".join(
+        f"  e{k}: {{at: '{at}', set: {{n: 10*n + {k + 1}}}}}"
+        for k, at in enumerate(events)
+    )
+    model = MODEL.format(events=text, method=method) + "definitions: {seen: n}\n"
+    result = lagsim.simulate(model, error_bar="never")
+    acts = [(e.name, e.time) for e in result.events if e.kind == "event"]
+    assert [name for name, _ in acts] == [f"e{k}" for k in range(5)]
+    assert [time for _, time in acts] == pytest.approx([1.75] * 5, abs=1e-12)
+    assert result["seen"][-1] == 12345
