@@ -75,7 +75,7 @@ def _axis(axis: Data) -> list[float]:
     return axis.values[tables.FIRST :]
 
 
-class Grid:
+class TableGrid:
     """A linear table of two arguments, as the polynomials of its cells.
 
     The cell (i, j) lies below the points i and j of both axes, and above the points
@@ -217,7 +217,7 @@ class Patches:
         end such that no patches exist.
     """
 
-    def __init__(self, grid: Grid) -> None:
+    def __init__(self, grid: TableGrid) -> None:
         self.grid = grid
         self.found: dict[Cell, int] = {}
         kinds = {(way, cell): grid.kind(way, cell) for way, cell in grid.edges()}
@@ -334,7 +334,7 @@ class _Continued:
     own : the cells of the patches of the piece.
     """
 
-    def __init__(self, grid: Grid, own: set[Cell]) -> None:
+    def __init__(self, grid: TableGrid, own: set[Cell]) -> None:
         self.grid, self.own_cells = grid, own
         values = [
             p(x, y)
@@ -420,7 +420,7 @@ def _divided(
 
     axes, data, sign : see `pieces_of_cells`.
     """
-    grid = Grid(axes, data, sign)
+    grid = TableGrid(axes, data, sign)
     patches = Patches(grid)
     if not patches.found:
         return [], []
@@ -484,7 +484,7 @@ def _table(axes: tuple[Data, Data], piece: _Continued, sign: float) -> Table:
 
 
 def _bends(
-    grid: Grid, quarters: dict[Cell, Polynomial | None], way: int, k: int
+    grid: TableGrid, quarters: dict[Cell, Polynomial | None], way: int, k: int
 ) -> bool:
     """Whether a piece has another polynomial beyond a line, anywhere along it.
 

@@ -252,6 +252,7 @@ def test_two_pages_move_apart(tab, tmp_path_factory):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.usefixtures("heeded_signals")
 def test_ctrl_c_ends_it_with_code_0_and_pages_say_so(tab):
     with served(MODELS / "elastic-pendulum.yaml") as (process, address):
         tab.open(address)
