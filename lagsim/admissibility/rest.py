@@ -579,9 +579,9 @@ class SlidingLimits(NamedTuple):
     ----------
     equations : Equations
     off : frozenset of str
-        The constraints out of force, with those that slide.
+        The constraints out of force, and the limited equalities that slide.
     multipliers : dict of str to int
-        The multipliers of those that slide, by the name of the row: nodes.
+        The multipliers (nodes) of the limited equalities that slide, by row.
     """
 
     equations: Equations

@@ -1,4 +1,4 @@
-"""Pieces of a linear table of two arguments: sets of cells without a groove in them.
+"""Pieces of a linear table of two arguments: sets of cells that contain no groove.
 
 In each cell of its grid such a table is a polynomial a + b x + c y + d x y. At an edge
 between two cells its slope jumps, by an amount that is linear along the edge. Edges at
@@ -179,7 +179,7 @@ class TableGrid:
         return 1 if max(jumps) > least else -1 if min(jumps) < -least else 0
 
     def points(self, way: int, k: int) -> tuple[float, float, float]:
-        """Return the coordinate of line k, between those of the middles beside it.
+        """Return the coordinates of the middle before line k, of line k, and after it.
 
         Outer cells have the point at FAR widths as their middle.
         """
@@ -454,7 +454,7 @@ def _surface(
 
 
 def _table(axes: tuple[Data, Data], piece: _Continued, sign: float) -> Table:
-    """Return a piece as a table whose lines are those at which it bends."""
+    """Return a piece as a table that has a line only where the piece bends."""
     grid, quarters = piece.grid, piece.quarters()
     kept, lines = list[list[int]](), list[list[float]]()
     for way in (0, 1):

@@ -102,7 +102,7 @@ class Selection:
 
 
 class TrialModes(Selection):
-    """Context in which modes and the truth are tried; its end restores those before."""
+    """Context in which modes and the truth are tried; its end restores the former."""
 
     def __exit__(self, *_error: object) -> None:
         self.undo()
