@@ -5,7 +5,8 @@ Set in the environment:
 LAGSIM_TEST_PATIENCE : 1; factor of the timeouts of all tests.
 LAGSIM_TEST_COMMIT : unset; a commit, which changes the cases that are quick.
 LAGSIM_TEST_SLICE : unset; `slow=4,nightly=100` runs one in four of the slow tests
-    and one in a hundred of the nightly ones, others with each commit.
+    and one in a hundred of the nightly ones, others with each commit; `quick=3` one in
+    three of the quick tests.
 LAGSIM_TEST_CASES : unset; with `all` all cases of quick tests are quick, and a night
     has all of a test that is marked `nightly(one_in=3)`.
 LAGSIM_TEST_SKIPS : unset; the run fails if more tests than this are skipped.
@@ -95,6 +96,7 @@ ALL_CASES = (
     *(f"tests/methods/test_{one}.py" for one in ("implicit", "symplectic", "tableau")),
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
+SLICES = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
 # What is not run without being asked for; `QUICK` is in pyproject.toml.
 LATER = ("slow", "nightly")
 QUICK = "not slow and not nightly"
@@ -190,7 +192,8 @@ def pytest_collection_modifyitems(config, items):
     others = set() if EVERY else _for_other_nights(items)
     kept, gone = [], []
     for item in items:
-        has_turn = _in_the_slice(item) and item.nodeid not in others
+        marks = {mark.name for mark in item.iter_markers()}
+        has_turn = _in_the_slice(item.nodeid, marks) and item.nodeid not in others
         (kept if has_turn else gone).append(item)
     if gone:
         config.hook.pytest_deselected(items=gone)
@@ -203,13 +206,10 @@ def _missing(item):
     return [f"{name} of {item.nodeid}" for name in {*item.fixturenames} - given]
 
 
-def _in_the_slice(item):
-    """Return whether a slow or nightly test is in its slice; the rarer mark decides."""
-    one_in = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
-    for mark in reversed(LATER):
-        if item.get_closest_marker(mark):
-            return chosen(item.nodeid, f"slice {COMMIT}", one_in.get(mark, 1))
-    return True
+def _in_the_slice(test, marks):
+    """Return whether a test is in the slice of its kind; the rarer mark decides."""
+    kind = next((mark for mark in reversed(LATER) if mark in marks), "quick")
+    return chosen(test, f"slice {COMMIT}", SLICES.get(kind, 1))
 
 
 def _for_other_nights(items):
@@ -218,7 +218,7 @@ def _for_other_nights(items):
     These are the cases of tests marked `nightly(one_in=3)`.
     """
     families = collections.defaultdict(list)
-    if "nightly" not in slices(os.environ.get("LAGSIM_TEST_SLICE", "")):
+    if "nightly" not in SLICES:
         for item in items:
             mark = item.get_closest_marker("nightly")
             if mark and "one_in" in mark.kwargs:

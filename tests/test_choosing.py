@@ -61,6 +61,34 @@ def test_b(): pass
 """
 
 
+SLICED = """\
+import pytest
+@pytest.mark.parametrize("k", range(4))
+@pytest.mark.parametrize("j", range(100))
+def test_a(j, k): pass
+@pytest.mark.slow
+@pytest.mark.parametrize("k", range(400))
+def test_b(k): pass
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [("quick", "test_a"), ("slow", "test_b")],
+)
+def test_a_slice_has_a_part_of_its_kind(tmp_path, kind, expected):
+    options = {"LAGSIM_TEST_SLICE": f"{kind}=10", "LAGSIM_TEST_CASES": "all"}
+    marked = kind if kind == "slow" else "not slow and not nightly"
+    done = pytest_of(tmp_path, SLICED, marked, LAGSIM_TEST_COMMIT="abc", **options)
+    found = re.search(r"(\d+) passed", done.stdout)
+    # The items are those whose names have their turn.
+    grid = [f"{k}-{j}" for k in range(100) for j in range(4)]
+    ids = grid if kind == "quick" else [str(k) for k in range(400)]
+    names = [f"test_one.py::{expected}[{one}]" for one in ids]
+    assert int(found[1]) == sum(chosen(name, "slice abc", 10) for name in names)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("cases", "count"), [("", 4), ("all", 8)])
 def test_a_night_has_a_part_of_each_family(tmp_path, cases, count):

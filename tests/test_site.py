@@ -158,6 +158,15 @@ def test_the_site_finds_where_models_are_played(hooks):
     assert text_of("docs/explore.md").count(hooks.PICTURE) == 1
 
 
+def test_a_trial_of_the_site_plays_some_models(monkeypatch):
+    models = sorted(MODELS.glob("*.yaml"))
+    assert played.tried(models) == models
+    monkeypatch.setenv("LAGSIM_TEST_SLICE", "slow=2,played=12")
+    some = [path.stem for path in played.tried(models)]
+    assert played.SHOWN in some
+    assert len(models) / 12 <= len(some) <= len(models) / 12 + 2
+
+
 @pytest.mark.slow
 def test_models_that_a_page_can_hold_are_played():
     assert played.page(MODELS / "bouncing-ball.yaml") == b""
