@@ -499,9 +499,11 @@ def _multiple(g: Builder, x: int) -> tuple[float, int]:
         c, u = _multiple(g, args[0])
         return -c, u
     if op == "mul" and (factor := g.value(args[0])) is not None:
-        return factor, args[1]
+        c, u = _multiple(g, args[1])
+        return factor * c, u
     if op == "div" and (divisor := g.value(args[1])):
-        return 1.0 / divisor, args[0]
+        c, u = _multiple(g, args[0])
+        return c / divisor, u
     return 1.0, x
 
 

@@ -17,6 +17,9 @@ is the minimum of x and y near the kink. Beyond the kink each branch is continue
 other branch plus that line, `if(u > 0, x, y + r u)`, so that every piece is defined on
 both sides.
 
+A product of a step and a factor that is 0 there, `x*sign(x)`, is divided at the step in
+the same way, if its two sides are equal at u = 0.
+
 Signs of factors and of r are those of interval enclosures, for the parameter values and
 all values of the coordinates. A gap with an undetermined sign, or with more than MOST
 pieces, is not decomposed.
@@ -36,11 +39,13 @@ import numpy as np
 from lagsim.language import tables
 from lagsim.language.derivatives import slopes
 from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.forms import normal_form
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.tables import Data
 from lagsim.mechanics.cells import pieces_of_cells
 from lagsim.mechanics.surfaces import Surface, oriented
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
@@ -58,6 +63,10 @@ LEAST, GREATEST = 1, -1
 MARK = "#"
 COMPARISONS = {"gt": 1, "ge": 1, "lt": -1, "le": -1}
 KINKED = ("abs", *CHOOSING)
+# Steps at one place: a continuous gap with one of these has a kink there at most.
+STEPPED = ("sign", "heaviside")
+# Functions with the sign of their argument.
+ODD = ("sinh", "tanh", "asinh", "atan", "cbrt")
 # Functions that increase everywhere.
 RISING = ("exp", "sinh", "tanh", "asinh", "atan")
 # The name of a variable that stands for a kink; no name of a file contains the mark.
@@ -166,6 +175,7 @@ class _Pieces:
         self.g, self.values, self.moving = g, values, [*moving]
         self.known: dict[tuple[int, int], list[Piece]] = {}
         self.lines: dict[tuple[int, Stretches], int] = {}
+        self.jumping: dict[int, bool] = {}
         # Conditions of the joints of the divided piece, which has no kink there.
         self.joints = frozenset[int]()
 
@@ -180,6 +190,8 @@ class _Pieces:
         g = self.g
         if g.ops[n] in tables.PIECES:
             return self._is_linear(n)
+        if g.ops[n] in STEPPED:
+            return True
         return g.ops[n] in KINKED and not self.joints.intersection(g.args[n][:1])
 
     def _is_linear(self, n: int) -> bool:
@@ -210,6 +222,8 @@ class _Pieces:
         if op == "neg":
             return self._each(op, self.of(args[0], -way))
         if op in ("add", "sub"):
+            if self._steps(args[0]) & self._steps(args[1]):
+                return self._all_pieces(n, way)
             other = -way if op == "sub" else way
             return self._each(op, self.of(args[0], way), self.of(args[1], other))
         if op in ("mul", "div"):
@@ -254,8 +268,8 @@ class _Pieces:
         # A factor that is 0 at the kink may cancel the kink, as in x^2*abs(x).
         shared = g.depends([factor]) & g.depends([inner]) & {*self.moving}
         sign = self.sign(factor, strict=bool(shared))
-        if not sign:
-            return [Piece(n)]
+        if not sign or self._steps(inner):
+            return self._all_pieces(n, way)
         found = self.of(inner, way * sign), [Piece(factor)]
         return self._each(op, *(found[::-1] if second else found))
 
@@ -281,7 +295,7 @@ class _Pieces:
 
         side : 1 or -1; it is added to each piece.
         """
-        node, sign = oriented(self.g, Surface(u, "sign", u))
+        node, sign = self._oriented(u)
         own = frozenset([(node, side * sign)])
         return [Piece(x.node, x.sides | own) for x in pieces if x.fits(Piece(0, own))]
 
@@ -333,8 +347,11 @@ class _Pieces:
         if own is None:
             return []
         u = own[0]
-        pairs = ((x, self.sides(x)) for x in self.kinked([n]))
-        atoms = {x: found[1:] for x, found in pairs if found and found[0] == u}
+        place, side = self._oriented(u)
+        atoms = self._at_place(n, place)
+        if any(map(self._jumps, atoms)):
+            return self._divided_at_steps(n, place, atoms, way)
+        atoms = {x: ends[::side] for x, ends in atoms.items()}
         jumps, flat, every = [g.zero, g.zero], True, g.zero
         for x, ends in atoms.items():
             by_kink = self._slope_by(n, x)
@@ -365,13 +382,143 @@ class _Pieces:
         # A slope of 0 at the kink removes the kink, as in max(0, x)^2.
         if flat or not is_groove:
             return []
+        beyond = g.call("mul", below[1], u), g.call("mul", above[0], u)
+        return self._continued(u, (above[2], below[2]), beyond)
+
+    def _continued(
+        self, u: int, sides: tuple[int, int], lines: tuple[int, int]
+    ) -> list[Piece]:
+        """Return the pieces of both sides of u = 0, continued beyond it by lines.
+
+        sides : the nodes that are valid for u > 0, and for u < 0.
+        lines : the line that is added to the second side to continue the first one,
+            and the line that is subtracted from the first side to continue the second.
+        """
+        g, (above, below) = self.g, sides
         on, off = g.call("ge", u, g.zero), g.call("le", u, g.zero)
         self.joints |= {on, off}
-        beyond = g.call("mul", below[1], u), g.call("mul", above[0], u)
-        first = g.call("if", on, above[2], g.call("add", below[2], beyond[0]))
-        second = g.call("if", off, below[2], g.call("sub", above[2], beyond[1]))
+        first = g.call("if", on, above, g.call("add", below, lines[0]))
+        second = g.call("if", off, below, g.call("sub", above, lines[1]))
         first, second = (self._joined(x, ()) for x in (first, second))
         return [*self._on(u, 1, [Piece(first)]), *self._on(u, -1, [Piece(second)])]
+
+    def _divided_at_steps(
+        self, n: int, u: int, atoms: Mapping[int, tuple[int, ...]], way: int
+    ) -> list[Piece]:
+        """Divide node n, continuous at u = 0, where some of the `atoms` jump there.
+
+        `x*sign(x)` is x on one side of x = 0 and -x on the other side: the difference
+        2 x of both sides has the slope r at the kink. The result is empty if n jumps
+        there, or has no groove.
+
+        atoms : the nodes with a kink or a jump at u = 0, and their sides.
+        way : see `of`.
+        """
+        g = self.g
+        both = ({x: ends[k] for x, ends in atoms.items()} for k in (0, 1))
+        above, below = (g.substitute([n], ends)[0] for ends in both)
+        difference = g.call("sub", above, below)
+        bend = self._jump(difference, u)
+        if bend is None or not self._vanishes(difference, u):
+            return []
+        bend = self._expanded(self._put_at_kink(self._at_kink(bend, u), u))
+        if self.sign(bend) != -way or self._vanishes(bend, u):
+            return []
+        line = g.call("mul", bend, u)
+        rest = self._expanded(g.call("sub", difference, line))
+        if rest == g.zero:
+            return [*self._on(u, 1, [Piece(above)]), *self._on(u, -1, [Piece(below)])]
+        return self._continued(u, (above, below), (line, line))
+
+    def _at_place(self, n: int, place: int) -> dict[int, tuple[int, ...]]:
+        """Return the nodes below n with a kink or a jump where `place` is 0.
+
+        Each has the nodes that it equals above and below.
+        """
+        found = dict[int, tuple[int, ...]]()
+        for x in self.kinked([n]):
+            sides = self.sides(x)
+            if sides is not None:
+                own, sign = self._oriented(sides[0])
+                if own == place:
+                    found[x] = sides[1:][::sign]
+        return found
+
+    def _expanded(self, n: int) -> int:
+        """Return a node as a sum of monomials."""
+        g = self.g
+        return normal_form(g, [n], g.dependent(g.cone([n]), self.moving))[0]
+
+    def _steps(self, n: int) -> set[int]:
+        """Return the nodes, 0 there, of the places at which a node below n jumps."""
+        found = ((x, self.sides(x)) for x in self.kinked([n]))
+        return {self._oriented(x[0])[0] for a, x in found if x and self._jumps(a)}
+
+    def _jumps(self, atom: int) -> bool:
+        """Whether a node with two sides jumps at its place."""
+        if self.g.ops[atom] != "if":
+            return self.g.ops[atom] in STEPPED
+        if atom not in self.jumping:
+            sides, found = self.sides(atom), False
+            if sides is not None:
+                u, _ = self._oriented(sides[0])
+                gap = self.g.call("sub", *sides[1:])
+                found = bool(self._places(u)) and not self._vanishes(gap, u)
+            self.jumping[atom] = found
+        return self.jumping[atom]
+
+    def _vanishes(self, node: int, u: int) -> bool:
+        """Whether a node is 0 but for rounding at states where u is 0."""
+        known, g = {*self.moving, *self.values}, self.g
+        places = self._places(u) if g.depends([node]) <= known else []
+        for state in places:
+            given = {x: (c, UNIT_ROUNDOFF * abs(c)) for x, c in state.items()}
+            [(value, error)] = evaluate_with_error(g, [node], given)
+            if not abs(value) <= JOINED * error:
+                return False
+        return bool(places)
+
+    def _oriented(self, u: int) -> tuple[int, int]:
+        """Return a node that is 0 where u is, and the sign of u where it is positive.
+
+        Factors that do not move, and functions with the sign of their argument, are
+        left out.
+        """
+        g, sign = self.g, 1
+        while True:
+            u, turned = oriented(g, Surface(u, "sign", u))
+            sign *= turned
+            op, args = g.ops[u], g.args[u]
+            exponent = (g.value(args[1]) or 0.0) if op == "pow" else 0.0
+            if op in ODD or exponent % 2.0 == 1.0 <= exponent:
+                u = args[0]
+                continue
+            for factor, other in (args, args[::-1])[: 2 if op == "mul" else 0]:
+                if way := self._fixed_sign(factor):
+                    u, sign = other, sign * way
+                    break
+            else:
+                if op != "div" or not (way := self._fixed_sign(args[1])):
+                    return u, sign
+                u, sign = args[0], sign * way
+
+    def _fixed_sign(self, n: int) -> int:
+        """Return the sign, 1 or -1, of a node that does not move; 0 for other nodes."""
+        if not self.g.depends([n]) <= self.values.keys():
+            return 0
+        [value] = evaluate(self.g, [n], self.values)
+        return int(np.sign(value)) if math.isfinite(value) else 0
+
+    def _put_at_kink(self, node: int, u: int) -> int:
+        """Return a node with a variable replaced such that u is 0; else the node."""
+        g = self.g
+        for v in (g.variable(x) for x in self.moving if x in g.depends([u])):
+            (slope,) = slopes(g, u, frozenset([v])).values() or (g.zero,)
+            if not g.depends([slope]) & {*self.moving} and self._fixed_sign(slope):
+                (off,) = g.substitute([u], {v: g.zero})
+                at = g.call("neg", g.call("div", off, slope))
+                return g.substitute([node], {v: at})[0]
+        return node
 
     # Joints of two expressions that are one line
 
@@ -570,13 +717,20 @@ class _Pieces:
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op == "abs":
             return args[0], args[0], g.call("neg", args[0])
+        if op in STEPPED:
+            return args[0], g.one, g.zero if op == "heaviside" else g.call("neg", g.one)
         if op in ("min", "max"):
             above, below = args if op == "max" else args[::-1]
             return g.call("sub", *args), above, below
-        if op != "if" or g.ops[args[0]] not in COMPARISONS:
+        if op != "if":
             return None
-        sign = COMPARISONS[g.ops[args[0]]]
-        u = g.call("sub", *g.args[args[0]])
+        condition, turned = args[0], 1
+        while g.ops[condition] == "not":
+            [condition], turned = g.args[condition], -turned
+        if g.ops[condition] not in COMPARISONS:
+            return None
+        sign = turned * COMPARISONS[g.ops[condition]]
+        u = g.call("sub", *g.args[condition])
         steps = {a for a in g.cone([u]) if g.ops[a] in STEPS}
         above, below = args[1:][::sign]
         return None if steps else (u, above, below)

@@ -87,6 +87,20 @@ GAPS = [
     (f"y + {CHAIN}", lambda x, y, _: y + extended(LINES, x), 1),
     (f"y - {RIDGE}", lambda x, y, _: y - extended(HUMP, x), 3),
     ("y - abs(abs(x) - 1)", lambda x, y, _: y - abs(abs(x) - 1), 3),
+    # Products of steps with factors that are 0 there.
+    ("y - k*(x/1000)*sign(x/1000)", lambda x, y, _: y - abs(x) / 500, 2),
+    ("y - c*x*sign(c*x)", lambda x, y, _: y - 0.5 * abs(x), 2),
+    ("y + x*(2*heaviside(x) - 1)", lambda x, y, _: y + abs(x), 1),
+    ("y - x*(2*heaviside(x) - 1)", lambda x, y, _: y - abs(x), 2),
+    ("y - x*(heaviside(x) - heaviside(-x))", lambda x, y, _: y - abs(x), 2),
+    ("y - x*if(not x/k < 0, 1, -1)", lambda x, y, _: y - abs(x), 2),
+    ("y - x*heaviside(x)*(1 + z^2)", lambda x, y, z: y - max(x, 0) * (1 + z * z), 2),
+    ("y - (x - z^2)*sign(x/2 - z^2/2)", lambda x, y, z: y - abs(x - z * z), 2),
+    ("y - sinh(x)*sign(x^3)", lambda x, y, _: y - abs(np.sinh(x)), 2),
+    ("y - x^2*sign(x)", lambda x, y, _: y - x * abs(x), 1),
+    ("y - z*x*sign(x)", lambda x, y, z: y - z * abs(x), 1),
+    # A step of the ground.
+    ("y - if(x > 1, 1 + x, x)", lambda x, y, _: y - x - (x > 1), 1),
 ]
 
 

@@ -78,6 +78,8 @@ SPELLINGS = (
     # The kink is where mod jumps, and the argument of abs, min or if with it.
     "y = k*(2 - abs(mod(x, 4) - 2))", "y = k*min(mod(x, 4), 4 - mod(x, 4))",
     "y = k*if(mod(x, 4) < 2, mod(x, 4), 4 - mod(x, 4))",
+    # Products of a step and a factor that is 0 there.
+    "y = k*(x/3)*sign(x/3)*3", "y = k*x*(2*heaviside(x) - 1)",
     # Several kinks at one place, of which one is located.
     "y = k*(4*v(x) - 2*v(-abs(x)))", "y = 4*k*v(x) - k*abs(x)", "y = 2*k*v(x)",
 )  # fmt: skip
@@ -268,6 +270,11 @@ GROOVES = {
     "y >= k*abs(sin(x))": ("y >= k*sin(x)", "y >= -k*sin(x)"),
     "y >= (1 + x^2)*abs(x)/2": ("y >= (1 + x^2)*x/2", "y >= -(1 + x^2)*x/2"),
     "y >= exp(k*abs(x)) - 1": ("y >= exp(k*x) - 1", "y >= exp(-k*x) - 1"),
+    "y >= 2*x*k*sign(x/2)/2": ("y >= k*x", "y >= -k*x"),
+    "y >= x*if(x < 0, -k, k)": ("y >= k*x", "y >= -k*x"),
+    "y >= (1 + x^2)*x*(heaviside(x) - 1/2)": (
+        "y >= (1 + x^2)*x/2", "y >= -(1 + x^2)*x/2",
+    ),
     "y >= h(x)": ("y >= -1.5*x - 1", "y >= -0.5*x", "y >= 0.4*x", "y >= 1.6*x - 1.2"),
 }  # fmt: skip
 LAWS = (
@@ -295,9 +302,13 @@ def test_a_groove_is_its_sides(relation, law):
         assert np.min(found["residual_c0"]) > -1e-9
 
 
-def test_a_ball_comes_to_rest_in_a_groove():
+@pytest.mark.parametrize("groove", [
+    "k*abs(x)", "1000*(k*(x/1000)*sign(x/1000))", "k*x*(2*heaviside(x/k) - 1)",
+    "x*if(x > 0, k, -k)", "k*x*(heaviside(x) - heaviside(-x))",
+])  # fmt: skip
+def test_a_ball_comes_to_rest_in_a_groove(groove):
     found = simulated(
-        ball(["y >= k*abs(x)"], x=0.1, y=0.2, law="restitution: 0", end=3.0)
+        ball([f"y >= {groove}"], x=0.1, y=0.2, law="restitution: 0", end=3.0)
     )
     assert found.complete
     rest = found.t > 2.5
