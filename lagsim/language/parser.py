@@ -23,11 +23,11 @@ from lagsim.codes.known import (
     EXPRESSION_SYNTAX,
     EXPRESSION_UNKNOWN_FUNCTION,
 )
-from lagsim.errors import did_you_mean
+from lagsim.errors import nearest
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
     from typing import Literal
 
     from lagsim.codes.known import ErrorCode
@@ -408,9 +408,8 @@ class Parser:
     def _function(self, token: Token) -> None:
         known = {**FUNCTIONS, **self.arities}
         if token.text not in known:
-            # A name of one letter is close to all names of two letters.
-            hint = did_you_mean(token.text, known) if token.text[1:] else ""
             text = f"there is no function `{token.text}`"
+            hint = _similar(token.text, known)
             raise token.fault(text, hint, EXPRESSION_UNKNOWN_FUNCTION)
         self.pending.append(Pending(token.text, 0, token, call=True))
 
@@ -526,6 +525,17 @@ def _wrong_kind(expected: str, at: Token, conditional: bool) -> ExpressionError:
     if conditional:
         return at.fault(f"{expected}, found a number", "such as x > 0")
     return at.fault("a comparison is allowed only in `if`", "write if(condition, a, b)")
+
+
+def _similar(name: str, known: Collection[str]) -> str:
+    """Return a hint that names the function most similar to a name, or "".
+
+    A function of three letters is within many longer words, as `sin` in `spring`.
+    """
+    near = nearest(name, known) if name[1:] else ""
+    if len(near) <= 3 and len(name) > len(near) + 1 and not name.startswith(near):
+        return ""
+    return f"did you mean `{near}`?" if near else ""
 
 
 def _relation_inside(token: Token, text: str) -> ExpressionError:

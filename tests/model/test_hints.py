@@ -373,6 +373,7 @@ def test_a_hint_for_a_file_that_is_followed(old, new):
 C, ROD, LINK = "c: l*cos(theta)", "rod: x_dot = 0", "[[pivot, bob]]"
 ADVISED = [
     (C, "c: erf(x)", "name an expression in `definitions`", "c: cos(x)"),
+    (C, "c: spring(x)", "name an expression in `definitions`", "c: x"),
     # what no file can have
     (C, "c: x(t - 0.1)", "there are no delays", "c: x"),
     (C, "c: 2*theta_dot(t - l)", "there are no delays", "c: 2*theta_dot"),
