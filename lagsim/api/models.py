@@ -15,6 +15,7 @@ from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
 from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.derivation import derive as _derived
+from lagsim.mechanics.derivation import may_gather
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
 from lagsim.outputs.notebook import (
@@ -447,12 +448,15 @@ class Derivation:
     """
 
     def __init__(self, model: Read, options: dict[str, bool]) -> None:
-        self._model, self._options = model.written_out(), options
+        needs = any(options[key] for key in ("with_gauss", "expand"))
+        written = needs or not may_gather(model)
+        self._model = model.written_out() if written else model
+        self._options = options
 
     @cached_property
     def _equations(self) -> Equations:
         """The equations, with each matrix entry as one expression."""
-        return _derived(self._model, chained=False)
+        return _derived(self._model, chained=False, gathers=True)
 
     @cached_property
     def _content(self) -> Content:
@@ -467,7 +471,9 @@ class Derivation:
         if needs or not has_many_rows(self._model):
             return derived(self._equations, **self._options, matrices=False)
         return derived(
-            _derived(self._model, trees=False), **self._options, matrices=False
+            _derived(self._model, trees=False, gathers=True),
+            **self._options,
+            matrices=False,
         )
 
     @cached_property
@@ -517,7 +523,7 @@ class Derivation:
         """
         from lagsim.show.as_python import as_python
 
-        return as_python(self._equations, __version__)
+        return as_python(_derived(self._model, chained=False), __version__)
 
     def __str__(self) -> str:
         return self.text

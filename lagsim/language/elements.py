@@ -55,12 +55,16 @@ class Slot(NamedTuple):
         Index of the argument at each position; empty for numbers.
     numbers : ndarray, shape (positions,)
         The number at each position; empty for arguments.
+    rule : object
+        The expression of indices whose values are `numbers`, as parsed; None for
+        arguments.
     """
 
     node: int
     column: int
     places: Ints
     numbers: Floats
+    rule: Any = None
 
 
 class ElementOutput(NamedTuple):
@@ -105,6 +109,9 @@ class Elements:
         Length of the vector of sums.
     example : object
         The term of one member as parsed, for checks of its units.
+    indices : dict
+        For each index of the sum, outer ones first, its value in each member,
+        (members,); it serves for showing the sum to people.
     """
 
     def __init__(
@@ -116,8 +123,10 @@ class Elements:
         count: int,
         size: int,
         example: Any = None,
+        indices: Mapping[str, Ints] | None = None,
     ) -> None:
         self.graph, self.table = graph, table
+        self.indices = dict(indices or {})
         self.slots, self.outputs = tuple(slots), tuple(outputs)
         self.count, self.size, self.example = count, size, example
         self._derived: dict[Any, Elements] = {}
@@ -249,8 +258,9 @@ class Elements:
         )
         count = max(count, self.count)
         return Elements(
-            self.graph, [slots[k] for k in kept], outputs, self.table, count, size
-        )
+            self.graph, [slots[k] for k in kept], outputs, self.table, count, size,
+            indices=self.indices,
+        )  # fmt: skip
 
     def _second_slot(self, word: str, slot: Slot) -> Slot:
         """Return a slot for a second quantity of the argument that `slot` reads.

@@ -4,6 +4,7 @@ sympy is loaded by this package alone, and not for the format `python`, which is
 straight from the graph.
 
     equations -> lagrange (graph, then sympy) -> content, tidy -> text, latex, printers
+    sums over members (elements) -> members
     equations -> as_python
 
 This module holds a derivation as sympy expressions, and the conditions of constraints

@@ -37,6 +37,7 @@ from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.conserved import conserved_quantities, evident
+from lagsim.show.members import MemberSums
 from lagsim.show.names import PrintedName
 from lagsim.show.separation import Separation, is_long, refuse_long, words_of
 from lagsim.show.symbols import Translation, number, symbol, to_sympy
@@ -404,7 +405,9 @@ def derived(
             f"cut after {MOST_PRODUCTS:,} products of terms in one, or "
             f"{limits.TIDYING_PRODUCTS:,} in all"
         )
-    return Content(x, document)
+    sums = MemberSums(x)
+    x.definitions.update(sums.inserted(x.definitions))
+    return Content(x, sums.inserted(document))
 
 
 def _event(event: Transition, x: Translation) -> Part:
@@ -537,6 +540,7 @@ def _in_words(x: Translation, s: Separation, *, matrices: bool) -> _Found:
     rows = [
         constraint_row(x.g, c.name, c.relation.node, e.flow) for c in model.constraints
     ]
+    x.name_sums()
     known, steps = dict(x.known), dict[str, Any]()
     M, f = list[list[Any]](), list[Any]()
     if matrices:

@@ -166,7 +166,9 @@ class MathPrinter(TextPrinter):
     _print_Or = _print_And
 
     def _print_Sum(self, e: Any) -> str:
-        term, (letter, first, last) = e.args
-        below = f"{self._print(letter)}<mo>=</mo>{self._print(first)}"
-        sign = f"<munderover><mo>∑</mo>{_inside([below])}{_inside([self._print(last)])}"
-        return f"{sign}</munderover>{self.factor(term)}"
+        text = self.factor(e.function)
+        for letter, first, last in e.limits:  # inner ones first
+            below = f"{self._print(letter)}<mo>=</mo>{self.end_of_range(first)}"
+            ends = f"{_inside([below])}{_inside([self.end_of_range(last)])}"
+            text = f"<munderover><mo>∑</mo>{ends}</munderover>{text}"
+        return text

@@ -45,7 +45,10 @@ DOTS = ("", "dot", "ddot")
 LETTERS_OF_MEMBERS = "ijkmn"
 """Letters that denote the index of a family: `tip.i-1.x`."""
 _MEMBER = re.compile(r"([0-9]+|[ijkmn]([+-][0-9]+)?)\Z")
-_ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
+_INDEX = r"[ijkmn](?:[+-][0-9]+)?"
+_ANY_MEMBER = re.compile(
+    rf"((?:\.[0-9]+)*)\.({_INDEX})((?:\.(?:[0-9]+|{_INDEX}))*)(?=[.}}]|\Z)"
+)
 
 
 def indexed(name: str) -> str:
@@ -53,14 +56,17 @@ def indexed(name: str) -> str:
 
     The index contains a letter: `tip(i-1).x` for `tip.i-1.x`.
     """
-    return _ANY_MEMBER.sub(r"(\1)", name)
+    return _ANY_MEMBER.sub(
+        lambda m: f"({', '.join(m[0].removeprefix('.').split('.'))})", name
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class PrintedName:
     """Symbol to print: a name, its order of differentiation, and its kind.
 
-    `kind` is "" for a name of the file, "multiplier" for that of a constraint,
+    `kind` is "" for a name of the file, "index" for the index of a sum, "multiplier"
+    for that of a constraint,
     "unconstrained" for the acceleration of a coordinate without constraints, and
     "momentum", "force" or "reaction" for that of a definition.
     """
@@ -112,6 +118,8 @@ class ModelNames:
 
     def show(self, name: PrintedName) -> str:
         """Return a name, with its order of differentiation and kind, typeset."""
+        if name.kind == "index":
+            return name.base
         if name.kind == "multiplier":
             return indexed(self.of_multiplier.format(self.verbatim(name.base)[0]))
         if name.kind:

@@ -126,6 +126,14 @@ class Printer:
 
     # Sums
 
+    def end_of_range(self, e: Any) -> str:
+        """Return the text of an end of a range: a number, or such as `i+1`."""
+        off, letter = e.as_coeff_Add()
+        if letter == 0 or off == 0:
+            return self._print(e)
+        sign = self.minus if off < 0 else self.plus
+        return self._print(letter) + sign.strip() + self._print(abs(off))
+
     def _print_Add(self, e: Any, **_: Any) -> str:
         (sign, text), *rest = self.terms(e)
         text = self.negative + text if sign == "-" else text
@@ -245,8 +253,11 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
 
     def _print_Sum(self, e: Any) -> str:
         """Print a sum over the members of a family as model files write it."""
-        term, (letter, first, last) = e.args
-        return f"{self.sum_of}({letter} = {first}..{last}, {self._print(term)})"
+        text = self._print(e.function)
+        for letter, *ends in e.limits:  # inner ones first
+            first, last = map(self.end_of_range, ends)
+            text = f"{self.sum_of}({letter} = {first}..{last}, {text})"
+        return text
 
     def _print_Not(self, e: Any) -> str:
         return f"not ({self._print(e.args[0])})"
@@ -350,11 +361,13 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
         bare = bare and not e.args[0].is_negative and "(" not in inside and not orders
         return f"{command} {inside}" if bare else rf"{command}\left({inside}\right)"
 
-    @staticmethod
-    def sum_over(e: Any) -> str:
-        """Return the sign of a sum over members in LaTeX, with the index range."""
-        _, (letter, first, last) = e.args
-        return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
+    def sum_over(self, e: Any) -> str:
+        """Return the signs of a sum over members in LaTeX, with the index ranges."""
+        text = ""
+        for letter, *ends in reversed(e.limits):  # outer ones first
+            first, last = map(self.end_of_range, ends)
+            text += rf"\sum_{{{letter} = {first}}}^{{{last}}} "
+        return text
 
     def _print_Sum(self, e: Any) -> str:
         return self.sum_over(e) + self.factor(e.function)

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 from lagsim import limits
 from lagsim.language.columns import MULTIPLIER
 from lagsim.language.derivatives import pulled, pulled_within, tangent
+from lagsim.language.elements import gathered
 from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
@@ -126,7 +127,7 @@ def is_long(e: Equations, words: Mapping[int, PrintedName]) -> bool:
 
     words : names of the nodes of definitions, see `words_of`.
     """
-    if has_many_rows(e.model):
+    if has_many_rows(e.model) or gathered(e.graph):
         return True
     physics = physics_of(e.model)
     if words and _extent(e.graph, physics, ()).refused:

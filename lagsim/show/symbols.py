@@ -24,12 +24,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import sympy as sp
 
 from lagsim import limits
-from lagsim.language.functions import FUNCTIONS, OPERATIONS
+from lagsim.language.elements import payload
+from lagsim.language.functions import FUNCTIONS, OPERATIONS, PART
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.language.tables import arguments, written
 from lagsim.model.model import APPROACH_SPEED, Level
-from lagsim.show.names import PrintedName
+from lagsim.show.names import PrintedName, indexed
 from lagsim.show.tidy import Tidier, not_finite, too_long
 
 if TYPE_CHECKING:
@@ -236,6 +237,8 @@ class Translation:
         Symbol -> its name as displayed.
     rank : dict
         Symbol -> its position in products and sums; see `printers.Printer`.
+    sums : dict
+        Symbol -> node of a sum of elements, for which it stands, see `members`.
     tidy : Tidier
     """
 
@@ -266,6 +269,7 @@ class Translation:
             if substitute and p.name not in model.modes
         }
         named_nodes = self._well_read(physics) if named is None else named
+        self.sums: dict[Any, int] = {}
         self.definitions = {}
         for n, name in sorted(named_nodes.items()):
             s = symbol(rate_of(name.base, name.order))
@@ -316,7 +320,15 @@ class Translation:
                 found[n] = PrintedName(d.name)
         return found
 
+    def name_sums(self) -> None:
+        """Let a symbol stand for each sum of elements in the graph."""
+        for n in self.g.of((PART,)):
+            if n not in self.known:
+                self.known[n] = symbol(f"sum.{n}")
+                self.sums[self.known[n]] = n
+
     def _value(self, node: int) -> Any:
+        self.name_sums()
         try:
             return to_sympy(self.g, [node], known=self.known)[0]
         except TypeError as fault:  # sympy compares numbers that are not real
@@ -328,6 +340,8 @@ class Translation:
         for s, e in reversed(self.definitions.items()):
             if s in found:
                 found |= e.free_symbols
+        for s in found & self.sums.keys():
+            found |= {symbol(x) for x in self.g.depends([self.sums[s]])}
         return found
 
     # Symbols
@@ -365,7 +379,8 @@ class Translation:
     def own_names(self) -> list[str]:
         """Displayed names of symbols, each once, time and coordinates first."""
         found = [self.t.name, *(q.name for q in self.q)]
-        found += [n.base for n in self.names.values() if not n.kind]
+        own = (n.base for n in self.names.values() if not n.kind)
+        found += [base for base in own if indexed(base) == base]
         return list(dict.fromkeys(found))
 
     # Expressions
@@ -563,6 +578,8 @@ def written_out(
 
 def extent_of(g: Graph, n: int, found: Mapping[int, Extent]) -> Extent:
     """Return the extent of a node from the extents of its arguments."""
+    if g.ops[n] == PART:  # is shown once
+        return Extent(len(payload(g, g.args[n][0]).cone), 2)
     chained = _CHAINS.get(g.ops[n], ())
     below = [(found[a], g.ops[a] in chained) for a in g.args[n]]
     depth = max((e.depth - same for e, same in below), default=0)

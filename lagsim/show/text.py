@@ -689,7 +689,7 @@ class Families:
             k = self.member_of(name)
             own = common = name, tuple(parts)
             key: Any = place
-            if k is not None:
+            if k is not None and not self._taken(parts):
                 counted = (self._counted(e, k, self.letter) for e in parts)
                 common = self._name(name, k, self.letter), tuple(counted)
                 # Signs of sums within depend on the order of the names.
@@ -706,6 +706,11 @@ class Families:
             numbers = numbers if len(members) > 1 else ()
             result.append(FamilyRow(name, tuple(map(self.sums, alike)), numbers))
         return result
+
+    def _taken(self, parts: Sequence[Any]) -> bool:
+        """Whether the letter of rows is an index of a sum in some expressions."""
+        i = symbol(self.letter)
+        return any(i in x.variables for e in parts for x in e.atoms(sp.Sum))
 
     def _name(self, name: PrintedName, k: int, letter: str) -> PrintedName:
         """Return the name of a member with its number relative to k, with a letter.
@@ -735,11 +740,28 @@ class Families:
                 name = self._name(name, k, letter)
                 parts = (name.kind, name.base, "'" * name.order)
                 new[s] = x.add(symbol(" ".join(parts)), name, x.rank[s])
+        for total in e.atoms(sp.Sum):
+            new |= self._relative_ends(total, k, letter)
         return e.xreplace(new)
+
+    def _relative_ends(self, total: Any, k: int, letter: str) -> dict[Any, Any]:
+        """Return the limits of a sum that end before k, or begin after k, by a letter.
+
+        The result maps limits to such with the letter of the index, which denotes k.
+        """
+        found = {}
+        for limit in total.limits:
+            index, first, last = limit
+            i = symbol(letter)
+            ends = i + 1 if first == k + 1 else first, i - 1 if last == k - 1 else last
+            if ends != (first, last):
+                self.x.add(i, PrintedName(letter), (1, -1))
+                found[limit] = sp.Tuple(index, *ends)
+        return found
 
     def sums(self, e: Any) -> Any:
         """Return an expression with the terms of a family as a sum over its members."""
-        if e.is_Atom or not self.merged:
+        if e.is_Atom or not self.merged or isinstance(e, sp.Sum):
             return e
         args = tuple(map(self.sums, e.args))
         if not e.is_Add:

@@ -391,7 +391,7 @@ class _ElementBuilder:
         example = trees.parsed(self._example(group.term), "")
         of = Elements(
             g, list(self.slots.values()), [ElementOutput(node, TOTAL)], table, count, 1,
-            example,
+            example, group.columns,
         )  # fmt: skip
         args = [trees.name(x, offset) for x, (_, offset) in self.names.items()]
         data = Tree("data", of)  # type: ignore[arg-type]
@@ -425,7 +425,8 @@ class _ElementBuilder:
             each = map(np.array, zip(*positions, strict=True))
             arrays = dict(zip(words, each, strict=True))
             numbers = np.broadcast_to(_numbers(tree, arrays, None), (len(positions),))
-            return Slot(node, k, np.zeros(0, np.int64), np.array(numbers, float))
+            numbers = np.array(numbers, float)
+            return Slot(node, k, np.zeros(0, np.int64), numbers, tree)
         name, letter = str(tree.value).split("\0")
         k, _, positions = self._column(tree.args)
         if not all(self.known.has(name, x) for x in positions):

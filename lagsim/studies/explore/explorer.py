@@ -228,14 +228,15 @@ class Explorer:
 
     def equations(self) -> str:
         """Return the equations of motion as MathML."""
-        from lagsim.mechanics.derivation import derive
+        from lagsim.mechanics.derivation import derive, may_gather
         from lagsim.show import has_many_rows
         from lagsim.show.lagrange import derived
         from lagsim.show.mathml import as_mathml
 
         # A separate copy, since motions are computed meanwhile.
         model = pickle.loads(self._content)
-        equations = derive(model, chained=has_many_rows(model), trees=False)
+        many, gathers = has_many_rows(model), may_gather(model)
+        equations = derive(model, chained=many, gathers=gathers, trees=False)
         return as_mathml(derived(equations, matrices=False))
 
     def text(self, values: Values) -> str:
