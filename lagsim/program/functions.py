@@ -203,6 +203,18 @@ def on_rates(equations: Equations, switches: Switches) -> list[bool]:
     return [bool(depends([node]) & names) for node in nodes]
 
 
+def may_cancel(switches: Switches) -> list[bool]:
+    """Return, for each surface, whether its expression may be constant on a branch.
+
+    The expression then depends on the branch of another switch. On one branch its terms
+    may cancel, as those of `x + min(y - x, 0)` where y > x, but for their rounding.
+    """
+    modes = {x.variable for x in switches.sides}
+    modes |= {x.variable for x in switches.modes}
+    nodes = switches.surface_nodes()
+    return [not modes.isdisjoint(switches.graph.depends([node])) for node in nodes]
+
+
 def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
@@ -231,11 +243,11 @@ def surface_functions(
     elements: list[int] = []
     columns: list[int] = []
     starts = [0]
-    # Terms of an eliminated coordinate, as x - 1e5, are none of the sum.
-    shown = [n for n, side in zip(nodes, switches.sides, strict=True) if side.shown]
-    bounds = dict(
-        zip(shown, roundings(g, shown, (*equations.moving, "t")), strict=True)
-    )
+    # Terms of an eliminated coordinate, as x - 1e5, are none of the sum, nor are terms
+    # within a product that cancel on a branch.
+    known = zip(nodes, switches.sides, may_cancel(switches), strict=True)
+    deep = [n for n, side, cancels in known if side.shown or cancels]
+    bounds = dict(zip(deep, roundings(g, deep, (*equations.moving, "t")), strict=True))
     for moving, node in zip(moving_sides, nodes, strict=True):
         variables = driven if moving else positions
         slopes = dict(enumerate(gradient(g, node, variables)))
@@ -247,7 +259,12 @@ def surface_functions(
         if node in bounds:
             bound = g.call("mul", g.constant(OF_BOUND), bounds[node])
             scales[-1] = g.call("max", scales[-1], bound)
-        if not moving and not flow.states.keys().isdisjoint(g.cone([speed])):
+        # Where rates of states are constant, they are in no slope of the speed.
+        cone = {*g.cone([speed])}
+        mixed = not cone.isdisjoint(flow.rates) and not flow.states.keys().isdisjoint(
+            g.cone([node])
+        )
+        if not moving and (mixed or not flow.states.keys().isdisjoint(cone)):
             slopes = dict(enumerate(gradient(g, speed, driven)))
         there = {j: slope for j, slope in slopes.items() if slope != g.zero}
         elements += there.values()

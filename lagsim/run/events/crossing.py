@@ -120,6 +120,8 @@ class Crossing:
     undecided: list[int] = field(default_factory=list)  # surfaces without a decision
     # surfaces that are constant at their levels
     constant: list[int] = field(default_factory=list)
+    # surfaces at whose levels the motion stays by itself
+    kept: list[int] = field(default_factory=list)
     # surfaces at whose levels the motion is at rest, while it could also follow them
     rests: list[int] = field(default_factory=list)
     levels: dict[int, float] = field(default_factory=dict)
@@ -257,6 +259,8 @@ class Crossing:
         nested = any(modes.depends)
         by_motion = self._parts_of_motion(speeds)
         for k, level in self.levels.items():
+            if modes.may_cancel[k] and modes.is_constant_around(k):
+                continue  # its slopes may be 0 but for rounding
             beside, square = moving == moving[k], float(J[k] @ J[k])
             off = 2.0 * abs(float(self.values[k]) - level)
             least = max(RESIDUAL_ROUNDOFF * float(self.sizes[k]), off)
@@ -333,6 +337,9 @@ class Crossing:
         rate = self._rate(rows, k)
         if rate != 0.0:
             self._set_mode(k, ABOVE if rate > 0.0 else BELOW)
+        elif not is_hanging and modes.is_kept(k, self.levels[k]):
+            self._set_mode(k, LEVEL)
+            self.kept.append(k)
         elif self._parallel(rows, k):
             self.loose.append(k)
         else:
@@ -352,9 +359,13 @@ class Crossing:
                 self._watch(k)
 
     def _watch(self, k: int) -> None:
-        """Let the arc end where surface k, constant at its level, leaves it."""
-        self.modes.watched.append(k)
-        self.constant.append(k)
+        """Let the arc end where surface k, constant at its level, leaves it.
+
+        The arc does not end at the rounding of an expression that cannot leave.
+        """
+        if not self.modes.lasting[k]:
+            self.modes.watched.append(k)
+            self.constant.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of surface k; 0 where it is below rounding.

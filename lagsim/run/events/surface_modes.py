@@ -9,8 +9,14 @@ import numpy as np
 
 from lagsim.language.tables import last_level
 from lagsim.methods.parts import parameters as kept
-from lagsim.program.functions import on_rates
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, VALUE_ROUNDOFF
+from lagsim.program.functions import may_cancel, on_rates
+from lagsim.tolerances import (
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    SUM_ROUNDOFF,
+    TINY,
+    VALUE_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -33,6 +39,13 @@ ASIDE = 1e-3
 # Parts of this change at which the rounding of a constant expression is sampled: a few
 # values may be exact by chance.
 PARTS = (1.0, 0.83, 0.61, 0.47, 0.31, 0.19)
+# Parts of this change far from the state: a polynomial is not constant there.
+FAR = (0.331, -0.173)
+# Operations whose value is constant everywhere if it is constant around one state: it
+# does not saturate or underflow, and has no pieces but those of frozen switches.
+ANALYTIC = frozenset(
+    ("add", "sub", "mul", "div", "neg", "pow", "sqrt", "cbrt", "sin", "cos", "if")
+)
 # Parts of the time left at which the rounding of forces is sampled.
 LATER = (0.01, 0.13, 0.47, 0.83)
 
@@ -115,6 +128,14 @@ class SurfaceModes:
         Whether the motion follows each surface.
     depends : list of set of int
         For each surface, the surfaces on whose sides its expression depends.
+    may_cancel : list of bool
+        Whether the expression of each surface depends on other sides or on branches of
+        t, on one of which its terms may cancel.
+    lasting : list of bool
+        Whether an expression that is constant around a state is constant in the arc.
+    may_be_kept : list of bool
+        Whether the motion may stay at the level of each surface by itself: the surface
+        has no influence on forces on its coordinates, and no force changes but there.
     continued : bool
         Whether `write` continues tables beyond their ends by the first and last cell.
         A table that ends the run has no values there, with which the forces on both
@@ -147,6 +168,13 @@ class SurfaceModes:
             {numbers[name] for name in g.depends([node]) & numbers.keys()}
             for node in nodes
         ]
+        self.may_cancel = may_cancel(system.switches)
+        moving = g.dependent(nodes, (*arc.equations.state, "t"))
+        self.lasting = [
+            all(g.ops[m] in ANALYTIC for m in g.cone([n]) if m in moving and g.args[m])
+            for n in nodes
+        ]
+        self.may_be_kept = self._may_be_kept(arc, nodes)
         order = self._ordered()
         self.order = [k for k in order if not self.shown[k]]
         self.shown_order = [k for k in order if self.shown[k]]
@@ -369,9 +397,15 @@ class SurfaceModes:
     def is_constant_around(self, k: int, here: Rows | None = None) -> bool:
         """Whether surface k's expression is constant at nearby states and later on.
 
+        On one side of each other switch, the expression may be constant but for the
+        rounding of its terms, and so are its slopes: `x + min(0.1*y - x, 0)` where the
+        minimum is not 0. See `may_cancel`.
+
         here : the rows of the surfaces at the state reached, if they are known.
         """
         here = self.rows() if here is None else here
+        if self.may_cancel[k]:
+            return self._is_constant_to_rounding(k)
         if here.b[k] != 0.0 or np.any(here.J[k]):
             return False
         there = self.rows(*self.displaced())
@@ -384,6 +418,95 @@ class SurfaceModes:
         constant = here.b[k] == there.b[k] == 0.0
         return bool(still and constant and not np.any(there.J[k]))
 
+    def _is_constant_to_rounding(self, k: int) -> bool:
+        """Whether surface k's expression has one value, to rounding, at several states.
+
+        A state far off counts only if the expression has a value there.
+        """
+        here = float(self.values(self.arc.t, self.arc.y)[k])
+        for part in (*PARTS, *FAR):
+            far = part in FAR
+            y, t = self.displaced(part, far=far)
+            value = float(self.values(t, y)[k])
+            if value == here or (far and math.isnan(value)):
+                continue
+            scale = float(self.rows(y, t).scales[k])
+            if not abs(value - here) <= RESIDUAL_ROUNDOFF * scale:
+                return False
+        return True
+
+    def _may_be_kept(self, arc: Arc, nodes: list[int]) -> list[bool]:
+        """Return `may_be_kept`; nodes : the expressions, with sides frozen."""
+        e, g, switches = arc.equations, arc.equations.graph, arc.system.switches
+        if e.laws or e.rows or not nodes:
+            return [False] * self.count
+        forces = switches.freeze(e.of_accelerations)
+        moving = g.dependent(forces, (*e.state, "t"))
+        if any(g.ops[m] not in ANALYTIC for m in moving if g.args[m]):
+            return [False] * self.count
+        terms = zip(e.q, e.velocities, switches.freeze(e.f), strict=True)
+        acting = [({q, v}, g.depends([f])) for q, v, f in terms]
+        found = []
+        for side, node, lasting in zip(self.sides, nodes, self.lasting, strict=True):
+            own = g.depends([node])
+            free = not any(
+                side.variable in by for names, by in acting if not names.isdisjoint(own)
+            )
+            found.append(lasting and free and not side.shown)
+        return found
+
+    def is_kept(self, k: int, level: float) -> bool:
+        """Whether the motion stays at the level of surface k, whatever rounding says.
+
+        The rate of the expression is 0. Its second derivative is 0 on both sides, to
+        rounding, at this state and at others at which value and rate are 0. (Case:
+        `y - 3*x`, where x' = 0.1 and y' = 0.3.)
+        """
+        if not self.may_be_kept[k]:
+            return False
+        former, kept_level = (self.value.copy(), self.kind.copy()), self.levels[k]
+        found = True
+        for side in (BELOW, ABOVE):
+            self.set_mode(k, level, side)
+            self.write()
+            found = found and self._is_unforced(k, self.arc.y, self.arc.t)
+            for part in FAR:
+                if found:
+                    y, t = self.displaced(part, far=True)
+                    self._put_on(k, level, y, t)
+                    found = self._is_unforced(k, y, t)
+        self.restore(*former)
+        self.levels[k] = kept_level
+        self.write()
+        return found
+
+    def _is_unforced(self, k: int, y: Floats, t: float) -> bool:
+        """Whether the derivative of the rate of surface k is 0 to rounding."""
+        arc, rows = self.arc, self.rows(y, t)
+        J, a, v = np.abs(rows.J[k]), self.accelerations(y, t), y[arc.state.driven]
+        bounds = arc.runner.function("rounding")(t, y)[: arc.system.n]
+        rounding = SOLUTION_ROUNDOFF * (J @ np.abs(a) + abs(rows.b[k]))
+        rounding += VALUE_ROUNDOFF * (J[: arc.system.n] @ np.abs(bounds))
+        speed = float(rows.rates[k])
+        terms = J @ np.abs(v) + abs(speed - float(rows.J[k] @ v))
+        still = self.on_rates[k] or abs(speed) <= SUM_ROUNDOFF * terms
+        return bool(still and abs(rows.J[k] @ a - rows.b[k]) <= rounding)
+
+    def _put_on(self, k: int, level: float, y: Floats, t: float) -> None:
+        """Put the state y (size,), in place, on surface k at rate 0: a Newton step."""
+        arc, n = self.arc, self.arc.system.n
+        rows = self.rows(y, t)
+        J = rows.J[k]
+        if self.on_rates[k]:
+            y[arc.state.driven] -= (rows.rates[k] - level) * J / max(J @ J, TINY)
+            return
+        off = (rows.residuals[k] - level) * J / max(J @ J, TINY)
+        y[arc.state.positions] -= off[:n]
+        y[arc.state.first_order] -= off[n:]
+        rows = self.rows(y, t)
+        J = rows.J[k]
+        y[arc.state.driven] -= rows.rates[k] * J / max(J @ J, TINY)
+
     def roundoff_around(self, k: int) -> float:
         """Return the roundoff of an expression that is constant around the state.
 
@@ -395,10 +518,13 @@ class SurfaceModes:
         values = [self.values(t, y)[k] for y, t in map(self.displaced, PARTS)]
         return float(np.max(np.abs(np.array(values) - self.levels[k])))
 
-    def displaced(self, part: float = 1.0) -> tuple[Floats, float]:
+    def displaced(
+        self, part: float = 1.0, *, far: bool = False
+    ) -> tuple[Floats, float]:
         """Return a nearby state y (size,) and a later time, as a test point.
 
         part : factor of the distance from the present state and time.
+        far : whether the distance is of the size of the ranges.
         """
         arc, magnitudes, reach = self.arc, self.arc.magnitudes, self.arc.ranges
         reach = np.where(
@@ -406,9 +532,11 @@ class SurfaceModes:
             np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * magnitudes),
             magnitudes,
         )
-        parts = ASIDE + ASIDE**2 * np.arange(len(magnitudes))
+        aside, parts = ASIDE, ASIDE + ASIDE**2 * np.arange(len(magnitudes))
+        if far:
+            aside, parts = 1.0, np.linspace(1.0, 2.0, len(magnitudes))
         shift = parts * np.where(reach > 0.0, reach, 1.0)
-        later = arc.t + part * ASIDE * (arc.settings.end - arc.t)
+        later = arc.t + part * aside * (arc.settings.end - arc.t)
         return arc.y + part * shift, later
 
     def leads(self, clear: Mapping[int, float]) -> Floats:

@@ -41,6 +41,7 @@ from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
     RESIDUAL_ROUNDOFF,
     SOLUTION_ROUNDOFF,
+    STATE_ROUNDOFF,
     TIME_ROUNDOFF,
 )
 
@@ -101,6 +102,8 @@ class Switching(Source):
         `surface_modes.SurfaceModes.constrained`.
     passed_at : float
         The time of the last point of a table that the kernel has passed.
+    kept : list of int
+        The surfaces at whose levels the motion stays by itself, by the last selection.
     at_rest : list of int
         The surfaces at whose levels the motion is at rest while it could also follow
         them, by the last selection.
@@ -116,6 +119,7 @@ class Switching(Source):
         self.resting: dict[int, float] = {}
         self.passed_at = math.nan
         self.at_rest: list[int] = []
+        self.kept: list[int] = []
 
     @property
     def slides(self) -> Flags:
@@ -270,7 +274,7 @@ class Switching(Source):
             for k in crossing.undecided:
                 if modes.kind[k] == 0.0:  # rows show the choice
                     modes.kind[k] = kept.CHOSEN
-        self.at_rest = crossing.rests
+        self.at_rest, self.kept = crossing.rests, crossing.kept
         modes.continued = False
         modes.write()
         modes.store(roundoff=2.0 * roundoff, decisive=modes.decisive())
@@ -407,6 +411,10 @@ class Switching(Source):
             distances = {k: most for k, most in self.resting.items() if off[k] <= most}
         self.resting = modes.constrained()
         distances |= self.resting
+        if self.kept:  # each step adds the rounding of positions
+            off, sizes = modes.off_levels(), modes.sizes()
+            most = (1 + self.modes.arc.steps) * STATE_ROUNDOFF * sizes
+            distances |= {k: most[k] for k in self.kept if off[k] <= most[k]}
         if (k := surfaces.located) >= 0:
             jumps = surfaces.off < 0.0
             distances[k] = (
@@ -453,9 +461,10 @@ class Switching(Source):
         # value; one that is at its level within rounding leaves it at a larger one.
         for k in modes.watched:
             if k in crossing.constant:
-                if k != crossing.hit and event_functions[k] == 0.0:
+                sampled = modes.roundoff_around(k)
+                if k != crossing.hit and event_functions[k] == sampled == 0.0:
                     slack[k] = 0.0
-                slack[k] = max(slack[k], LARGER * modes.roundoff_around(k))
+                slack[k] = max(slack[k], LARGER * sampled)
         followed = [*modes.watched, *modes.carried]
         if followed and arc.system.m:
             slack[followed] += modes.drifts()[followed]
