@@ -88,12 +88,26 @@ ROOMS_OF_RUNS = (
 )
 RUNS = tuple(f"tests/{room}/" for room in ROOMS_OF_RUNS)
 # Not where a case takes a millisecond, and not the goldens and files that are derived:
-# all of these are quick. A shipped model takes longer.
+# all of these are quick, but for cases that take longer.
 ALL_CASES = (
     *(f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")),
     *("tests/mechanics/contact/", "tests/methods/order/", "tests/test_derived.py"),
     "tests/run/observers/test_energy_monitor.py",
     *(f"tests/methods/test_{one}.py" for one in ("implicit", "symplectic", "tableau")),
+)
+LONG_CASES = (
+    "tests/golden/test_responses.py::test_the_golden_of_a_shipped_model",
+    "tests/language/test_elements.py::test_equations_are_those_of_the_terms",
+    "tests/language/test_elements.py::test_roundoff_is_bounded",
+    "tests/language/test_elements.py::test_sizes_of_terms",
+    "tests/language/test_smooth.py::test_a_motion_through_the_singularity",
+    "tests/language/test_tables.py::test_enclosures_hold",
+    "tests/language/test_tails.py::test_a_body_at_rest_far_out",
+    "tests/methods/order/test_convergence.py",
+    "tests/native/test_elementary.py::test_within_two_units",
+    "tests/native/test_lanes.py",
+    "tests/native/test_polynomials.py",
+    "tests/native/test_series_code.py::test_coefficients",
 )
 EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
 SLICES = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
@@ -155,7 +169,8 @@ def pytest_generate_tests(metafunc):
     """
     result = yield
     cases, test = metafunc._calls, metafunc.definition
-    whole = test.nodeid.startswith(ALL_CASES) and "::test_shipped_" not in test.nodeid
+    long = "::test_shipped_" in test.nodeid or test.nodeid.startswith(LONG_CASES)
+    whole = test.nodeid.startswith(ALL_CASES) and not long
     marked = {mark.name for mark in test.iter_markers()}
     # A nightly case stays out of the slow suite.
     free = [x for x in cases if not {*LATER} & (marked | {m.name for m in x.marks})]

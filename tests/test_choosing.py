@@ -119,6 +119,7 @@ def test_slices_are_read():
     assert slices("slow=4,nightly=100") == {"slow": 4, "nightly": 100}
 
 
+@pytest.mark.slow
 def test_no_test_asserts_how_late_it_is():
     found = []
     for path, text in sources():

@@ -169,6 +169,7 @@ def test_rest_in_a_corner_of_a_large_track_lasts():
     assert result["h"] == pytest.approx(1000.0, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["abs", "tilted", "max", "if", "table", "space"])
 def test_the_track_bears_the_weight_in_its_corner(name):
     result = lagsim.simulate(TRACKS[name][0], error_bar="never")
@@ -192,6 +193,7 @@ def test_a_ridge_or_a_steeper_force_leaves_no_rest(text):
         lagsim.simulate(text, error_bar="never")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_rests_of_piecewise_linear_energies_are_their_minima(seed):
     """Compare with the minimum by linear programming."""
@@ -249,6 +251,7 @@ def test_equilibrium_finds_corners_and_their_stability(name):
     assert one["stable"] is True
 
 
+@pytest.mark.slow
 def test_motions_along_a_corner_decide():
     """In the valley z = |x|/2 + (y - 0.3)^2 the body swings along y: w^2 = 2 g."""
     [one] = rests(TRACKS["valley"][0], starts=2)

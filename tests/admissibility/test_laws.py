@@ -187,6 +187,7 @@ initial: {x: {guess: 0.9}, y: {guess: 0.1}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "start", "solved", "warned"),
     [
@@ -202,6 +203,7 @@ def test_guesses_satisfy_what_they_would_violate(text, start, solved, warned):
     assert warned is None or codes(found) == warned
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [
     "{p: {relation: a_dot = 0, when: t < T}, q: {relation: a_dot = b_dot, when: t<1}}",
     "{p: {relation: b = 0, when: t < T}, q: 3*a_dot + 0.7*b_dot = 0}",

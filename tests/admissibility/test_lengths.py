@@ -94,6 +94,7 @@ def test_what_is_near_enough(text, sound):
     assert judged(text).admissible is sound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", RELATIVE)
 @pytest.mark.parametrize("shift", SHIFTS)
 def test_a_rod_is_repaired_along_its_length(form, shift):
@@ -107,6 +108,7 @@ def test_a_rod_is_repaired_along_its_length(form, shift):
         assert start.repair["x1"] - shift == pytest.approx(off * along, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_ten_digits_far_away_do_not_make_a_rod():
     # 0.1 mm of 1 m: told, with the nearest state.
     at = {"x1": "1000000.123", "y1": 0, "x2": "1000000.7231", "y2": "0.8"}
@@ -116,6 +118,7 @@ def test_ten_digits_far_away_do_not_make_a_rod():
     assert set(start.repair) == {"x1", "y1", "x2", "y2"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS)
 def test_other_roots_are_found_far_away(shift):
     rods = {
@@ -213,6 +216,7 @@ def test_a_root_however_far_is_one(relation, guess, root):
     assert start.state.q[0] == pytest.approx(root, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guess", ["1", "3e4", "1e5", "3e5"])
 @pytest.mark.parametrize("least", [Point.LARGE, 1])
 def test_a_guess_that_runs_away_from_afar(guess, least, monkeypatch):

@@ -30,6 +30,7 @@ def replaced(text, repair):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [1.0, 9.0, 1e-4])
 @pytest.mark.parametrize("place", [(3.0, 0.5), (0.2, 0.1), (-1.0, 4.0), (30.0, 20.0)])
 def test_repair_is_the_nearest_state_in_the_metric_of_inertia(mass, place):
@@ -90,6 +91,7 @@ def test_repair_in_closed_form(text, repair):
     assert judged(replaced(text, found)).admissible
 
 
+@pytest.mark.slow
 def test_a_ridge_is_left():
     # On the flat ellipse's short axis it is a minimum, on its long one from near the
     # centre it is not: (2, 0) is 1.9 away, (0, 1) only 1.
@@ -100,6 +102,7 @@ def test_a_ridge_is_left():
     assert abs(found["y"]) == pytest.approx(math.sqrt(1 - x * x / 4), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_repair_of_a_massless_coordinate():
     text = scene("y = x^2", {"x": 1, "y": 3}, kinetic="x_dot^2/2", potential="y")
     x, y = (repaired(text)[name] for name in "xy")
@@ -125,6 +128,7 @@ def elbow(sign):
     return {"a": math.atan2(0.3, 0.7) - b / 2, "b": b}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sign", "a", "b"),
     [
@@ -166,6 +170,7 @@ def test_a_root_half_a_turn_away_is_no_other(relation):
     assert math.tan(start.state.q[1]) == pytest.approx(0.3, rel=1e-14)
 
 
+@pytest.mark.slow
 def test_a_tip_out_of_reach():
     start = judged(ARM.replace("0.7", "1.7"))
     check(start, admissible=False, unsolved="cannot be satisfied")

@@ -242,6 +242,7 @@ def test_no_rest_is_told_with_what_remains(case):
     assert left == pytest.approx(case[3])
 
 
+@pytest.mark.slow
 def test_the_nearest_rest_is_offered():
     assert at_rest(text_of(*NONE["stated"][:3])).repair == {"th": 0.0}
     found = at_rest(text_of(*NONE["half stated"][:3]))
@@ -299,6 +300,7 @@ def test_a_block_rests_on_a_rough_slope_that_is_not_too_steep():
     assert not at_rest(INCLINE.replace("MU", "0.3")).admissible
 
 
+@pytest.mark.slow
 def test_friction_that_does_not_suffice_lets_it_slide_to_the_lowest_point():
     bowl = INCLINE.replace("MU", "0.2").replace("y*cos(a) >= x*sin(a)", "y >= x^2")
     bowl = bowl.replace("x_dot*cos(a) + y_dot*sin(a)", "x_dot + 2*x*y_dot")
@@ -326,6 +328,7 @@ def test_a_ladder_between_two_contacts():
     assert found["lambda_wall"] == pytest.approx(4 * foot, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_box_falls_flat_on_more_contacts_than_it_needs():
     start = at_rest(BOX)
     assert coordinates(start) == pytest.approx([0.5, 0], abs=1e-12)
@@ -392,6 +395,7 @@ simulation: {duration: 1, begin: rest, start: 3}
 """
 
 
+@pytest.mark.slow
 def test_sweep_and_bind(tmp_path):
     path = tmp_path / "car.yaml"
     path.write_text(CAR)

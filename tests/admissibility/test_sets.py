@@ -40,6 +40,7 @@ THIN = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THIN)
 def test_thin_sets_are_named_with_their_dimension(name):
     relations, at, dimension = THIN[name]
@@ -64,6 +65,7 @@ def test_thin_sets_that_are_guessed(name):
     assert start.thin is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", ["0", "{guess: 0.1}"])
 def test_velocities_that_satisfy_a_multiple_root(speed):
     at = {"x": 0, "y": 0, "z": 0, "x_dot": speed, "y_dot": speed, "z_dot": 1}
@@ -71,6 +73,7 @@ def test_velocities_that_satisfy_a_multiple_root(speed):
     check(start, admissible=False, thin=("a",), degrees_of_freedom=1)
 
 
+@pytest.mark.slow
 def test_stretched_rods_between_three_bodies():
     rods = {
         "a": "hypot(x1 - x0, y1 - y0) = 1",
@@ -153,6 +156,7 @@ def test_the_point_of_a_cone_is_told(cone, value):
         judged(scene(cone, dict.fromkeys("xyz", value)))
 
 
+@pytest.mark.slow
 def test_what_is_said_of_guesses_is_the_first_row():
     text = scene(
         "z^2 = x^2 + y^2", {"x": "{guess: 0}", "y": "{guess: 0}", "z": 1}, more=MORE

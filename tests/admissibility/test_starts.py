@@ -122,6 +122,7 @@ OTHERS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("relations", "initial", "expected"), OTHERS)
 def test_what_is_found(relations, initial, expected):
     check(judged(scene(relations, initial)), **expected)
@@ -160,6 +161,7 @@ def test_a_singular_configuration_is_told_from_a_relation_too_many(angle):
     check(start, ranks=(3, 4), everywhere=[True, False], redundant=["p1", "p3"])
 
 
+@pytest.mark.slow
 def test_bricard():
     start = judged(model_text("bricard"))
     check(start, admissible=True, ranks=(23, 23), everywhere=[True])
@@ -215,6 +217,7 @@ def elsewhere(relations, initial, lengths, shift, unit, factor):
     return scene(rows, at, kinetic=told(" + ".join(f"{q}_dot^2/2" for q in names)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("relations", "initial", "lengths"), PLACED)
 @pytest.mark.parametrize(
     ("shift", "unit", "factor"),

@@ -87,6 +87,7 @@ def test_they_are_those_of_the_rows(name):
     assert np.abs(found - a).max() < 1e-10 * np.abs(a).max()
 
 
+@pytest.mark.slow
 def test_an_integrator_takes_it():
     model = lagsim.load(MODELS / "elastic-pendulum.yaml")
     start = [x.value for x in model.initial]

@@ -21,6 +21,7 @@ TIMES = np.linspace(0.1, 4, 30)
 DATA = {"t": TIMES, "x": np.cos(2 * TIMES), "note": ["a"] * 30}
 
 
+@pytest.mark.slow
 def test_arrays_and_files_have_one_result(tmp_path):
     path = tmp_path / "a.csv"
     pairs = np.column_stack([TIMES, DATA["x"]]).tolist()

@@ -44,6 +44,7 @@ def test_a_state_between_far_rows_is_exact(method, bound):
     assert np.array_equal(found["t"], TIMES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "order"), [("kahan-li6", 6), ("gauss4", 3), ("rk4", 3), ("verlet", 2)]
 )
@@ -68,6 +69,7 @@ def test_a_number_gives_numbers_and_an_array_arrays():
     assert result.at([1.0, 1.0])["x"].tolist() == [result.at(1)["x"]] * 2
 
 
+@pytest.mark.slow
 def test_a_constraint_is_met_between_rows():
     found = run(PENDULUM).at(np.linspace(0.01, 1.99, 40))
     assert np.abs(found["x"] ** 2 + found["y"] ** 2 - 1).max() < 1e-12
@@ -112,6 +114,7 @@ NAMES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_asking_changes_nothing_of_the_motion(name):
     """At the times of rows the result equals the rows to the bit.

@@ -126,6 +126,7 @@ def test_what_is_listed_fits():
 PICTURED = {"result", "error", "spectrum", "sweep"}
 
 
+@pytest.mark.slow
 def test_each_has_a_page_and_a_picture_where_there_is_one(shown):
     for kind, thing in shown["swing"].items():
         if kind in ("derivation", "accelerations", "animation"):
@@ -187,6 +188,7 @@ def test_a_sweep_over_one_name_is_drawn_as_curves():
         found.plot("b.end")
 
 
+@pytest.mark.slow
 def test_maps_of_constants_are_of_one_colour():
     # What a does not depend on: maps of rounding errors would have patterns.
     text = SWING.replace("name:", "parameters: {u: 1, w: 1}\nname:")
@@ -213,6 +215,7 @@ def test_maps_of_constants_are_of_one_colour():
     assert len({tuple(c) for c in drawn.get_facecolor()}) == 1
 
 
+@pytest.mark.slow
 def test_a_sweep_over_two_names_is_drawn_as_maps():
     text = SWING.replace("-9*cos(a)", "-k*cos(a)").replace(
         "name:", "parameters: {k: 9}\nname:"

@@ -139,12 +139,14 @@ def test_what_holds_at_times_is_told(lagsim, write):
     assert "4 constraints of rank 1, 2 degrees of freedom" in told
 
 
+@pytest.mark.slow
 def test_parameters_can_be_set(lagsim, write):
     model = write(CAPTION.replace("u: l}", "u: g/9.8}"))
     assert lagsim("check", model).code == 1
     assert lagsim("check", model, "--set", "g=0").code == 0
 
 
+@pytest.mark.slow
 def test_several_models_give_the_worst_exit_code(lagsim, write):
     good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
     called = lagsim("check", good, bad, good, code=1)
@@ -203,6 +205,7 @@ initial: {x: -1, y: 0}
 """
 
 
+@pytest.mark.slow
 def test_the_first_line_names_the_rows_that_contradict(lagsim, write):
     called = lagsim("check", write(CONTRADICTORY), code=1)
     assert called.out.splitlines()[0] == (
@@ -216,6 +219,7 @@ def test_the_first_line_names_the_rows_that_contradict(lagsim, write):
     assert found["levels"] == pytest.approx({"position": 1.0})
 
 
+@pytest.mark.slow
 def test_inadmissible_guesses_get_a_repair_of_all_values(lagsim, write):
     model = write(
         "coordinates: {x: , y: }\n"
@@ -228,6 +232,7 @@ def test_inadmissible_guesses_get_a_repair_of_all_values(lagsim, write):
     assert "the nearest admissible state" in called.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_the_keys_of_shipped_models(lagsim, path):
     called = lagsim("check", path, "--json", code=0)
@@ -290,6 +295,7 @@ def test_no_heavy_library_is_imported():
     assert [m["admissible"] for m in json.loads(done.stdout)] == [True] * len(models)
 
 
+@pytest.mark.slow
 def test_quiet_says_only_what_is_wrong(lagsim, write):
     good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
     lagsim("check", "-q", good, code=0, out="", err="")

@@ -30,6 +30,7 @@ def annotations(text):
     return found
 
 
+@pytest.mark.slow
 def test_strict_runs(lagsim, write):
     file = write(WARNED)
     assert lagsim("run", file, "--no-plots").code == 0
@@ -55,6 +56,7 @@ def test_strict_checks(lagsim, write):
     assert [len(found["warnings"]) for found in called.json] == [0, 1]
 
 
+@pytest.mark.slow
 def test_another_result_is_not_replaced_without_a_word(lagsim, write):
     file = write(PENDULUM, "pendulum.yaml")
     quiet = ["run", file, "--no-plots"]
@@ -90,6 +92,7 @@ def test_annotations_of_faults(lagsim, write):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("actions")
 def test_annotations_of_starts_and_warnings(lagsim, write):
     line = 1 + CAPTION.split("constraints:")[0].count("\n")
@@ -161,6 +164,7 @@ def test_goldens_that_differ(lagsim, write, differing):
     assert text.startswith("pendulum differs from its golden: ")
 
 
+@pytest.mark.slow
 def test_a_picture_where_only_an_invariant_differs(lagsim, stored):
     path = Path("golden/pendulum.json")
     text = re.sub(r'("value": ?)-5\.\d+', r"\g<1>-5.4", path.read_text())

@@ -20,6 +20,7 @@ def text_of(done):
     return done.out
 
 
+@pytest.mark.slow
 def test_text_and_ascii(lagsim):
     text = text_of(lagsim("derive", ELASTIC))
     assert "M (l + u)² θ̈ + 2 M (l + u) θ̇ u̇ + M g (l + u) sin(θ) = 0" in text

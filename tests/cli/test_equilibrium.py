@@ -42,6 +42,7 @@ def test_files_and_summary(lagsim, write):
     assert float(rows[1][1]) == document["equilibria"][1]["coordinates"]["a"]
 
 
+@pytest.mark.slow
 def test_json_is_one_document(lagsim, write):
     path = write("name: truss\n" + TRUSS)
     document = lagsim("equilibrium", path, "--json", "--no-plots", code=0).json
@@ -136,6 +137,7 @@ def test_an_energy_of_rounding_is_0_in_the_report(lagsim, write):
     assert "1  stable  0         0       x 0" in called.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("potential", ["abs(x)", "x^2/2"])
 def test_branches_that_are_not_followed_are_reported(lagsim, write, potential):
     text = "name: b\nparameters: {k: 1}\ncoordinates: {x: {}}\ninitial: {x: 1}\n"

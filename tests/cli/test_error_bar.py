@@ -11,6 +11,7 @@ from tests.support import MODELS
 SWING = pendulum(simulation="duration: 5")
 
 
+@pytest.mark.slow
 def test_every_run_tells_its_error(lagsim, write):
     called = lagsim("run", write(SWING), "-o", "out", "--no-plots", code=0)
     error = manifest("out")["error"]

@@ -50,6 +50,7 @@ def ask_motion(address):
 
 
 # The kernels are compiled from some 0.3 to 1.5 s after the request.
+@pytest.mark.slow
 @pytest.mark.usefixtures("heeded_signals")
 @pytest.mark.parametrize("pause", [0.3, 0.6, 0.9, 1.2])
 def test_ctrl_c_ends_it_in_order_while_a_motion_is_compiled(

@@ -49,6 +49,7 @@ def test_files_and_summary(lagsim, write, data):
     assert read_file("new.yaml").parameter_values["k"] == pytest.approx(10, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_json_is_one_document(lagsim, write, data):
     path = write(MODEL)
     options = "--vary", "x", "--json", "--no-plots", "--set", "k=10"
@@ -127,6 +128,7 @@ def test_files_of_others_are_not_replaced(lagsim, write, data):
     assert fitted.read_text().endswith("# tried\n")
 
 
+@pytest.mark.slow
 def test_the_fitted_file_of_another_model_is_removed(lagsim, write, data):
     # A folder has the files of one fit; a file that was changed since stays.
     again = (
@@ -212,6 +214,7 @@ def test_a_file_that_is_not_there(lagsim, write):
     assert called.reports("E615", "none.csv")
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_before_the_data(lagsim, write, data):
     text = MODEL.replace("duration: 10", "duration: 10, until: x <= 0")
     called = lagsim("fit", write(text), data("a.csv"), "--vary", "k", code=2, out="")

@@ -9,6 +9,7 @@ from tests.cli._results import manifest
 from tests.small_scenes import ON_THE_CURVE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "formulation"),
     [
@@ -30,6 +31,7 @@ def test_run_json_has_the_formulation_and_its_reason(lagsim, write, name, formul
     )
 
 
+@pytest.mark.slow
 def test_a_gain_is_told(lagsim, write):
     used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots"]
     called = lagsim("run", write(ON_THE_CURVE), *used, code=0, err="")

@@ -12,6 +12,7 @@ from tests.outputs.drawn import noted
 from tests.small_scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
 
+@pytest.mark.slow
 def test_a_golden_and_its_files(lagsim, write):
     stored = write(PENDULUM, "pendulum.yaml")
     assert lagsim("golden", stored, "--update", "-q").code == 0
@@ -31,6 +32,7 @@ def test_a_golden_and_its_files(lagsim, write):
     assert told["models"][0]["notes"] == []
 
 
+@pytest.mark.slow
 def test_what_changed_is_named_and_annotated_at_its_line(
     lagsim, stored, write, monkeypatch
 ):

@@ -74,6 +74,7 @@ def test_equations_of_unusual_expressions(lagsim, write, potential, form):
     assert called.out or called.err
 
 
+@pytest.mark.slow
 def test_a_condition_in_a_condition_is_written_with_and_and_or(lagsim, write):
     text = FREE.replace("potential: x", "potential: 'if(if(x < 1, y, t) < 2, x, 0)'")
     called = lagsim("derive", write(text), "--ascii")
@@ -81,6 +82,7 @@ def test_a_condition_in_a_condition_is_written_with_and_and_or(lagsim, write):
     assert "y < 2" in called.out
 
 
+@pytest.mark.slow
 def test_a_processor_that_nobody_knows(lagsim, write, monkeypatch):
     monkeypatch.setenv(engine.CPU_VARIABLE, "foo")
     called = lagsim("run", write(FREE), "--no-plots")

@@ -29,6 +29,7 @@ def test_numbers_without_end_are_refused(lagsim, tmp_path, shape):
     assert "--format python" in done.err
 
 
+@pytest.mark.slow
 def test_entangled_expressions_are_refused(lagsim, tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "WORK", 100_000)
     path = tmp_path / "model.yaml"
@@ -41,6 +42,7 @@ def test_entangled_expressions_are_refused(lagsim, tmp_path, monkeypatch):
         assert called.err.startswith("model.yaml:3:43: ")
 
 
+@pytest.mark.slow
 def test_equations_are_counted_before_they_are_written(lagsim, tmp_path, monkeypatch):
     (tmp_path / "model.yaml").write_text(SHAPES["turning sums"](500))
     assert calm(lagsim("derive", "model.yaml")).code == 0

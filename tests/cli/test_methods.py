@@ -51,6 +51,7 @@ def test_a_run_by_a_retired_method_takes_another_one(lagsim, write):
     assert "is retired" in lagsim("methods", "exponential", code=2).err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RETIRED_FORMULATIONS)
 def test_a_run_in_a_retired_formulation_takes_another_one(lagsim, name):
     Path("model.yaml").write_text(

@@ -16,6 +16,7 @@ from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
 PAGE = "animation.html"
 
 
+@pytest.mark.slow
 def test_a_page_is_one_of_the_files(lagsim, write, tmp_path):
     model = write(ON_THE_CURVE)
     assert lagsim("run", model, "--no-plots", "-o", "plain").code == 0
@@ -101,6 +102,7 @@ def page_of(path):
     return recorded(path.read_text("utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_picture_and_a_page(overlay, tmp_path):
     told = overlay("soft", "hard")

@@ -305,6 +305,7 @@ def test_a_line_is_refused(lagsim, files, line):
     assert names(".") == files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["bench", "stability"])
 def test_a_start_is_refused(lagsim, files, command):
     called = lagsim(command, "wrong.yaml", code=1)

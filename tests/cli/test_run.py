@@ -55,6 +55,7 @@ COLUMNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "expected"), COLUMNS.values(), ids=COLUMNS)
 def test_the_columns_stand_in_the_order_of_the_contract(lagsim, write, text, expected):
     assert lagsim("run", write(text), "--no-plots", "-o", "out").code == 0
@@ -102,6 +103,7 @@ TYPES = {
 LAPS = {"import", "read", "derive", "compile", "integrate", "output", "plots"}
 
 
+@pytest.mark.slow
 def test_run_json_has_the_keys_of_the_contract(lagsim, write):
     model = write(ON_THE_CURVE)
     lagsim("run", model, "--set", "g=2*4.9", "-o", "out", code=0)
@@ -167,6 +169,7 @@ def test_the_closing_lines(lagsim, write):
     assert "residual" not in forced.out
 
 
+@pytest.mark.slow
 def test_quiet_and_json(lagsim, write):
     # A start that is exact to six digits only is worth a word, but not here.
     text = CAPTION.replace("theta: 1, u: l", "theta: 0.770917, u: 0.405687")
@@ -181,6 +184,7 @@ def test_quiet_and_json(lagsim, write):
     assert "start-changed" in codes
 
 
+@pytest.mark.slow
 def test_options_stand_for_the_files(lagsim, write):
     model = write(PENDULUM)
     called = lagsim(
@@ -222,6 +226,7 @@ def test_until_ends_the_run(lagsim, write):
     assert table("out")[1][-1, 0] == document["end"] < 2
 
 
+@pytest.mark.slow
 def test_an_inadmissible_start_writes_nothing(lagsim, write):
     called = lagsim("run", write(CAPTION), code=1, out="")
     assert called.reports("E301", "`path`", " 1 ")

@@ -76,6 +76,7 @@ def test_every_event_is_in_both_files(lagsim, write):
         assert float(line[5]) == pytest.approx(-2 * 9.8 * 3 / 4, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_no_such_file_without_such_constraints(lagsim, write):
     lagsim("run", write(CONTACT), "--no-plots", "-o", "out")
     called = lagsim("run", write(ON_THE_CURVE), "--no-plots", "-o", "out")
@@ -83,6 +84,7 @@ def test_no_such_file_without_such_constraints(lagsim, write):
     assert "  events " not in called.out
 
 
+@pytest.mark.slow
 def test_the_summary_counts_impacts_and_tells_of_rest(lagsim, write):
     text = TWO.replace("duration: 1,", "duration: 2,")
     called = lagsim("run", write(text), "--no-plots", "-o", "out")
@@ -129,6 +131,7 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     assert len(listed()) == sum(manifest("out")["event_counts"].values())
 
 
+@pytest.mark.slow
 def test_events_are_in_the_file_while_the_run_goes_on(lagsim, write, monkeypatch):
     """Where rows are passed on, the file has the events before the last row."""
     part, found = Path("out/.lagsim-events.csv.part"), []
@@ -151,6 +154,7 @@ def test_events_are_in_the_file_while_the_run_goes_on(lagsim, write, monkeypatch
     assert len(set(found)) > 10
 
 
+@pytest.mark.slow
 def test_the_table_is_the_same_without_pictures(lagsim, write):
     """Pictures need further rows beside events, which are not in the table."""
     model = write(CONTACT)

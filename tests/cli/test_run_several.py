@@ -55,6 +55,7 @@ def test_by_default_each_has_the_folder_of_its_name(lagsim, write):
     assert names("results") == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
     called = lagsim("run", *three, "none.yaml", "--no-plots", "--json", "-j", 1, code=2)
     first, second, third, last = called.json
@@ -64,6 +65,7 @@ def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
     assert last["errors"][0]["file"] == "none.yaml"
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_finish_keeps_the_others(lagsim, write):
     write(named("a", FALL), "a.yaml"), write(named("b"), "b.yaml")
     called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1, code=3)
@@ -91,6 +93,7 @@ def test_two_of_one_name_are_refused_before_anything_runs(lagsim, write, as_json
     assert not Path("results").exists()
 
 
+@pytest.mark.slow
 def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, at_rows):
     def fail(_rows):
         if not names("results/a"):

@@ -81,6 +81,7 @@ def test_options_have_a_type_in_python_and_a_text_in_the_schema():
     assert all(keys[name]["description"] for name in OPTIONS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_models_are_valid(faults, path):
     assert faults(loaded(path.read_text(encoding="utf-8"))) == []

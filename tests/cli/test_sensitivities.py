@@ -64,6 +64,7 @@ def test_values_set_on_the_command_line_count(lagsim, tmp_path):
     assert rows["d.x.k"] == pytest.approx(-t * np.sin(3 * t) / 6, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_deviations_combine_and_rows_of_impacts_are_empty(lagsim, tmp_path):
     (tmp_path / "ball.yaml").write_text(BALL)
     lagsim("run", "ball.yaml", "--no-plots", "--units", code=0)
@@ -95,6 +96,7 @@ def test_deviations_combine_and_rows_of_impacts_are_empty(lagsim, tmp_path):
     assert lagsim("compare", str(folder), str(folder)).code == 0
 
 
+@pytest.mark.slow
 def test_rows_that_an_event_crosses_are_empty_with_a_warning(lagsim, tmp_path):
     text = BALL.replace("g: 9.81", "g: 8").replace("value: 1,", "value: 0.25,")
     (tmp_path / "ball.yaml").write_text(text)
@@ -130,6 +132,7 @@ def test_in_python():
     assert result.record["sensitivities"]["k"]["runs"] == 8
 
 
+@pytest.mark.slow
 def test_at_any_time_they_have_their_closed_form():
     text = OSCILLATOR + "output: {sensitivities: [k]}\n"
     text = text.replace("k: 4", "k: {value: 4, uncertainty: 0.1}")
@@ -147,6 +150,7 @@ def test_at_any_time_they_have_their_closed_form():
     assert "d.x.k" not in in_python.simulate(OSCILLATOR).at(0.3)
 
 
+@pytest.mark.slow
 def test_at_the_time_of_an_impact_they_are_not_a_number():
     result = in_python.simulate(BALL, error_bar="never")
     hit = np.sqrt(2 / 9.81)

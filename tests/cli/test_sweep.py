@@ -60,6 +60,7 @@ def assert_is_single(row, folder):
         assert told == [rows[-1, k], rows[:, k].min(), rows[:, k].max()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bars", ["auto", "never"])
 def test_rows_have_the_values_of_single_runs(lagsim, write, bars):
     model = write(SPRING)
@@ -80,6 +81,7 @@ def test_rows_have_the_values_of_single_runs(lagsim, write, bars):
         assert rows[k]["reason"] == ""
 
 
+@pytest.mark.slow
 def test_the_columns_stand_in_the_order_of_the_contract(lagsim, write):
     text = SPRING + "output: {columns: [y]}\n"
     lagsim("sweep", write(text), "theta=1", *QUICK, "-o", "out")
@@ -90,6 +92,7 @@ def test_the_columns_stand_in_the_order_of_the_contract(lagsim, write):
     assert header.split(",") == expected
 
 
+@pytest.mark.slow
 def test_the_record_says_what_was_swept(lagsim, write):
     model = write(SPRING)
     called = lagsim("sweep", model, "K=1,2*l", "--set", "l=3", *QUICK, "--json")
@@ -130,6 +133,7 @@ def test_guesses_are_solved_for_each(lagsim, write):
         assert float(row["energy.end"]) == pytest.approx(start, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_changes_the_form_is_compiled_for_it(lagsim, write):
     called = lagsim(
         "sweep", write(POWER), "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1, code=0
@@ -155,6 +159,7 @@ def test_failures_are_rows_with_their_reasons(lagsim, write):
     assert "failed    1 run, the first: the step size became too small" in called.out
 
 
+@pytest.mark.slow
 def test_inadmissible_starts_are_rows(lagsim, write):
     model = write(ON_THE_CURVE)
     lagsim("sweep", model, "u=0,0.5", *QUICK, code=3)

@@ -45,6 +45,7 @@ def test_help(lagsim, flag):
     assert [o for o in options if o not in page] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", ["60", "80", "100"])
 def test_no_summary_is_cut(lagsim, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
@@ -91,6 +92,7 @@ def test_version(lagsim):
     assert called.out.split()[0] == "lagsim"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variable", "value", "coloured"),
     [("NO_COLOR", "", True), ("NO_COLOR", "1", False), ("TERM", "dumb", False)],
@@ -120,6 +122,7 @@ def test_a_line_break_in_an_argument_is_refused(lagsim, write, words):
     assert names(".") == ["A", "A\nb.yaml"]
 
 
+@pytest.mark.slow
 def test_a_progress_bar_on_a_terminal_only(lagsim, write, monkeypatch):
     monkeypatch.setattr("lagsim.cli._shared.PATIENCE_SECONDS", 0.0)
     long = PENDULUM.replace("duration: 2,", "duration: 2000,")
@@ -190,6 +193,7 @@ STREAMS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")  # noqa: PTH110
 @pytest.mark.parametrize(("line", "code", "told"), STREAMS)
 def test_streams_that_are_closed_full_or_unread(tmp_path, write, line, code, told):

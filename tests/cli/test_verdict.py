@@ -24,6 +24,7 @@ simulation: {duration: 10, output_step: STEP}
 """
 
 
+@pytest.mark.slow
 def test_what_was_made_anew_is_told(lagsim, write):
     """The table and the pictures have the rows of the second attempt alone."""
     called = lagsim("run", write(HILL.replace("STEP", "5")), "-o", "out")
@@ -37,6 +38,7 @@ def test_what_was_made_anew_is_told(lagsim, write):
         assert document["method"] == "dop853"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853", "radau"])
 def test_a_failure_names_what_moves_and_advises_what_is_new(lagsim, write, method):
     # Against its path's friction it falls into the centre: work grows fastest there.

@@ -114,6 +114,7 @@ def test_annotations_of_several_models_are_kept(lagsim, write):
     assert commands(called.err) == []
 
 
+@pytest.mark.slow
 def test_what_is_derived(lagsim, write):
     told = f"description: |\n  of a rod\n   {COMMAND}\n"
     for text in (told + PENDULUM, f"name: '{COMMAND}'\n" + PENDULUM):
@@ -122,6 +123,7 @@ def test_what_is_derived(lagsim, write):
             assert commands(called.out + "\n" + called.err) == []
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.text(st.sampled_from([*BLANKS, *":#[|x\r\n\ufeff\u200b"])))
 @example("\r::error::x")

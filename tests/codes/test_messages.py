@@ -86,6 +86,7 @@ IMPORTED = re.compile(
 )
 
 
+@pytest.mark.slow
 def test_every_message_is_used():
     """An unknown code cannot be imported; here are rows that no module imports."""
     used = set()

@@ -66,6 +66,7 @@ def measured(pendulum, monkeypatch):
     return measured
 
 
+@pytest.mark.slow
 def test_bounds_grow_with_the_spread(measured):
     golden, base = measured(("a", lambda t: TINY * np.exp(t / 2)))
     t = golden.rows[:, 0]
@@ -122,6 +123,7 @@ def test_the_bound_of_an_energy_can_fail(measured, pendulum):
         assert worst.passed == passes
 
 
+@pytest.mark.slow
 def test_momenta_and_residuals_are_bounded_too(monkeypatch):
     for name, keeps in (
         ("heavy-top", {"energy", "momentum.phi", "momentum.psi"}),
@@ -192,6 +194,7 @@ simulation: {duration: 4, output_step: 0.02}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [STEP, STEP.replace("t < 1", "x < 1.5")])
 def test_rows_beside_a_jump_may_lie_on_either_side(text):
     case = open_case(read(text, "step.yaml"))
@@ -211,6 +214,7 @@ def test_rows_beside_a_jump_may_lie_on_either_side(text):
         assert judge(case, replaced(base, "x_ddot", values), golden).passed == passes
 
 
+@pytest.mark.slow
 def test_an_impact_at_the_time_of_a_row_is_kept():
     golden, _ = new_golden(open_case(read(DROP, "drop.yaml")))
     t, speed = golden.rows[:, 0], golden.rows[:, golden.columns.index("x_dot")]
@@ -230,6 +234,7 @@ def test_jumps_at_every_row_that_is_kept_cost_none():
     assert np.max(golden.bounds("x_dot")) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "kept"), [(40, 41), (1000, 168)])
 def test_a_golden_has_fifty_rows_or_all(rows, kept):
     text = PENDULUM.replace("output_step: 0.1", f"output_step: {10 / rows}")
@@ -297,6 +302,7 @@ def test_rows_are_found_by_their_times(pendulum, ends):
     assert np.array_equal(between[-1], last, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_what_never_moves_is_stored():
     # All ranges and all bounds but those of the time may be 0.
     text = """

@@ -48,6 +48,7 @@ simulation: {duration: 6, output_step: 0.05}
 """
 
 
+@pytest.mark.slow
 def test_a_motion_is_measured_not_to_respond_against_rounding():
     golden, _ = measured(SILENT)
     found = golden.about[CHANGES]

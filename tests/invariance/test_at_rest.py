@@ -45,6 +45,7 @@ def test_a_ramp_on_a_body_at_rest(steepness, method):
     assert result.trajectory.statistics.steps < 1000
 
 
+@pytest.mark.slow
 def test_a_ramp_reaches_what_is_joined_to_its_body():
     text = """
 coordinates: {c: {}, a: {}}
@@ -74,6 +75,7 @@ simulation: {duration: 4, output_step: 0.1}
         assert np.max(np.abs(found - expected[:2])) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_force_that_is_nothing_but_rounding(method):
     text = """
@@ -156,6 +158,7 @@ simulation: {{duration: 5, output_step: 0.1, method: dop853}}
     assert np.max(np.abs(result["y"] - expected)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [1e-3, 1e-5])
 def test_close_to_the_pole_of_a_spherical_pendulum(angle):
     text = f"""
@@ -195,6 +198,7 @@ simulation: {{duration: 0.3, output_step: 0.1, method: dop853}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3])
 def test_what_a_law_holds_at_0_against_links(unit):
     always, at_times = (

@@ -119,6 +119,7 @@ simulation: {{duration: 10, output_step: 0.1, formulation: {formulation}}}
     assert not result.trajectory.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [1e3, 1e5])
 def test_rows_that_vanish_nowhere_near_are_not_seen_to(place):
     # A point on a line, in coordinates whose size says nothing.
@@ -162,6 +163,7 @@ def test_a_cart_leaves_its_wall_when_the_rod_pulls_no_more(place):
     assert release.time == pytest.approx(at, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("relation", "speed"),
     [("X - 1e6 = 0.32", "0"), ("X_dot - 1e6 = 0.32", "1e6 + 0.32")],

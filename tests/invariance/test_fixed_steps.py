@@ -53,6 +53,7 @@ def motion(method, *, bystander=False, far=0.0, unit=1.0):
 
 
 # The roundings of 200 steps, that the motion makes some hundred times larger.
+@pytest.mark.slow
 @pytest.mark.parametrize(("unit", "within"), [(1.0, 0.0), (1e6, 1e-11), (1e-9, 1e-11)])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_heavy_bystander_changes_nothing(method, unit, within):

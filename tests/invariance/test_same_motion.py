@@ -121,6 +121,7 @@ def holds(name, change):
     assert ratio < 1.0, told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "change"), QUICK)
 def test_the_same_motion_in_other_words(name, change):
     holds(name, change)
@@ -181,6 +182,7 @@ def test_a_surface_in_units_of_its_own(unit):
 SECONDS = [3e7, pytest.param(1e-9, marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second", SECONDS)
 @pytest.mark.parametrize("metre", [1.0, 1e16])
 def test_no_unit_weighs_a_slider_without_mass(second, metre):

@@ -52,6 +52,7 @@ def attraction(_t, y):
     return np.concatenate([y[6:], a.ravel()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_probe_beside_the_sun_and_the_earth(method):
     y = np.array(PLACES + SPEEDS)
@@ -101,6 +102,7 @@ def test_a_bystander_changes_nothing(mass, speed, method):
     assert abs(steps - own.trajectory.statistics.steps) <= 0.1 * steps
 
 
+@pytest.mark.slow
 def test_a_light_rod_beside_a_heavy_one():
     # Both swing as they do alone: each with sqrt(g/l) = 1 at small angles.
     light, heavy = 1e-20, 1e20
@@ -121,6 +123,7 @@ simulation: {{duration: 10, output_step: 0.5, formulation: projection}}
         assert np.max(np.abs(np.hypot(result[x], result[y]) - 1.0)) < 1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [1e-12, 1e12])
 def test_no_unit_of_mass_counts_where_a_coordinate_is_massless(mass):
     """A skate that a massless slider ties to a spring."""

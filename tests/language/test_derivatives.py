@@ -91,6 +91,7 @@ def test_second_slopes_and_exponents_that_are_parameters(text, x, expected, more
     assert slope(text, x, **more) == pytest.approx(expected, rel=1e-14)
 
 
+@pytest.mark.slow
 @given(programs(SMOOTH, longest=5), states)
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_gradient_and_tangent_are_those_of_sympy(program, state):

@@ -334,6 +334,7 @@ def test_other_values_of_parameters_have_the_same_equations() -> None:
     assert not model.written_out().bind({"n": 7}).graph.of((ELEMENTS,))
 
 
+@pytest.mark.slow
 def test_graph_and_table_grow_as_the_bodies_and_pairs() -> None:
     sizes = []
     for n in (40, 80):
@@ -348,6 +349,7 @@ def test_graph_and_table_grow_as_the_bodies_and_pairs() -> None:
     assert sizes[1] < 2.1 * sizes[0]
 
 
+@pytest.mark.slow
 def test_sums_of_few_terms_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
     assert not read(text(PAIRS, n=20), "a.yaml").graph.of((ELEMENTS,))

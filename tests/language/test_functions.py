@@ -169,6 +169,7 @@ def test_slopes_at_special_points(name: str) -> None:
     assert tried
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="y (y - 1) x^(y - 2) is 0 times infinity")
 def test_the_second_slope_of_a_line_whose_exponent_varies() -> None:
     g = Graph()

@@ -107,6 +107,7 @@ def test_simplification_keeps_values(program, state):
     assert abs(evaluate(g, [node], state)[0] - exact) <= 8 * bound
 
 
+@pytest.mark.slow
 @given(programs(longest=6), programs(longest=4), states)
 @settings(max_examples=200, deadline=None, derandomize=True)
 def test_substituting_is_evaluating_at_the_new_value(program, inner, state):

@@ -207,12 +207,14 @@ def test_depth_is_no_limit(before, after, expected):
     assert evaluate(g, [node], {"x": 0.25}) == [expected]
 
 
+@pytest.mark.slow
 def test_unbalanced_depth_is_a_fault():
     assert fault("(" * 2000 + "x" + ")" * 1999).offset == 0
     assert fault("(" * 1999 + "x" + ")" * 2000).offset == 3999
     assert fault("sin(" * 2000).offset == 8_000
 
 
+@pytest.mark.slow
 @given(st.text(alphabet="xy12.eE+-*/^()<>=, andortif_²\n", max_size=30))
 @settings(max_examples=300, deadline=None)
 def test_any_text_parses_or_is_refused_in_its_place(text):

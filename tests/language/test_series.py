@@ -106,6 +106,7 @@ def test_a_motion():
     assert found == [(-1.0) ** (k // 2) * (k % 2 == 0) for k in range(13)]
 
 
+@pytest.mark.slow
 @given(programs(CONTINUOUS), states)
 def test_the_normal_form_is_equal(program, state):
     g = AsWritten()

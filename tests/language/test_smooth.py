@@ -83,6 +83,7 @@ simulation: {duration: 4, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 def test_of_the_time_and_in_a_constraint():
     found = lagsim.simulate(TIMED, error_bar="never")
     assert not found.events
@@ -125,6 +126,7 @@ simulation: {duration: 6, output_step: 0.1, method: METHOD}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "taylor"])
 def test_a_power_with_an_exponent_that_moves_has_no_switch(method):
     text = GROWING.replace("A", "0.5", 1).replace("METHOD", method)

@@ -136,6 +136,7 @@ def test_native_code_gives_the_bits_of_python(generate):
         np.testing.assert_array_equal(np.array(made_.at(at)), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["linear", "cubic"])
 @pytest.mark.parametrize("outside", ["error", "hold", "extend", "repeat"])
 @pytest.mark.parametrize("two", [False, True])

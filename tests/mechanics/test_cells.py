@@ -102,6 +102,7 @@ def test_a_ball_comes_to_rest_in_a_groove_of_cells():
     assert len(result.events) < 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("y", [-1.0, 0.0, 1.5, 1.7])
 def test_a_ball_rests_in_a_groove_with_the_force_of_its_weight(y):
     own = points(lambda a, _: 0.5 * abs(a))
@@ -111,6 +112,7 @@ def test_a_ball_rests_in_a_groove_with_the_force_of_its_weight(y):
         assert result["lambda_f"][-1] == pytest.approx(10.0)
 
 
+@pytest.mark.slow
 def test_a_ball_slides_along_a_diagonal_groove():
     # The cell on the diagonal is the surface x + y - 2 x y, whose grooves are its
     # edges: at y = 0.5 the ball is between the edges x = 0 and x = 1.
@@ -149,6 +151,7 @@ def test_a_ball_flies_off_a_ridge_that_becomes_a_groove():
         assert result[name][-1] == pytest.approx(other[name][-1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 @pytest.mark.parametrize("e", [0.0, 0.5])
 def test_motions_are_those_over_half_planes(e, friction):
@@ -176,6 +179,7 @@ def test_motions_are_those_over_half_planes(e, friction):
         assert ours == pytest.approx(theirs, abs=1e-5), name
 
 
+@pytest.mark.slow
 def test_a_groove_that_has_no_pieces_ends_the_run_with_advice():
     # The sign of (y + 3) is not the same at all states: the gap has no pieces.
     text = MODEL.format(**{**START, "x": 0.5, "z": 2, "points": ""})

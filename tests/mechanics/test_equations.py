@@ -220,6 +220,7 @@ def test_energy_is_the_sum_only_where_it_is_known(name):
     assert bool(e.works) == (name in ("weight", "loss", "rocket"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RELATIONS)
 def test_what_is_inferred_of_a_relation(name):
     relation, scleronomic, pfaffian, moved = RELATIONS[name]

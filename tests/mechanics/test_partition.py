@@ -86,6 +86,7 @@ INDEPENDENT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", INDEPENDENT)
 def test_accelerations_solve_the_equations_with_multipliers(name):
     e, solved = solution(name)
@@ -164,6 +165,7 @@ def test_a_bar_passes_the_pose_in_which_it_does_not_determine_the_others():
     assert result.rows[-1, 1:7] == pytest.approx(exact.y[:, -1], abs=2e-8)
 
 
+@pytest.mark.slow
 def test_parallel_bars_become_dependent_as_without_a_partition():
     text = FOUR_BAR.replace("c: 0.9, e: 1.5", "c: 1.0, e: 1.2")
     text = text.replace("p_dot: 0,", "p_dot: 0.5,").replace("guess: 1.2", "guess: 1.0")

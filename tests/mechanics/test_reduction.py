@@ -81,6 +81,7 @@ def differences(reduced, full):
     return dict(zip(names, found, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "formulation"), SCENES)
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 def test_all_columns_agree(model, formulation, loops):
@@ -93,6 +94,7 @@ def test_all_columns_agree(model, formulation, loops):
         assert off < 1e-10, name
 
 
+@pytest.mark.slow
 def test_eliminated_constraints_hold_to_the_last_digit():
     found = run("elastic-pendulum-curve")
     assert found.plan.formulation == "elimination"
@@ -103,6 +105,7 @@ def test_eliminated_constraints_hold_to_the_last_digit():
     ).trajectory.statistics.evaluations  # fmt: skip
 
 
+@pytest.mark.slow
 def test_it_must_pay_to_be_chosen():
     assert not run("chain-cartesian", duration="0.1").plan.reduction.eliminated
 
@@ -122,6 +125,7 @@ simulation: {duration: 5}
         assert name in found.trajectory.reason
 
 
+@pytest.mark.slow
 def test_switches_of_what_is_left_out_are_met():
     # Dry friction on a coordinate that is given by another, which sticks and slips.
     text = """
@@ -207,6 +211,7 @@ simulation: {duration: 1}
     assert len(reduction_of(text, "auto").equations.q) == 1
 
 
+@pytest.mark.slow
 def test_dependent_constraints_are_left_alone():
     text = CURVE.replace('"c*y = RIGHT"}', '"y = x^2", again: "2*y = 2*x^2"}')
     assert reduction_of(text, "auto").eliminated == ()

@@ -316,6 +316,7 @@ def test_elimination_is_as_short_as_by_hand(name, most):
     assert moving_operations(e, Elimination(e).motion()[0]) <= most
 
 
+@pytest.mark.slow
 def test_operations_of_a_chain():
     """17 operations for each link, counted on paper.
 

@@ -59,6 +59,7 @@ def few_frames():
     sys.setrecursionlimit(usual)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_frames")
 def test_many_nested_switches_take_no_recursion():
     g = Graph()

@@ -134,6 +134,7 @@ def newton_euler(parents, axes, q, v, a):
     return torques
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "n"), [(chain, 7), (chain, 20), (branched, 11), (branched, 24)]
 )

@@ -78,6 +78,7 @@ def test_one_sets_the_next_in_motion(force):
     assert np.all(np.abs(found[-2:] - exact[-2:]) < 1e-6 * exact[-2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "dopri5", "radau", "rk4"])
 @pytest.mark.parametrize(
     ("place", "rate", "kink"),
@@ -103,6 +104,7 @@ simulation: {{duration: 2, output_step: 0.1, formulation: projection}}
     assert found["y"] == pytest.approx(-0.5 * later, abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "near"),
     [("auto", 1e-10), ("dop853", 1e-10), ("radau", 1e-10), ("kahan-li8", 1e-10),

@@ -127,6 +127,7 @@ def test_fast_motion_is_damped_as_the_amplification_says(radius):
     assert math.exp(rate) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["midpoint", "gauss4"])
 @pytest.mark.parametrize("text", [ELASTIC, DOUBLE])
 def test_the_energy_error_does_not_grow(name, text):

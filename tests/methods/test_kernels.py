@@ -165,6 +165,7 @@ COUNTED = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_evaluations_are_the_calls_of_the_derivative():
     for case in COUNTED:
         runner, s, statics = linked_system(case)

@@ -57,6 +57,7 @@ def errors(found, u, v, modes, frequencies, c):
     return np.max(np.abs(u[:, -1] - exact)), np.max(np.abs(v[:, -1] - rates))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "taylor", "radau"])
 @pytest.mark.parametrize(
     ("u", "v"), [("1e-3", "1e-9*i"), ("1", "1e-7*i"), ("1e6", "1e-3*i")]

@@ -79,6 +79,7 @@ def arrives(links, method, rtol, n=60, more="", speed=0.0, struck=0.0, held=0):
     return steps, np.max(np.abs(last - exact)) / np.max(np.abs(exact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "rtol", "most"), METHODS)
 def test_a_chain_struck_at_its_end(method, rtol, most):
     steps, off = arrives(CHAIN, method, rtol, speed=1.0)
@@ -95,6 +96,7 @@ def test_a_chain_struck_beside_constraints_and_switches(beside, method, rtol, mo
     assert off < max(rtol, 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", ["held", "switch"])
 def test_a_chain_struck_beside_a_constraint_or_switch_by_its_series(beside):
     more, held = BESIDE[beside]
@@ -128,6 +130,7 @@ def test_a_beam_struck_at_its_end(method, rtol, most):
     assert off < 10 * max(rtol, 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rtol", "most"), [(1e-4, 600), (1e-6, 1200)])
 def test_a_chain_struck_at_its_end_by_radau(rtol, most):
     steps, off = arrives(CHAIN, "radau", rtol, n=20, speed=1.0)

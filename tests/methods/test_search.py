@@ -94,6 +94,7 @@ def test_each_root_is_met_once(seed, as_switch, method):
         assert times == pytest.approx(downward(f, roots), abs=1e-9), f
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
 @pytest.mark.parametrize("shape", ["pulse", "dip"])
 def test_what_is_narrow_beside_a_point_is_met(shape, method):

@@ -57,6 +57,7 @@ def test_a_pivot_that_cancels_is_none(left):
             assert decompose_sparse(width, p, g, values, K, x) == done
 
 
+@pytest.mark.slow
 def test_operations_grow_with_the_chain():
     sizes = 25, 100
     counts = []

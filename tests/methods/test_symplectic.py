@@ -101,6 +101,7 @@ def test_running_back_returns_on_the_same_path(text, name):
 LONG = "simulation: {duration: 20000, output_step: 0.9, method: METHOD, step: STEP}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "name", "step", "most"),
     [
@@ -166,6 +167,7 @@ def test_one_evaluation_for_each_stage():
     assert (statistics.steps, statistics.evaluations) == (4, 1 + 4 * 9 + 4 * 4)
 
 
+@pytest.mark.slow
 def test_rattle_accounts_for_work():
     # Order 2: a quarter of the error for half of the step, in a scene whose constraint
     # does work.
@@ -206,6 +208,7 @@ def test_rattle_on_what_only_the_loops_solve(text):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_rattle_follows_rods_that_turn_far_in_a_step():
     # Ten rods that whip at the free end: a plain projection onto the old gradients
     # leaves four fifths of the error in each iteration at t = 4.7.
@@ -240,6 +243,7 @@ MOST = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", MOST)
 def test_a_driven_oscillator_that_passes_an_event_and_a_section(method):
     result = lagsim.simulate(

@@ -37,6 +37,7 @@ def test_a_pendulum(text, rtol):
     assert statistics.rejections < (0.3 if rtol > 1e-7 else 0.1) * statistics.steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-6, 1e-7, 1e-8])
 def test_few_steps_of_a_mechanism_are_repeated(rtol):
     text = (MODELS / "andrews.yaml").read_text()
@@ -187,6 +188,7 @@ def test_loops_are_refused():
         run(twice.replace("RTOL", "1e-11"))
 
 
+@pytest.mark.slow
 def test_where_loops_take_over_another_method_goes_on():
     # The angle between the rows falls to 0.002, slowly; a loss of rank that is passed
     # in one step would need no loops.
@@ -201,6 +203,7 @@ def test_where_loops_take_over_another_method_goes_on():
     assert np.max(np.abs(clock)) < 1e-9  # as for dop853 alone
 
 
+@pytest.mark.slow
 def test_rows_meet_the_constraints_projected_or_not():
     for rtol in (1e-6, 1e-8, 1e-11):
         found = run(HELD.replace("RTOL", str(rtol)))
@@ -212,6 +215,7 @@ def test_rows_meet_the_constraints_projected_or_not():
         assert np.max(np.abs(x * vx + y * vy)) < 2e-15, rtol
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", [0.01, 0.9, 0.97, 0.999])
 def test_dense_output_comes_from_the_nearer_end_of_a_step(x):
     found = run(HELD.replace("RTOL", "1e-3"))
@@ -231,6 +235,7 @@ def test_dense_output_comes_from_the_nearer_end_of_a_step(x):
     assert abs(out[0] * out[2] + out[1] * out[3]) < 1e-2 * near**5 + 2e-15
 
 
+@pytest.mark.slow
 def test_rows_between_the_ends_are_on_the_constraints_by_terms_beyond_the_order():
     found = run(HELD.replace("RTOL", "1e-7"))
     several = Ensemble(found.session)
@@ -259,6 +264,7 @@ def test_rows_between_the_ends_are_on_the_constraints_by_terms_beyond_the_order(
     assert continued > 5
 
 
+@pytest.mark.slow
 def test_rows_of_constraints_that_move_are_all_projected():
     moved = HELD.replace("x^2 + y^2 = 1", "(x - sin(t)/2)^2 + y^2 = 1")
     moved = moved.replace("y: -cos(2)", "y: -cos(2), x_dot: 1/2")
@@ -294,6 +300,7 @@ initial: {x: -0.14, y: 0, x_dot: 1, y_dot: 0}
 """
 
 
+@pytest.mark.slow
 def test_a_series_reads_values_of_branches_that_memory_holds():
     # The rates of a branch of `mod` stand in memory, and occur in no order alone.
     series, stages = (

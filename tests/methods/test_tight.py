@@ -103,6 +103,7 @@ def after(orbits, rtol="1e-15", method="taylor"):
         return found, end, abs(float(energy + 0.5))
 
 
+@pytest.mark.slow
 def test_kepler_over_a_hundred_orbits():
     found, end, energy = after(100)
     assert end < 1e-11

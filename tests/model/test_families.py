@@ -58,6 +58,7 @@ def chain_by_hand(n=4, masses=(1, 1, 2, 1)):
     return "\n".join(lines) + "\n"
 
 
+@pytest.mark.slow
 def test_a_family_is_the_chain_written_by_hand():
     family, hand = columns(CHAIN), columns(chain_by_hand())
     plain = {
@@ -423,6 +424,7 @@ def test_links_join_each_point_to_the_next(links, pairs, looks, lengths):
             found.bind(l=-1)
 
 
+@pytest.mark.slow
 def test_a_fault_of_many_members_is_reported_once_and_quickly():
     text = "definitions: {s(i = 1..5000): i*zz, a: s(5001)}"
     assert [p.code for p in problems(text)] == ["unknown-name", "expression-member"]
@@ -466,6 +468,7 @@ def test_a_sweep_over_the_number_of_members():
     assert sweep["reason"][0] == "there is no parameter or start value `m.4`"
 
 
+@pytest.mark.slow
 def test_a_sweep_of_contacts_of_members_beside_a_state():
     text = """
 parameters: {n: 2, v: 1}
@@ -508,6 +511,7 @@ output:
 """
 
 
+@pytest.mark.slow
 def test_sections_that_refer_to_members():
     loaded = lagsim.load(RING)
     assert loaded.scene.links[:4] == (

@@ -397,6 +397,7 @@ simulation: {duration: -1, rtol: -1}
         (found,) = problems(used.splitlines()[0])
         assert found.text == text
 
+    @pytest.mark.slow
     def test_they_are_bounded(self, monkeypatch):
         assert MAX_FAULTS == 1000
         monkeypatch.setattr(sys.modules[Faults.__module__], "MAX_FAULTS", 50)

@@ -97,6 +97,7 @@ def test_what_is_not_below_the_model_is_not_read(tmp_path, name, text):
     assert found.line == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content",
     [

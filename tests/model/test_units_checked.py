@@ -162,6 +162,7 @@ def test_shipped_models_have_none(path):
     assert list(model.stated.mismatches(model)) == []
 
 
+@pytest.mark.slow
 def test_check_and_run_say_so(command, tmp_path):  # noqa: F811
     (tmp_path / "m.yaml").write_text(TEXT.replace("EXPRESSION", "l + theta"))
     pointed = "m.yaml:13:10: `+` is given m and rad [W113]\n"

@@ -58,6 +58,7 @@ def test_wrong_ir(ir: str) -> None:
         compile_object(ir)
 
 
+@pytest.mark.slow
 def test_callables_keep_the_engine() -> None:
     linked = Engine([constant(2.5)])
     kept = weakref.ref(linked)

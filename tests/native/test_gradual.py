@@ -75,6 +75,7 @@ def test_kernels_that_run_longer_are_optimised() -> None:
     assert all(part.is_compiled for part in program())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 @pytest.mark.skipif(not ahead.is_possible(), reason="no second process")
 def test_new_functions_are_optimised_beside_the_run(
@@ -102,6 +103,7 @@ def test_new_functions_are_optimised_beside_the_run(
     assert all(part.is_compiled for part in program())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 def test_kernels_of_an_earlier_run_are_optimised_at_once() -> None:
     found = values(GradualParts(program(), quick=True))
@@ -112,6 +114,7 @@ def test_kernels_of_an_earlier_run_are_optimised_at_once() -> None:
         assert values(parts) == found
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 @pytest.mark.skipif(not ahead.is_possible(), reason="no second process")
 def test_kernels_of_an_earlier_run_are_optimised_before_new_functions() -> None:

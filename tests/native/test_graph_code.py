@@ -102,6 +102,7 @@ def same(g: Graph, functions: Any, *states: Mapping[str, float]) -> Compiled:
     return code
 
 
+@pytest.mark.slow
 @given(st.floats())
 def test_numbers_are_written_bit_for_bit(x: float) -> None:
     text = number(x)
@@ -184,6 +185,7 @@ def long_functions(g: Graph) -> dict[str, list[int]]:
     return {"f": [*made, late, x, a, hoisted[3]], "h": made[15:25]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("piece", [7, 26, 10**9])
 def test_pieces_and_tapes_give_the_same_bits(
     piece: int, monkeypatch: pytest.MonkeyPatch
@@ -209,6 +211,7 @@ def test_pieces_and_tapes_give_the_same_bits(
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tape", [False, True])
 def test_nodes_of_several_long_functions_are_written_once(
     tape: bool, monkeypatch: pytest.MonkeyPatch
@@ -239,6 +242,7 @@ def test_nodes_of_several_long_functions_are_written_once(
         assert bits(together.at(VALUES, name)) == bits(own.at(VALUES, name))
 
 
+@pytest.mark.slow
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))
 @settings(max_examples=12, deadline=None, derandomize=True)
 def test_random_expressions(many: Any, some_states: Any) -> None:
@@ -256,6 +260,7 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
                 assert not math.isfinite(value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("many", [3, 2 * keys.PIECE])  # in one piece, and in several
 def test_matrices_of_zeros_cost_what_their_other_entries_do(many: int) -> None:
     """M and A of many bodies by loops: LLVM takes its time for each store."""

@@ -46,6 +46,7 @@ def compiled(g, nodes, manner):
     return engine, p, engine.function("observe", None, one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("many", [1, 60])
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_rows_have_the_bits_of_one_row(count, many):

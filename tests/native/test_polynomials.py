@@ -131,6 +131,7 @@ def test_largest_terms(
         assert found == [*sizes[:-5:-1], np.inf]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cpu", ["host", "generic", "portable"])
 @pytest.mark.parametrize(("size", "order"), [(1, 4), (4, 12), (11, 14), (17, 18)])
 def test_two_times_have_the_bits_of_one(

@@ -50,6 +50,7 @@ def angles() -> np.ndarray:
     return np.append(x, np.zeros(-len(x) % lines.LANES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cpu", ["host", "generic"])
 def test_within_an_ulp(cpu: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LAGSIM_CPU", cpu)

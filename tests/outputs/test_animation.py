@@ -148,6 +148,7 @@ def test_forces_on_points(name):
         assert any(e.kind == "impact" for e in film.events)
 
 
+@pytest.mark.slow
 def test_forces_do_the_work_of_the_constraint():
     """J^T F = Qc in every row, for the constraints of a mechanism of the notes."""
     path = MODELS / "elastic-pendulum-curve.yaml"
@@ -193,6 +194,7 @@ def paged(film, title="a title"):
     return animation.page([animation.record(film)], title).decode()
 
 
+@pytest.mark.slow
 def test_a_page_holds_its_film_and_asks_for_nothing():
     film, result = filmed(PENDULUM)
     content = paged(film)

@@ -64,6 +64,7 @@ def test_a_coordinate_lies_in_its_band():
     assert_legible(seen)
 
 
+@pytest.mark.slow
 def test_without_a_deviation_there_is_no_band():
     for more in ({}, {"appended": appended(other=DEVIATION)}):
         seen = coordinates({"t": T, "q": Q}, ["q"], **more)
@@ -71,6 +72,7 @@ def test_without_a_deviation_there_is_no_band():
         assert LEGEND not in seen.written()
 
 
+@pytest.mark.slow
 def test_a_band_has_gaps_where_the_deviation_is_unknown():
     """At the two rows of an impact, and where the motion is not differentiable."""
     unknown = (T > 4.0) & (T < 5.0)
@@ -88,6 +90,7 @@ def test_a_band_has_gaps_where_the_deviation_is_unknown():
         assert 0.5 * (high - low) == pytest.approx(0.1 + 0 * t, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_coordinates_that_share_a_panel_have_a_band_each():
     columns = {"t": T, "a": Q, "b": Q + 1.0}
     units = {"t": "s", "a": "m", "b": "m"}
@@ -134,6 +137,7 @@ def test_results_on_common_axes_have_a_band_each(lagsim, tmp_path):  # noqa: F81
     assert_legible(seen)
 
 
+@pytest.mark.slow
 def test_a_path_has_no_band():
     wanted = against("q", "q")
     x, y = wanted.curves(0)

@@ -81,6 +81,7 @@ def test_one_row(value):
     draw_all([value], [value])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", range(3))
 @pytest.mark.parametrize("size", [1.0, 1e290])
 def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):

@@ -106,6 +106,7 @@ def test_coordinates_are_drawn_where_they_are(name, start):
     assert_drawn(panel, (t, values, np.ptp(values) or 1.0))
 
 
+@pytest.mark.slow
 def test_each_coordinate_has_the_unit_and_name_of_its_own():
     """Coordinates of one unit share a panel where each stays readable."""
     columns = {"t": T, "a": np.sin(T), "b": 2 * np.cos(T), "c": 1e-8 * T, "d": T**2}
@@ -128,6 +129,7 @@ def energies(**more):
     ))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_energies_and_their_drift():
     columns, drawing = energies()
     upper, lower = panels(drawing)
@@ -149,6 +151,7 @@ def test_energies_and_their_drift():
         assert samples == [colour]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("T0", "V0", "shifted"),
     [
@@ -176,6 +179,7 @@ def test_energies_far_from_zero_are_drawn_about_their_start(T0, V0, shifted):
         assert (f"{written} less " in said) == (name in shifted)
 
 
+@pytest.mark.slow
 def test_what_energies_are_drawn_less_is_named():
     columns = {"t": T, "kinetic": 1 - np.cos(T), "potential": 3e6 + np.cos(T)}
     columns["energy"] = columns["kinetic"] + columns["potential"]
@@ -211,6 +215,7 @@ scene:
     return drawing.panels[1], panels(drawing)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "sag"),
     [
@@ -247,6 +252,7 @@ def test_events_horizon_and_notes_where_there_are_any():
     assert not told & set(drawing.written())
 
 
+@pytest.mark.slow
 def test_constraint_forces_and_multipliers():
     columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
     run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
@@ -320,6 +326,7 @@ def test_scales_of_their_own(a, b, unit):
     assert height > 0.8 * panel.box.height
 
 
+@pytest.mark.slow
 def test_points_of_a_scene_have_one_scale_without_units():
     wanted = against("2*u", "v")._replace(
         x=DrawnExpression(5, "2*u"), y=(DrawnExpression(6, "v"),)
@@ -346,6 +353,7 @@ def test_several_curves_are_told_apart_and_named():
     assert min(above) >= panel.box.y1
 
 
+@pytest.mark.slow
 def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own():
     columns = {"t": T, "plot:0.x": T, "plot:0.y.1": T, "plot:0.y2.1": 1e2 * T}
     units = {"t": "s", "plot:0.y.1": "m", "plot:0.y2.1": "N"}

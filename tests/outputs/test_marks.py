@@ -60,6 +60,7 @@ def against_time(run):
     yield forces(run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 50, 1000, 10_000])
 def test_impacts_are_marked_in_every_panel_named_once_and_leave_the_curves_free(count):
     times = np.linspace(0.5, 3.5, count)
@@ -79,6 +80,7 @@ def test_impacts_are_marked_in_every_panel_named_once_and_leave_the_curves_free(
             assert np.all(ticks.y - half >= panel.box.y1 - 0.1 * DPI)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zeno", "slip", "switch", "unheard of"])
 def test_marks_are_short_ticks_that_do_not_touch(kind):
     plain = drawn(plots.energy, record()).panels[0]
@@ -156,6 +158,7 @@ output: {event_marks: %s}
 # --- Jumps and impulses
 
 
+@pytest.mark.slow
 def test_two_rows_at_one_time_are_a_jump():
     [line] = drawn(plots.energy, record()).panels[0].of_colour("#000000")
     jumps = np.flatnonzero(np.diff(T) == 0.0)
@@ -176,6 +179,7 @@ def test_jumps_are_upright_in_bands_too():
     assert np.all(np.abs(steps[upright, 0]) < PIXEL)
 
 
+@pytest.mark.slow
 def test_impulses_are_stems():
     panel = forces(record(events={"impact": [1.0, 2.0]})).panels[2]
     low, high = panel.limits[1]
@@ -227,6 +231,7 @@ def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
         assert one == other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bodies", "rods"),
     [

@@ -1,6 +1,7 @@
 """The picture of several runs: one panel a column, one pen a run."""
 
 import numpy as np
+import pytest
 
 from lagsim.outputs import plots
 from lagsim.run.observers.thinning import Thinning
@@ -42,6 +43,7 @@ def test_every_run_is_on_the_same_axes():
         assert word in said
 
 
+@pytest.mark.slow
 def test_a_dozen_runs_have_a_legend_with_room():
     t = np.linspace(0.0, 1.0, 5)
     runs = {f"run number {k}": rows(t, x=k + t) for k in range(12)}
@@ -50,6 +52,7 @@ def test_a_dozen_runs_have_a_legend_with_room():
     assert all(name in said for name in runs)
 
 
+@pytest.mark.slow
 def test_a_hundred_runs_are_told_by_colour():
     t = np.linspace(0.0, 1.0, 5)
     runs = {f"run number {k}": rows(t, x=k + t) for k in range(100)}

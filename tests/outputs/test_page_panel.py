@@ -266,6 +266,7 @@ def test_ticks_stand_at_round_times(first, last):
     assert units == [False] * (len(texts) - 1) + [True]
 
 
+@pytest.mark.slow
 def test_play_loop_and_speed():
     steps = [("frame", 1000 + 50 * k) for k in range(3)]
     steps += [("frame", 5000), ("key", "+"), ("frame", 5050), *keys("--")]

@@ -102,6 +102,7 @@ def made_anew(form, count=None):
 made = functools.cache(made_anew)
 
 
+@pytest.mark.slow
 def test_a_picture_is_a_png_of_the_drawn_pixels():
     for k, file in enumerate(made("png", 2)):
         sheet = one_sheet(k, horizon=9.0)
@@ -124,6 +125,7 @@ def test_an_svg_has_the_size_of_the_sheet_and_is_white():
     assert numbers.max(0).tolist() == size
 
 
+@pytest.mark.slow
 def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
     pairs = zip(made("pdf", 2), (0, 1), strict=True)
     for file, sheet in ((file, one_sheet(k, horizon=9.0)) for file, k in pairs):
@@ -208,6 +210,7 @@ def test_the_style_of_the_user_does_not_show(count):
 # --- Words
 
 
+@pytest.mark.slow
 def test_names_units_and_titles_are_written_as_they_are():
     t = np.linspace(0, 1, 20)
     columns = {"t": t, "ab": t, "$x$": t**2, "角": t**3}
@@ -349,6 +352,7 @@ def test_scenes_have_equal_scales(count):
     assert max(units) == pytest.approx(min(units))
 
 
+@pytest.mark.slow
 def test_a_scene_in_space_is_seen_from_aside_too():
     (x, y, z), drawing = helix()
     aside = drawing.panels[-1]
@@ -376,6 +380,7 @@ def test_views_of_scenes_fill_the_sheet(across):
     assert 0.85 < max(sides) < 1.0
 
 
+@pytest.mark.slow
 def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():
     t = np.linspace(0.0, 40.0, 4000)
     height = np.abs(np.sin(t))
@@ -431,6 +436,7 @@ def test_fast_swings_are_the_band_that_they_fill():
         assert np.ptp(top[:, 1]) < 0.02 * panel.box.height
 
 
+@pytest.mark.slow
 def test_gaps_and_single_values_are_drawn():
     t = np.linspace(0, 1, 40)
     alone = np.full(40, np.nan)

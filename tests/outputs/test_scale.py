@@ -123,6 +123,7 @@ def test_powers_of_ten_stand_where_they_say(low, high, least):
     assert places == pytest.approx(list(expected), abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values", [[], [0.0], [5e-324, 1.0], [np.nan, np.inf, 3.0], [1e-320, 5e-324]]
 )
@@ -219,6 +220,7 @@ def test_labels_of_scales_fit_above_small_panels():
         assert said == ["log. beyond 2"] * short
 
 
+@pytest.mark.slow
 def test_an_explosion_is_a_line_and_to_both_sides_shows_its_swings():
     _, line, notes = shown(1e-3 * np.exp(4.0 * T))
     assert_straight(line.x, line.y)
@@ -230,6 +232,7 @@ def test_an_explosion_is_a_line_and_to_both_sides_shows_its_swings():
     assert notes
 
 
+@pytest.mark.slow
 def test_the_greatest_of_several_is_named_and_what_has_no_value_is_not():
     kinetic = np.abs(np.sin(3 * T))
     potential = np.cos(3 * T)

@@ -211,6 +211,7 @@ def filmed_of(model):
     return animation.film(equations, frames, ()).shapes
 
 
+@pytest.mark.slow
 def test_a_page_with_many_moving_corners_stays_small():
     shapes = ", ".join(f"c{k}: {{curve: [s, t*s], s: [0, {k}]}}" for k in range(1, 20))
     text = filled(PLANE, shapes).replace("output_step: 0.1", "output_step: 0.001")
@@ -223,6 +224,7 @@ def test_a_page_with_many_moving_corners_stays_small():
 # --- On paper
 
 
+@pytest.mark.slow
 def test_a_box_on_paper_is_where_it_is():
     drawing, _ = sheet(PLANE, BLOCK)
     assert_legible(drawing)
@@ -246,6 +248,7 @@ def pixels(view, place):
 GROUNDS = "floor: {ground: [[-2, -6], [4, -6]]}, wall: {ground: [[5, -6], [5, 2]]}"
 
 
+@pytest.mark.slow
 def test_grounds_are_hatched_at_their_right():
     drawing, _ = sheet(PLANE, GROUNDS)
     view = drawing.panels[-1]
@@ -293,6 +296,7 @@ def test_many_shapes_have_few_names():
     assert "… 38 more …" in drawing.written()
 
 
+@pytest.mark.slow
 def test_a_scene_of_shapes_alone_is_drawn():
     text = PLANE.replace("  points: {hub: [1, -2], rim: [x, y]}\n", "")
     shapes = BLOCK.replace("rim", "[x, y]") + ", d: {disk: 0.1, at: [x, y]}"

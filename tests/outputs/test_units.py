@@ -199,6 +199,7 @@ FOLLOWS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_column_has_the_unit_that_follows_and_all_know_it(tmp_path):
     result = simulate(read(BLOCK, "block.yaml"), error_bar="never")
     assert result.units == FOLLOWS

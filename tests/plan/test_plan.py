@@ -100,6 +100,7 @@ def test_tolerances_and_steps(options, expected):
     assert (plan.method, plan.rtol, plan.atol, plan.step) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "loose", "tight"),
     [
@@ -132,12 +133,14 @@ def coupled(count, potential, **options):
     )
 
 
+@pytest.mark.slow
 def test_ten_thousand_slopes_are_not_compiled():
     # Of y' = (v, a(q)) by q and v, 2 n^2 for Newton's method.
     told = [coupled(n, "^4", method="radau").tape for n in (70, 71)]
     assert told == [False, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "options", "tape"),
     [
@@ -176,6 +179,7 @@ def test_a_row_that_vanishes_at_the_start_has_its_length_nearby():
     assert 0.0 < lengths[1] < 0.3  # a few states at about 0.1 from there
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "projects"), [("kepler", False), ("andrews", True)])
 def test_what_has_no_constraints_projects_nothing(name, projects):
     plan = plan_of(name)

@@ -80,6 +80,7 @@ def test_energies_are_shared_out(kinetic):
     assert (own, other) == (pytest.approx(whole, rel=1e-12), 0.0)
 
 
+@pytest.mark.slow
 def test_the_work_grows_with_the_number_of_subsystems():
     def added(n):
         q = [f"q{i}" for i in range(n)]
@@ -100,6 +101,7 @@ def test_the_work_grows_with_the_number_of_subsystems():
     assert added(80) <= 2 * added(40) + 10
 
 
+@pytest.mark.slow
 def test_a_rate_that_overflows_is_none():
     text = """
 coordinates: {x: {}, y: {}}

@@ -150,6 +150,7 @@ def test_every_function_and_a_condition_that_ends_the_run():
     assert rows[-1, v] == pytest.approx(-2.4, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_parameters_are_set_in_the_module(pendulum):
     module, former = pendulum
     _, native = made(PENDULUM, m2=2.0)
@@ -158,6 +159,7 @@ def test_parameters_are_set_in_the_module(pendulum):
     assert not same(rows, former)
 
 
+@pytest.mark.slow
 def test_a_module_describes_itself(pendulum):
     module, native = pendulum
     about = wasm.described(module)

@@ -50,6 +50,7 @@ def driven_by_sign(t):
     return s + A * math.cos(t) + B * math.sin(t)
 
 
+@pytest.mark.slow
 def test_a_forcing_that_changes_sign():
     simulation = "duration: 40, output_step: 0.1"
     found = run(oscillator(simulation, x=0, force="sign(sin(t))"))
@@ -128,6 +129,7 @@ def test_a_constraint_whose_position_jumps_ends_the_run():
     assert list(found["t"]) == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.slow
 def test_breaks_are_found_as_the_run_goes():
     # Ten million of them: finding all before the run would take minutes.
     text = oscillator("duration: 1000, output_step: 1", x=0, force="floor(1e4*t)")

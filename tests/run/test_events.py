@@ -113,6 +113,7 @@ def trebuchet(p):
     return times[1:], z
 
 
+@pytest.mark.slow
 def test_a_sling_lets_go():
     model = load(MODELS / "trebuchet.yaml")
     found = simulate(model)
@@ -147,6 +148,7 @@ def hop(y, m=80.0, g=9.81, k=2e4, energy=80 * (9.81 + 12.5)):
     return z[1] + z[3] ** 2 / (2 * g)
 
 
+@pytest.mark.slow
 def test_the_fixed_point_of_a_runner():
     fixed = brentq(lambda y: hop(y) - y, 0.93, 0.95, xtol=1e-14)
     start = {"y": fixed, "x_dot": math.sqrt(25 + 2 * 9.81 * (1 - fixed))}
@@ -255,6 +257,7 @@ def relay(v, A, c, k, f, w):
         a, side = A[1 + which], 1 if rates[which] > 0 else -1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_a_relay_without_hysteresis(seed):
     # What turns back at its level is undone at once, or passes: in any units, far from
@@ -283,6 +286,7 @@ def test_a_relay_without_hysteresis(seed):
     assert [t - start for _, t in acts(found)] == pytest.approx(times, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_crossings_are_no_chatter():
     # cos t passes 0 and 0.5: each condition counts once it has been false.
     text = scene(
@@ -319,6 +323,7 @@ def test_two_roots_of_an_equation_close_together(apart, options):
     assert times == pytest.approx([1, 1 + apart], abs=1e-12 + 3e-14 / apart)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["y = G", "y <= G", "y - (G) = 0"])
 @pytest.mark.parametrize(("e", "ground", "unit", "options"), [
     (0.9, "0", 1, {}),
@@ -382,6 +387,7 @@ constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
         assert drift(found) < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "b", "start", "method", "until"),
     [
@@ -507,6 +513,7 @@ events:
     assert [n for n, x in acts(found) if x == 0.0] == ["swap", "count", "add", "see"]
 
 
+@pytest.mark.slow
 def test_a_start_is_examined_with_what_is_set_there():
     text = scene(
         "modes: {held: 0, u: 3}\n"
@@ -565,6 +572,7 @@ def test_what_comes_into_force_strikes(relation):
     assert drift(found) < 1e-12
 
 
+@pytest.mark.slow
 def test_positions_that_do_not_meet_end_the_run():
     text = scene(
         "modes: {on: 0}\nevents: {hook: {at: x >= 1, set: {on: 1}}}\n"
@@ -582,6 +590,7 @@ def test_positions_that_do_not_meet_end_the_run():
     assert found.record["end"] == 1.0
 
 
+@pytest.mark.slow
 def test_what_depends_on_modes_in_time_begins_anew():
     # A force from the time `on` on, and a pulse at `when`, both set by an event at 1.
     text = scene(
@@ -627,6 +636,7 @@ def test_a_brake_that_a_mode_lets_go():
     assert drift(found) < 1e-10
 
 
+@pytest.mark.slow
 def test_contact_and_switch_beside_events():
     # A ball on dry ground (mu 0.5): a rope pulls by a mode that samples its speed.
     text = scene(
@@ -653,6 +663,7 @@ def test_contact_and_switch_beside_events():
 # --- Runs again: error bars, states between rows, bindings, sweeps, resumed runs
 
 
+@pytest.mark.slow
 def test_repeats_begin_with_the_modes_of_the_start():
     model = load(MODELS / "hopper.yaml")
     found = simulate(model, error_bar="always", duration=1)
@@ -666,6 +677,7 @@ def test_repeats_begin_with_the_modes_of_the_start():
     assert at["y"] == pytest.approx(found["y"][rows], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_modes_are_bound_and_swept():
     text = scene(LATCH, duration=2)
     model = load(text)
@@ -685,6 +697,7 @@ def test_what_is_not_finite_names_event_and_mode():
     assert "`u` in the event `bad` at t = " in found.record["reason"]
 
 
+@pytest.mark.slow
 def test_files_of_a_run(tmp_path, lagsim):  # noqa: F811
     (tmp_path / "latch.yaml").write_text(scene(LATCH, duration=2, output_step=0.5))
     shown = lagsim("run", "latch.yaml", "-o", "out", "--no-plots", code=0).out
@@ -705,6 +718,7 @@ def test_files_of_a_run(tmp_path, lagsim):  # noqa: F811
     lagsim("golden", "latch.yaml", code=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["taylor", "radau", "dop853"])
 @pytest.mark.parametrize(
     ("condition", "height"),

@@ -34,6 +34,7 @@ def took_over(found):
     return [c for c in choices if c.startswith("method: dop853 from t = ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("x", "m", "start"), [(0, 1, 0), (10, 1e6, 0), (-1e3, 1, 7)])
 def test_drag_from_rest_without_a_push(method, x, m, start):
@@ -44,6 +45,7 @@ def test_drag_from_rest_without_a_push(method, x, m, start):
     assert took_over(found) == [f"method: dop853 from t = {start} on"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("x", "m"), [(0, 1), (50, 4)])
 def test_drag_from_rest_under_a_push(method, x, m):

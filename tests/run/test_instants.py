@@ -152,6 +152,7 @@ energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
     assert found.outcome == ("done" if end == 1.0 else "until")
 
 
+@pytest.mark.slow
 def test_acts_at_the_start_make_conditions_true_there():
     text = """
 modes: {n: 0, seen: 0, twice: 0}
@@ -219,6 +220,7 @@ simulation: {{duration: 1, output_step: 0.1}}
         assert "`a`, `b`" in found.reason
 
 
+@pytest.mark.slow
 def test_a_jump_of_a_mode_through_0_counts_and_one_of_the_relation_does_not():
     text = """
 modes: {level: 0, by_mode: 0, by_mod: 0, by_floor: 0, by_if: 0}
@@ -252,6 +254,7 @@ events:
     assert (found["n"][-1], found["k"][-1]) == (1, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "rk4, step: 0.01"])
 def test_an_event_at_the_ground_acts_by_the_state_before_the_impact(method):
     ball = FREE.replace("potential: 0", "potential: 10*x")

@@ -34,6 +34,7 @@ simulation: {duration: 1, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dop853", "rk4", "radau"])
 def test_what_grows_without_end_ends_with_its_rows(method):
     step = ", step: 0.001}" if method == "rk4" else "}"
@@ -98,6 +99,7 @@ def test_a_contact_that_comes_to_rest_without_end_ends_the_run():
     assert all(x in found.reason for x in ("`wall`", "t = 1.92888"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error",
     [
@@ -166,6 +168,7 @@ def test_rows_before_one_that_is_not_finite():
     assert finite_rows(rows, 2) == 1
 
 
+@pytest.mark.slow
 def test_columns_that_are_not_finite_are_named(tmp_path, monkeypatch, capsys):
     """x' = -1e300 t: its square leaves doubles at once, and V = -1e300 x with it."""
     (tmp_path / "model.yaml").write_text(FALLS.replace("FORCE", "-1e300"))

@@ -59,6 +59,7 @@ def equal_runs(monkeypatch, model, method):
         assert repr(parts.trajectory) == repr(whole.trajectory), (method, pace)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "method"), FEW)
 def test_a_run_is_the_same_however_often_its_kernels_pause(monkeypatch, model, method):
     equal_runs(monkeypatch, model, method)

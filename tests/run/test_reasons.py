@@ -48,6 +48,7 @@ def state_of(reason):
     return float(shown[1]), {name: float(x) for name, x in pairs}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coupled", [True, False])
 @pytest.mark.parametrize("which", ["p", "q", "r"])
 def test_the_component_that_grows_is_named(which, coupled):
@@ -71,6 +72,7 @@ def test_a_coordinate_is_named_and_not_the_ledger():
     assert "`q_dot`" in reason
 
 
+@pytest.mark.slow
 def test_a_state_of_many_components_is_cut():
     names = [f"x{k}" for k in range(9)]
     springs = " + ".join(f"({a} - {b})^2/2" for a, b in itertools.pairwise(names))

@@ -3,6 +3,8 @@
 import itertools
 import time
 
+import pytest
+
 from lagsim.model.reader import read
 from lagsim.run.session import LAPS, StartError, Stopwatch, check, open_case
 from tests.small_scenes import spring
@@ -21,6 +23,7 @@ simulation: {duration: 1, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 def test_values_that_are_bound_begin_no_run_where_the_start_is_not_admissible():
     with refused("inadmissible", "rod", kind=StartError):
         case_of(ROD).bind({"l": 2.0})

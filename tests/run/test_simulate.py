@@ -88,6 +88,7 @@ simulation: {duration: 3, output_step: 0.01}
 """
 
 
+@pytest.mark.slow
 def test_a_singularity_ends_the_run_with_advice():
     # Straight into the sun: at pi/(2 sqrt 2), x goes as (t_end - t)^(2/3).
     found = run(COLLISION)
@@ -130,6 +131,7 @@ def test_steps_that_never_pass_a_time(method):
     assert "t = 0.6)" in trajectory.reason
 
 
+@pytest.mark.slow
 def test_a_motion_that_turns_ever_faster_never_ends():
     # x'' = -exp(2 t) x has J_0(exp(t)): 10^13 turns by t = 32.
     text = oscillator("duration: 32", force="x - exp(2*t)*x", x=j0(1), v=-j1(1))
@@ -153,6 +155,7 @@ def test_a_motion_whose_frequency_is_a_power_of_the_time_goes_on():
     assert np.max(np.abs(found["x"] - exact)) < 1e-5 * x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.01"])
 def test_values_that_are_not_finite(method):
     # sqrt(1 - t): no motion beyond t = 1, and no rows of nan.

@@ -64,6 +64,7 @@ def test_a_method_that_cannot_refuses(name):
         run(stateful(*FOLLOWS, method=name))
 
 
+@pytest.mark.slow
 def test_a_controller_is_a_state_or_a_massless_coordinate():
     text = (MODELS / "dc-motor.yaml").read_text(encoding="utf-8")
     held = re.sub("(?m)^  z: .*\n", "", text).replace("phi: {", "z: {}\n  phi: {", 1)
@@ -127,6 +128,7 @@ STIFF = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "method"),
     [
@@ -146,6 +148,7 @@ def test_stiff_states_are_right_without_a_repeat(name, method, rtol):
         assert found[key][-1] == pytest.approx(value, rel=3e3 * rtol, abs=least)
 
 
+@pytest.mark.slow
 def test_van_der_pol_by_auto_goes_over_to_radau():
     # F. Mazzia, C. Magherini, Test Set for IVP Solvers 2.4 (2008), VDPOL: y(2).
     rates = {"x": "y", "y": "1e6*((1 - x^2)*y - x)"}
@@ -222,6 +225,7 @@ def test_a_brake_that_is_applied_slowly():
     assert found.drift < 1e-10
 
 
+@pytest.mark.slow
 def test_a_belt_whose_speed_is_a_state_carries_a_block_that_falls_on_it():
     # It ends once the belt is at 1.9.
     found = simulate("""
@@ -274,6 +278,7 @@ def chance(seed):
     return yaml.safe_dump(sections, sort_keys=False, width=10**6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_scenes_by_chance_against_scipy(seed):
     model, oracle = load(chance(seed)), Oracle(chance(seed))
@@ -312,6 +317,7 @@ simulation: {duration: 3, output_step: 1/16, method: dop853}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", CHANGES)
 def test_the_same_motion_in_other_words(word):
     changed = CHANGES[word].put(document(FOLLOWER), Sizes(1.0, 2.0, 3.0))
@@ -364,6 +370,7 @@ simulation: {duration: 1}
     assert found == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_motor_at_rest_is_where_its_equations_say():
     found = simulate(MODELS / "dc-motor.yaml", duration=2)
     [switch, load] = [x.time for x in found.events if x.kind == "switch"]

@@ -80,6 +80,7 @@ simulation: {{duration: 0.1, output_step: 0.05, rtol: 1e-7, method: dop853}}
     assert codes(found) == ["step-at-stability-bound"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
 def test_a_series_finds_a_damped_fast_mode_within_its_first_steps(rtol):
     text = DAMPED.replace("rtol: 1e-7", f"rtol: {rtol}")
@@ -125,6 +126,7 @@ def test_an_excited_oscillation_is_not_damped_away(beside):
     assert beside != "nothing" or "`u`" in caution.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(method):
     found = run(EXCITED.replace("TOLERANCE", "1e-7"), method=method, duration=0.1)
@@ -158,6 +160,7 @@ simulation: {duration: 2, output_step: 0.05, rtol: 1e-7}
 """
 
 
+@pytest.mark.slow
 def test_switches_are_located_by_the_stiff_method_too():
     found, explicit = run(RUBBING), run(RUBBING, method="dop853")
     assert found.trajectory.choices
@@ -169,6 +172,7 @@ def test_switches_are_located_by_the_stiff_method_too():
     assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", [1e-5, 1e-6, 1e-7])
 def test_rows_within_the_first_step_after_a_switch(rtol):
     """A fast motion begins at the switch at 1.8404; the row at 1.85 is in that step.
@@ -211,6 +215,7 @@ simulation: {duration: 20, output_step: 0.1, rtol: 2e-6}
 """
 
 
+@pytest.mark.slow
 def test_the_explicit_method_comes_back_where_nothing_is_stiff_any_more():
     found = run(LETTING_GO)
     there, back = found.trajectory.choices
@@ -231,6 +236,7 @@ def test_the_explicit_method_comes_back_where_nothing_is_stiff_any_more():
         assert errors[0] < 3 * errors[1]
 
 
+@pytest.mark.slow
 def test_a_series_gives_way_where_fast_motion_is_damped():
     text = (MODELS / "failing" / "relaxation.yaml").read_text(encoding="utf-8")
     found = run(text, duration="60")

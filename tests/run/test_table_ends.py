@@ -102,6 +102,7 @@ def test_a_run_does_not_end_within_a_table_of_a_section(table):
     assert end_of(simulated(SECTION, f"{table} = 99")) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_acts_of_conditions_with_a_table_of_a_remainder(method):
     found = simulated(EVENT, "f(mod(x, 2)) >= 1.9", method)

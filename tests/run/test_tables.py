@@ -82,6 +82,7 @@ def quarter():
     return outer + math.atan2(1.0, speed), outer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dop853", "radau"])
 def test_kinks_in_positions_are_located(name):
     """Passed in both directions as often as they are met, in one arc."""
@@ -100,6 +101,7 @@ def test_kinks_in_positions_are_located(name):
     assert [e.time for e in long.events] == pytest.approx(times, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in names() if n != "dop853"])
 def test_every_method_goes_through_kinks(name):
     model = load(spring())
@@ -151,6 +153,7 @@ X, Y = np.array([0.0, 0.7, 1.1, 2.5, 3.0, 4.4]), np.array([0.0, 2, -1, 1, 0.5, 0
 CURVES = {"cubic": CubicSpline, "monotone": PchipInterpolator}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", CURVES)
 @pytest.mark.parametrize("name", ["dop853", "radau", "gauss4"])
 def test_smooth_tables_are_those_of_scipy(how, name):
@@ -168,6 +171,7 @@ def test_smooth_tables_are_those_of_scipy(how, name):
     assert found["x"] == pytest.approx(exact.y[0], abs=near)
 
 
+@pytest.mark.slow
 def test_a_smooth_table_of_two_arguments_is_that_of_scipy():
     a, b = np.linspace(-3.0, 3.0, 7), np.linspace(-2.0, 4.0, 5)
     z = np.sin(np.add.outer(a, b))
@@ -266,6 +270,7 @@ def test_kinks_in_time_are_passed_in_one_arc(name):
     assert times == pytest.approx(t[1:-1] / 2.0, abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outside", ["hold", "repeat"])
 @pytest.mark.parametrize("start", [0, 1_000_000])
 def test_rows_in_a_block_have_the_pieces_of_their_own_times(outside, start):
@@ -287,6 +292,7 @@ def test_rows_in_a_block_have_the_pieces_of_their_own_times(outside, start):
     assert first == pytest.approx(math.sqrt(0.08), abs=max(near, 1e-12))
 
 
+@pytest.mark.slow
 def test_the_power_of_a_kinked_ground_jumps_and_its_work_does_not():
     """A spring stands on it: the rate of `work` has its slope, y' but that has not."""
     x = np.array([0.0, 0.4, 0.5, 1.3, 2.0])
@@ -314,6 +320,7 @@ def test_the_power_of_a_kinked_ground_jumps_and_its_work_does_not():
     assert [found["z"][-1], found["z_dot"][-1]] == pytest.approx(state, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_points_that_tables_share_are_one_event():
     tables = {
         "f": {"points": [[0, 0], [1, 1], [3, 0]]},
@@ -376,6 +383,7 @@ def test_kinks_in_positions_are_passed_in_one_arc(name):
     assert found["z_ddot"] == pytest.approx(force, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_force_that_jumps_at_points_is_passed_by_the_rate_they_are_met_at():
     """A potential has steps in its slope: the energy stays, and no point is decided."""
     y = 0.05 * np.random.default_rng(9).normal(size=501)
@@ -418,6 +426,7 @@ def test_a_kink_that_is_touched_or_rested_on_is_none(name):
     assert not found["y"].any()
 
 
+@pytest.mark.slow
 def test_many_points_cost_no_steps():
     x = np.linspace(-3.0, 3.0, 5001)
     found = [
@@ -431,6 +440,7 @@ def test_many_points_cost_no_steps():
 # --- ends of tables, and tables beside others
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["linear", "cubic"])
 def test_a_run_ends_with_its_table(how):
     points = [[-1, 1], [0, 1], [2, 1]]
@@ -455,6 +465,7 @@ def test_a_run_ends_with_its_table(how):
     assert whole.error.relative < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "radau", "taylor"])
 @pytest.mark.parametrize("end", [4.5, 5])
 def test_a_table_in_the_branch_not_taken_does_not_end_the_run(end, method):
@@ -478,6 +489,7 @@ def test_a_table_in_the_branch_not_taken_does_not_end_the_run(end, method):
     assert found["x"][-1] == pytest.approx(6, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_table_that_a_mode_or_a_parameter_leaves_out_does_not_end_the_run():
     points = {"f": {"points": [[0, 1], [4, 0.9], [5, 0.5]]}}
     start = {"x": 0, "x_dot": 1}
@@ -494,6 +506,7 @@ def test_a_table_that_a_mode_or_a_parameter_leaves_out_does_not_end_the_run():
     assert found.record["failure"]["code"] == "table-ends"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["linear", "cubic"])
 @pytest.mark.parametrize("condition", ["f(x) >= 9", "f(x) <= 0.5", "1/f(x) <= 0"])
 def test_a_run_ends_with_a_table_that_a_condition_alone_contains(how, condition):
@@ -513,6 +526,7 @@ def test_a_run_ends_with_a_table_that_a_condition_alone_contains(how, condition)
         assert found.complete
 
 
+@pytest.mark.slow
 def test_a_table_of_friction_ends_no_run_in_flight():
     floor = {"relation": "y >= 0", "restitution": 0, "friction": "f(slip_speed)"}
     text = scene(
@@ -695,6 +709,7 @@ def test_a_force_that_jumps_lifts_a_body_off():
     assert np.max(np.abs(found["y"] - 10.19 / 2 * late**2)) < 1e-9
 
 
+@pytest.mark.slow
 def test_what_a_table_holds_has_the_energy_of_its_level():
     """Friction brings it to rest in a valley, whose level it keeps."""
     points = [[-1, 3], [0, 0], [0.5, 4], [1, 0]]

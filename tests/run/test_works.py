@@ -37,6 +37,7 @@ def options_of(method):
     return {"method": method, "step": 0.01}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", sorted(names()))
 def test_by_each_method(method):
     forces = "of time" if method in FIXED_BY_TIME else "of velocity"

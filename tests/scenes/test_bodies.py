@@ -155,6 +155,7 @@ def test_a_top_by_a_quaternion_and_by_angles():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["projection", "baumgarte", "drift"])
 @pytest.mark.parametrize(
     "method", ["dop853", "euler", "generalized-alpha", "radau", "rk4", "taylor"]
@@ -230,6 +231,7 @@ simulation: {duration: 50, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 def test_the_intermediate_axis_flips():
     wx, wy = 1e-2, 1.0
     r = simulate(lagsim.load(FREE.replace("[W]", f"[{wx}, {wy}, 0]")))
@@ -307,6 +309,7 @@ def test_a_top_by_a_series():
         np.testing.assert_allclose(series[f"G.{c}"], angles[f"G.{c}"], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_gauss_of_a_body_on_an_axis():
     """Its w.x is held at 0.6: w.y and w.z go on by Euler's equations, held by a torque.
 
@@ -319,6 +322,7 @@ def test_gauss_of_a_body_on_an_axis():
     assert np.ptp(w[1] * w[2]) > 0.1
 
 
+@pytest.mark.slow
 def test_a_torque_is_a_force_on_the_angular_velocity():
     """Of a body with all six moments, against Euler's equations by scipy."""
     matrix = np.array([[2, 0.1, 0.2], [0.1, 3, -0.3], [0.2, -0.3, 2.5]])

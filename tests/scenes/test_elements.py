@@ -187,6 +187,7 @@ WRITTEN_OUT = (
 )
 
 
+@pytest.mark.slow
 def test_terms_stay_elements_where_nothing_needs_them_written_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -14,6 +14,7 @@ SCENES |= held.SCENES | plain.SCENES
 WORDS = 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_it_moves_as_it_must(name):
     check(SCENES[name])

@@ -92,6 +92,7 @@ def test_the_response_spectrum_is_that_of_scipy():
     assert peaks(periods, ZETA) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_floors_move_as_the_sum_of_their_modes(exact):
     t, u, felt = exact
     found = simulate(lagsim.load(str(FRAME)))

@@ -38,6 +38,7 @@ def truth(lean, times):
     ).y[[2, 0]]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 @pytest.mark.parametrize("lean", ["1e-5", "1e-6"])
 def test_a_start_close_to_gimbal_lock_moves(method, lean):

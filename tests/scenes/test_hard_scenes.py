@@ -55,6 +55,7 @@ simulation: {duration: 7, output_step: 0.05}
 """
 
 
+@pytest.mark.slow
 def test_a_parallelogram_passes_its_dead_points():
     # Folded flat (a = c = 0 and pi) its two branches cross; 7 s pass three of those.
     # Cranks stay parallel, at a rate that T = 2 a'^2 keeps.

@@ -85,6 +85,7 @@ SPELLINGS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relation", SPELLINGS)
 def test_a_bead_passes_the_corner_ever_shorter_and_rests(relation):
     found = simulated(wire(relation))
@@ -108,6 +109,7 @@ def test_a_bead_passes_the_corner_ever_shorter_and_rests(relation):
     assert found["energy"] - found["work"] == pytest.approx(G / 2, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["taylor", *SLOW[:2]])
 def test_by_other_methods(method):
     options = {"step": 0.005} if method == "rk4" else {}
@@ -122,6 +124,7 @@ ELSEWHERE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["taylor", SLOW[2]])
 def test_a_pole_of_the_relation_beyond_the_corner_has_no_effect(method):
     # Beyond x = 0 the side of x > 0 has a pole at x = -1/k, which a step passes before
@@ -132,6 +135,7 @@ def test_a_pole_of_the_relation_beyond_the_corner_has_no_effect(method):
     assert found["x"] == pytest.approx(bead(found.t, 0.5, 1.0), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ELSEWHERE)
 def test_elsewhere(where):
     c = {"length": 1.0, "time": 1.0, "X": 0.0} | ELSEWHERE[where]
@@ -140,6 +144,7 @@ def test_elsewhere(where):
     assert x == pytest.approx(bead(found.t / c["time"], 0.5, 1.0), abs=3e-7)
 
 
+@pytest.mark.slow
 def test_beside_a_heavy_body():
     text = (
         wire()
@@ -333,6 +338,7 @@ def test_a_ball_flies_off_a_ridge():
     assert release == pytest.approx([0.5], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_table_that_is_repeated_has_grooves_and_ridges():
     more = "tables: {h: {points: [[0, 0], [0.5, 0.3], [1, 0]], outside: repeat}}"
     sides = [f"0.3 - 0.6*abs(x - {k + 0.5})" for k in (-2, -1, 0, 1)]
@@ -346,6 +352,7 @@ def test_a_table_that_is_repeated_has_grooves_and_ridges():
         assert one == pytest.approx(two, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_corner_that_moves_takes_the_bead_along():
     # Seen from the wire, which moves with 0.2, the bead begins with that speed.
     start = ", x_dot: {guess: 0}, y_dot: {guess: 0}"
@@ -373,6 +380,7 @@ def test_two_corners_of_one_wire_in_space():
     assert found["x"] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_sign_of_a_parameter_makes_a_groove_or_a_ridge():
     model = lagsim.load(
         ball(["y >= k*abs(x)"], x=0.0, y=0.0, v=0.1, end=0.3, law="restitution: 0")
@@ -386,6 +394,7 @@ def test_the_sign_of_a_parameter_makes_a_groove_or_a_ridge():
     assert np.min(groove["y"]) > -1e-12
 
 
+@pytest.mark.slow
 def test_a_sweep_over_the_sign_has_the_ends_of_single_runs():
     words = {"x": 0.3, "y": 0.5, "end": 1.0}
     model = lagsim.load(ball(["y >= k*abs(x)"], **words))
@@ -585,6 +594,7 @@ def test_a_bead_rests_in_a_corner_whose_place_is_rounded(relation, X):
     assert abs(found["x_dot"]).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0, 0.5])
 def test_a_ball_comes_to_rest_in_a_cusp(e):
     """A groove below a nonlinear function, y = -1/(1 + abs(x)), is lowest at -1."""
@@ -635,6 +645,7 @@ simulation: {{duration: 2.5, output_step: 0.1}}
 TURNS = np.linspace(-1, 1, 31)
 
 
+@pytest.mark.slow
 def test_a_corner_and_a_point_of_a_table_that_a_rod_joins_are_one_corner():
     # A bead on y = 0.3 |x - X| + T(x), where T rises by 0.2 before X and by 0.7 after
     # it. A rod gives the sum 1e5 + x the rounding of 1e5, the table that of its radius:

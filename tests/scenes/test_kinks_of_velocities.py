@@ -123,6 +123,7 @@ METHODS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("when", "method"), [(when, x) for when, some in METHODS.items() for x in some]
 )
@@ -131,6 +132,7 @@ def test_by_other_methods(when, method):
     check(run(SPELLINGS[0], when, method=f", method: {name}"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["h: ROW, MORE", "MORE, h: ROW"])
 @pytest.mark.parametrize("when", WHEN)
 def test_beside_other_rows(when, order):
@@ -149,6 +151,7 @@ def test_beside_other_rows(when, order):
     assert found["x"] == pytest.approx(x, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", WAYS)
 def test_beside_a_heavy_body_and_coupled_masses(when):
     heavy = "(x_dot^2 + y_dot^2)/2 + 5e5*z_dot^2"
@@ -197,6 +200,7 @@ def test_a_limit_with_a_kink_rests_slides_and_rests_beside_others(also, order):
     assert found["lambda_h"] == pytest.approx(5, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_limit_with_a_kink_rests_beside_a_limit_of_its_argument(order):
     # Dry friction of the bounds k g and 1 on one velocity.
@@ -209,6 +213,7 @@ def test_a_limit_with_a_kink_rests_beside_a_limit_of_its_argument(order):
     assert found["x_dot"] == pytest.approx(later**2 / (1 + K * K), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relation", [SPELLINGS[0], SPELLINGS[3]])
 @pytest.mark.parametrize("when", WHEN)
 @pytest.mark.parametrize(
@@ -298,6 +303,7 @@ def test_a_groove_holds_a_bead_until_the_force_exceeds_its_slope(when, force, X)
     assert np.abs(found["lambda_h"][rest]) == pytest.approx(G, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_unequal_sides():
     # Upwards like friction of k g; the side below, steeper, is never reached.
     check(run("y_dot = if(u > 0, k*u, -2*k*u) + c", "when"))
@@ -314,6 +320,7 @@ simulation: {{duration: 2.5, output_step: 0.05}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", WHEN)
 def test_two_relations_with_one_kink(when):
     h, g = (WHEN[when].format(x) for x in ("y = abs(x)/2", "z = 0.2*abs(x) + 0.1*y"))
@@ -336,6 +343,7 @@ def test_two_relations_with_one_kink(when):
     assert np.abs(found["lambda_h"][rest]) == pytest.approx(9.81 + 0.3, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", WHEN)
 def test_a_limit_beside_a_groove(when):
     # Both hold x: the bead rests until the force exceeds the slope and the limit.

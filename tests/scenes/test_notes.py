@@ -44,6 +44,7 @@ def test_free_elastic_pendulum(free):
     assert np.array_equal(energy, free["energy"])
 
 
+@pytest.mark.slow
 def test_free_elastic_pendulum_at_tight_tolerances(free):
     tight = run("elastic-pendulum", **TIGHT)
     assert np.max(np.abs(tight["energy"] - 3.5)) < 2e-10

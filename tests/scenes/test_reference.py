@@ -88,6 +88,7 @@ def predictable(name, tolerance):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", RUNS)
 @pytest.mark.parametrize("name", TWO_SIDED)
 def test_reference(name, tolerance):
@@ -205,6 +206,7 @@ def test_bricard_keeps_its_order():
     assert ratio < 100.0 ** (1 / 7)
 
 
+@pytest.mark.slow
 def test_redundant_rows_cost_no_steps():
     once = run(model_text("pendulum_iftomm_a01"), method="dop853").trajectory.statistics
     thrice = run(

@@ -158,6 +158,7 @@ def rank_losses(result, name):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "method"),
     [
@@ -189,6 +190,7 @@ def test_parallelogram_coasts_through_collinear(start, method):
     assert [w.code for w in result.trajectory.warnings].count("rank") == 1
 
 
+@pytest.mark.slow
 def test_parallelogram_under_weight():
     result = run(PARALLELOGRAM.format(weight=3, start="0.5"))
     assert result.trajectory.outcome.complete
@@ -200,6 +202,7 @@ def test_parallelogram_under_weight():
     assert rank_losses(result, "right_x")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["0.7", "pi/2"])
 def test_slider_crank_through_dead_centre(start):
     result = run(SLIDER_CRANK.format(start=start))
@@ -301,6 +304,7 @@ def test_dead_points_beside_laws(N, method, law):
     assert rank_losses(result, "x0")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["a >= -500, restitution: 0", "a_dot = 0, limit: 0"])
 @pytest.mark.parametrize("method", ["auto", "dopri5"])
 def test_a_start_at_a_dead_point_beside_a_law(law, method):
@@ -337,6 +341,7 @@ HEAVY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 @pytest.mark.parametrize("heavy", [False, True])
 @pytest.mark.parametrize("N", [1, 2])
@@ -368,6 +373,7 @@ def test_a_hundred_turns():
     assert result.drift < 1e-8
 
 
+@pytest.mark.slow
 def test_the_slider_crank_for_a_hundred_turns():
     text = SLIDER_CRANK.format(start="0.7").replace("duration: 10", "duration: 650")
     result = run(text)

@@ -102,6 +102,7 @@ def test_names_survive():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("substitute", [False, True])
 def test_every_function_in_json(substitute):
     equations = derive(read(EVERY_FUNCTION, "m.yaml"))
@@ -213,6 +214,7 @@ def test_without_inertia_there_are_no_accelerations(kinetic):
     check(as_latex(c))
 
 
+@pytest.mark.slow
 def test_notes_say_what_was_left_out():
     c = small((MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True)
     assert c.document["gauss"]["a"] is not None
@@ -277,6 +279,7 @@ simulation: {duration: 1}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_long_equations_break_where_they_are_one_term(ascii_only):
     text = as_text(small(LONG.replace("NUMBERS", f"200 + {INSIDE}")),
@@ -301,6 +304,7 @@ def test_long_terms_of_latex_break(name):
     assert "\\bigl" in document
 
 
+@pytest.mark.slow
 def test_a_denominator_of_latex_longer_than_a_line_is_stacked():
     sought = LONG.replace("sqrt(NUMBERS)", f"th1/(200 + {INSIDE})")
     document = as_latex(small(sought))
@@ -318,6 +322,7 @@ def test_names_longer_than_a_line_of_latex():
     check(as_latex(small(scene(f"{x}: 1", f"{x}/(1 + {x}^2)", f"{x}_dot^2/2"))))
 
 
+@pytest.mark.slow
 def test_a_factor_of_latex_longer_than_a_line_keeps_its_power():
     sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {INSIDE})^7.5")
     document = as_latex(small(sought))

@@ -84,6 +84,7 @@ def test_accelerations_make_it_least_among_admissible_ones(name, loops):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["elastic-pendulum-curve", "chaplygin-sleigh"])
 def test_symbolic_and_numeric_gauss_agree(name):
     e, row, _ = observed(name, loops=False)
@@ -121,6 +122,7 @@ def test_a_singular_mass_matrix_has_no_unconstrained_acceleration():
     derived(e)
 
 
+@pytest.mark.slow
 def test_without_constraints_it_is_zero():
     r = run(asking("double-pendulum", gauss=True), duration=0.1)
     assert np.all(r["gauss.G"] < 1e-20)

@@ -35,6 +35,7 @@ SHORT_WITH_CONTACTS = (
 EACH_READ = [case for case in EACH if case.values[0] in READ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EACH_READ)
 def test_json_read_again_gives_the_same_numbers(name):
     d = document_of(name)
@@ -101,6 +102,7 @@ def test_accelerations_are_told_where_they_are_short(name):
     assert told == (name in (*SHORT, *SHORT_WITH_CONTACTS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in SHORT if reads(MODELS / f"{n}.yaml")])
 def test_accelerations_in_closed_form_solve_the_equations(name):
     d = document_of(name)

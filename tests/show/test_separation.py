@@ -138,6 +138,7 @@ def test_the_equations_are_those_of_the_graph(name, monkeypatch):
     check_by_value(equations_of(name))
 
 
+@pytest.mark.slow
 def test_torques_slips_and_losses_along_definitions(monkeypatch):
     monkeypatch.setattr(shown, "MOST_ROWS", -1)
     d, _ = check_by_value(derive(read(TORQUE, "model.yaml"), chained=False))

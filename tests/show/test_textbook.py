@@ -97,6 +97,7 @@ initial: {x1: 1, y1: 0, x2: 1, y2: 0}
     assert len(found) == 2  # with the energy
 
 
+@pytest.mark.slow
 def test_what_acts_on_a_quantity_keeps_it_from_being_conserved():
     turned = TWO_BODIES + "forces: {x1: k*t}\n"
     assert kept(small(turned)).keys() == {("y1", "y2")}

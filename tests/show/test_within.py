@@ -18,6 +18,7 @@ from lagsim.show.symbols import number, symbol, to_sympy
 from tests.support import MODELS, refused
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.0, 1e-3])
 def test_what_is_not_derived_in_time_is_refused(monkeypatch, seconds):
     monkeypatch.setattr(limits, "DERIVING_SECONDS", seconds)

@@ -260,6 +260,7 @@ def test_a_start_value_that_others_follow():
     close(found, {"g": 9.81, "x": 0.5})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("deviation", [0.0, 0.02])
 def test_standard_errors_of_a_linear_model(deviation):
     # The start enters x as a(t) x(0) + b(t) x'(0).
@@ -288,6 +289,7 @@ def test_standard_errors_of_a_linear_model(deviation):
     assert found["noise"]["x"] == pytest.approx(size, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_columns_count_in_their_own_noise():
     # Two columns of unequal noise: weighted linear least squares.
     random = np.random.default_rng(8)
@@ -573,6 +575,7 @@ def test_a_clock_has_no_room_in_a_run_that_the_data_fill():
         fitted(OSCILLATOR, data, ["k", "t0"])
 
 
+@pytest.mark.slow
 def test_a_parameter_named_t0_is_no_clock():
     text = OSCILLATOR.replace("c: 0.2", "c: 0.2, t0: 2").replace("k*x^2", "t0*k*x^2")
     data = {"t": TIMES, "x": damped(TIMES, 21, 0.2, 1)}

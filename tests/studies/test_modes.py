@@ -180,6 +180,7 @@ def test_a_sleeping_top_is_stable_from_its_limit_on(part, stable):
     assert found.about["spin_dot"] == pytest.approx(part * limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("part", "stable"), [(0.9999, False), (1.0001, True)])
 def test_a_rolling_disk_is_stable_from_its_critical_speed_on(part, stable):
     # v^2 = g r/3 of a thin disk (Neimark and Fufaev).
@@ -337,6 +338,7 @@ def test_default_matrices_are_of_all_forces_and_of_the_whole_state():
     assert np.array_equal(space.C, np.eye(4))
 
 
+@pytest.mark.slow
 def test_a_small_run_is_a_superposition_of_modes():
     ratios = []
     for size in (1e-2, 1e-3):
@@ -456,6 +458,7 @@ initial: {w(1..n): 0}
         assert np.max(np.abs(across)) < 1e-7
 
 
+@pytest.mark.slow
 def test_labels_of_peaks_of_several_curves_do_not_overlap():
     # Two modes of 1 and 1.6 Hz; the peaks near 1.6 Hz differ by 1 %.
     f = np.geomspace(0.1, 10, 4001)

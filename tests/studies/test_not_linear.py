@@ -127,6 +127,7 @@ def test_of_laws_inside_of_their_bounds_nothing_is_said(more, units):
     assert not warned(scene(more, *units))
 
 
+@pytest.mark.slow
 def test_of_several_rests_the_warning_names_one():
     # Rests at x = -1, 0, 1 and, from (x - 1)*(5*x - 1)*x = 0, at 1/5.
     found = lagsim.equilibrium("""

@@ -139,6 +139,7 @@ def test_a_bead_on_a_turning_hoop(w, count):
         assert one(found, theta=-angle)["stable"] is True
 
 
+@pytest.mark.slow
 def test_a_truss_snaps_through():
     found = lagsim.equilibrium(TRUSS)
     states = sorted((x["coordinates"]["y"], x["stable"]) for x in found.equilibria)
@@ -205,6 +206,7 @@ initial: {x: 0.5}
     assert (x["stable"], x["reason"]) == (True, "eigenvalues")
 
 
+@pytest.mark.slow
 def test_coordinates_without_force_stay_and_are_named():
     text = """
 coordinates: {s: {unit: m}, a: {unit: rad}}
@@ -325,6 +327,7 @@ simulation: {duration: 1}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "force", "growth"), [
     ("1.962", 1.962, 0.0),
     ("{static: 3, dynamic: 1.962}", 1.962, 0.0),
@@ -346,6 +349,7 @@ def test_a_mass_rests_on_a_moving_belt_where_its_spring_balances_the_limit(
     assert mode["eigenvalue"] == pytest.approx(wanted, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_friction_on_a_disc_that_slides_at_rest_damps_motion_across_the_slip():
     text = """
 coordinates: {p: {components: xy}}
@@ -373,6 +377,7 @@ simulation: {duration: 1}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "value", "growth"), [
     ("0.2", 0.2, 0.0),
     ("{static: 0.9, dynamic: 0.2}", 0.2, 0.0),
@@ -404,6 +409,7 @@ def test_a_start_at_rest_slides_on_a_moving_belt():
     assert result["x"] == pytest.approx(np.full(len(result["x"]), 0.4905), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inwards", [True, False])
 def test_a_bar_on_two_turning_rollers_has_the_frequency_of_their_friction(inwards):
     """The loads are m g (1 +- x/c)/2: x'' = -mu g x/c (S. Timoshenko)."""
@@ -481,6 +487,7 @@ initial: {x: 0.1, y: 0.2, z: 0}
     assert np.array(pairs) == pytest.approx(np.array([damped, [0.0, 2.0]]), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_friction_that_sticks_bears_no_more_than_friction_that_slides_pushes():
     """A block between a belt and a platen: the belt has friction 4, the platen 3.
 

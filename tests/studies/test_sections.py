@@ -113,6 +113,7 @@ def dips(seed, depth, duration=30.0):
     return WAVES.format(w=w, a=a, b=b, c=c, d=d, level=level), np.array(crossings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, -1e-8])
 @pytest.mark.parametrize("seed", range(6))
 def test_two_crossings_are_found_however_close_they_are(depth, seed):
@@ -138,6 +139,7 @@ output: {sections: {cut: {at: sin(theta) = 0, direction: down}}}
     assert found["t"] == pytest.approx(times, abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names())
 def test_every_method(name):
     adaptive = method(name).ADAPTIVE
@@ -171,6 +173,7 @@ output: {sections: {cut: {SECTION}}}
 """
 
 
+@pytest.mark.slow
 def test_beside_impacts_switches_and_until():
     fall = math.sqrt(2.0 / 9.81)
     found = sections("at: y = 0.1", BALL)
@@ -362,6 +365,7 @@ def test_touches_and_jumps_of_the_relation_cross_nothing(name):
     assert found[13] == halves(5.0 / 3.0, 11.0 / 3.0)
 
 
+@pytest.mark.slow
 def test_until_the_end_and_events_at_a_section():
     asked = ["at: x = 0", "at: x = -0.5", "at: x_dot = 0", "every: pi/3"]
     found = several('duration: 9, until: "x <= -0.5"', NO_EVENT, asked)
@@ -557,6 +561,7 @@ output: {{sections: {{hit: {{at: "h*(x_dot - v) = 0", direction: up}}}}}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dopri5"])
 @pytest.mark.parametrize("boost", [0.0, -3.0, 1.0])
 @pytest.mark.parametrize("far", [0.0, 17.3, 1e3, 1e5])

@@ -109,6 +109,7 @@ def slope(times, values, k):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("k", "name"), [(0, "e"), (1, "g"), (2, "h")])
 def test_a_ball_through_ten_impacts(k, name):
     times = np.linspace(0.013, 3.0, 61)
@@ -120,6 +121,7 @@ def test_a_ball_through_ten_impacts(k, name):
     assert honest(found, error)
 
 
+@pytest.mark.slow
 def test_at_the_end_of_the_domain_a_difference_is_one_sided():
     times = np.linspace(0.013, 3.0, 61)
     found = study(BALL.replace("e: 0.8", "e: 1"), times, ("y",)).by("e")
@@ -194,6 +196,7 @@ def test_start_values_that_constraints_determine_follow(names):
     assert held.values == pytest.approx(free.values, abs=1e-11, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_length_carries_the_start_with_it():
     """The rod of another length begins at the nearest start: along the rod."""
     times = np.linspace(0.0, 3.0, 13)
@@ -201,6 +204,7 @@ def test_a_length_carries_the_start_with_it():
     assert found.values[0] == pytest.approx([0.6, -0.8], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_name_that_is_not_free_is_refused():
     model = ROD.replace("length: sqrt(x^2 + y^2) = l", "length: x = 0.6")
     with refused("inadmissible", "`x`"):
@@ -209,6 +213,7 @@ def test_a_name_that_is_not_free_is_refused():
         study(model, np.array([0.0, 1.0])).by("nobody")
 
 
+@pytest.mark.slow
 def test_variational_equations_of_a_chaotic_pendulum():
     K, g, times = 40.0, 9.81, np.linspace(0.0, 10.0, 41)
 
@@ -235,6 +240,7 @@ def test_a_name_costs_eight_runs_where_the_first_step_serves():
     assert [x.runs for x in found] == [8, 8, 8, 8]
 
 
+@pytest.mark.slow
 def test_five_names_cost_seventy_runs_at_most():
     times = np.linspace(0.0, 10.0, 11)
     found = [*study(ELASTIC, times).by_each(["K", "theta", "r", "m", "g"])]
@@ -258,6 +264,7 @@ def test_names_share_further_runs_by_their_errors():
     assert max(errors) < 10 * min(errors)
 
 
+@pytest.mark.slow
 def test_five_names_cost_41_runs_where_the_first_step_serves(monkeypatch):
     """The run itself, and eight for each name."""
     made = []

@@ -59,6 +59,7 @@ def test_peaks_are_no_nearer_than_they_are_told_apart():
         assert found.peaks[0].amplitude == max(p.amplitude for p in found.peaks)
 
 
+@pytest.mark.slow
 def test_its_powers_of_ten_are_typeset():
     with noted() as drawing:
         encoded_figure(spectrum(*rows(), "x_left", "m").plot("$t"), "png")
@@ -120,6 +121,7 @@ def test_what_has_no_spectrum_is_told(change, name):
         spectrum(*change(*rows()), "x")
 
 
+@pytest.mark.slow
 def test_a_result_has_the_spectrum_of_its_columns():
     text = scene("x: 1e-6", "2*x^2", coordinates="x: {unit: m}")
     asked = {"duration": 60, "output_step": 0.05, "error_bar": "never"}

@@ -51,6 +51,7 @@ def test_values_settings_and_times_of_a_variant(k, method):
     assert found.column("x") == pytest.approx(2 * np.cos(w * times), abs=2e-11)
 
 
+@pytest.mark.slow
 def test_the_rows_of_a_variant_are_those_of_a_run_with_the_values():
     some = trials(CONTACT)
     for value in (0.5, 1.5):
@@ -128,6 +129,7 @@ def test_a_run_beyond_its_time_is_given_up():
     assert len(found.rows) == 0
 
 
+@pytest.mark.slow
 def test_start_values_follow_as_guesses_do():
     some = trials(ROD)
     variant = Variant({"x": 0.61}, times=np.zeros(1), guesses=("y", "x_dot", "y_dot"))

@@ -96,6 +96,7 @@ list(completed_pieces(waited, [1, 2], 2, Interrupt()))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="looks into /proc")  # noqa: PTH112
 def test_no_process_outlives_a_parent_that_is_killed():
     parent = subprocess.Popen(

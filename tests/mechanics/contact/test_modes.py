@@ -192,6 +192,7 @@ def misplaced(body, found, w, rates, slack):
     return rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slips", [0, 1])
 def test_laws_hold_on_every_edge(slips):
     """Of small whole numbers, full of ties and of dependent rows."""
@@ -223,6 +224,7 @@ def test_laws_hold_on_every_edge(slips):
     assert dependent > 40
 
 
+@pytest.mark.slow
 def test_static_friction_that_is_more_than_dynamic():
     # In two of these scenes what begins to slide would be pushed back at once.
     for seed in [*range(40), 73, 133]:
@@ -255,6 +257,7 @@ def test_a_disc_that_only_one_force_on_its_edge_holds(slope, over):
     assert found.p == pytest.approx(most * u, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [CONTACT, LIMITED, EQUALITY])
 def test_the_mode_of_a_single_row_is_that_of_the_row_among_others(kind):
     """Two rows that are not coupled are decided as one problem, one by its closed form.

@@ -123,6 +123,7 @@ def test_order_of_rows_within_a_step(name, scene):
     assert slope(steps, errors) - 1 > method(name).DENSE_ORDER - 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [PENDULUM, HELD])
 @pytest.mark.parametrize("name", ["dop853", "dopri5", "radau"])
 def test_error_follows_the_tolerance(name, text):
@@ -167,6 +168,7 @@ STEERED = FREE.replace(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [FREE, CURVE, STEERED])
 @pytest.mark.parametrize(
     ("options", "off"),

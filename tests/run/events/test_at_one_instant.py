@@ -39,6 +39,7 @@ def test_a_condition_that_an_act_makes_true_at_once_acts_once(condition, u, then
     assert [e.time for e in listed] == [0.0] * acts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("then", "end"), [(0.5, 0.0), (1.5, 0.5), (-0.5, 0.5)])
 def test_until_that_an_act_makes_false_at_the_start_alone_ends_the_run(then, end):
     # u + sign(x) >= 1: true at x = 0 for u = 1.5 alone, after it for u = 0.5, too.
@@ -56,6 +57,7 @@ JUMPS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "rk4, step: 0.05"])
 @pytest.mark.parametrize("condition", JUMPS)
 def test_a_condition_that_jumps_just_after_the_start_acts_at_the_start(

@@ -94,6 +94,7 @@ CLOSE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_where_functions_break():
     for text, start, end, expected in EXACT:
         assert breaks(text, float(start), float(end), p=0.5) == expected, text
@@ -143,6 +144,7 @@ def test_the_first_breaks_of_many_come_at_once():
     assert found == pytest.approx(expected, rel=4e-16)
 
 
+@pytest.mark.slow
 def test_phases_at_the_edge_of_rounding_are_still_told_apart():
     # At 1e5 the double spacing of t is 0.015 rad of phase.
     found = breaks("sign(sin(1e9*t))", 1e5, 1e5 + 1e-6)
@@ -151,6 +153,7 @@ def test_phases_at_the_edge_of_rounding_are_still_told_apart():
     assert first == pytest.approx([1e-9 * math.pi * k for k in (1, 2, 3)], rel=1e-15)
 
 
+@pytest.mark.slow
 def test_a_surface_lost_in_rounding_ends():
     assert len(breaks("sign((t + 1e9) - t - 1e9)", 0.0, 1.0)) <= 2
     # A triple root, expanded: known to the cube root of the rounding error only.
@@ -218,6 +221,7 @@ def test_an_undecided_interval_leaves_the_decided_ones_beside_it_alone():
     assert min(found) == pytest.approx(0.1, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_breaks_that_accumulate():
     found = breaks("sign(sin(1/t))", 0.01, 1.0)
     expected = [1 / (k * math.pi) for k in range(31, 0, -1)]
@@ -233,6 +237,7 @@ def test_a_wave_faster_than_the_doubles_is_given_up():
     assert len(breaks(text, 1.0, 2.0)) <= 2
 
 
+@pytest.mark.slow
 def test_a_search_pauses_after_some_cells(monkeypatch):
     monkeypatch.setattr("lagsim.run.events.breaks.PATIENCE", 1000)
     assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 0.01

@@ -52,11 +52,13 @@ def acts(at, **other):
     return times, result["u"][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at", "law"), [*itertools.product(NEVER, LIMITS)])
 def test_a_rate_that_friction_stops_is_never_negative(at, law):
     assert acts(at, law=law) == ([], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at", "law"), [*itertools.product(ONCE, LIMITS)])
 def test_a_rate_that_friction_stops_is_no_more_positive(at, law):
     times, mode = acts(at, law=law)
@@ -123,6 +125,7 @@ def test_a_step_has_the_value_of_its_level_at_rest(at, count):
     assert acts(at) == (pytest.approx([STOP] * count, rel=1e-12), count)
 
 
+@pytest.mark.slow
 def test_a_mode_is_set_by_the_value_at_the_level():
     result = lagsim.simulate(
         """\

@@ -104,6 +104,7 @@ def test_until_is_not_met_where_it_has_no_value(condition, end):
     assert found.t[-1] == pytest.approx(end, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "rk4", "dop853"])
 @pytest.mark.parametrize(
     ("relation", "times"),
@@ -136,6 +137,7 @@ simulation: {duration: 3.3, output_step: 0.5}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "rk4"])
 @pytest.mark.parametrize(
     ("condition", "times"),
@@ -151,6 +153,7 @@ def test_impacts_satisfy_no_condition_that_began_at_a_pole(condition, times, met
     assert times_of(found) == pytest.approx(times, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "taylor", "radau"])
 @pytest.mark.parametrize(
     ("relation", "event"),

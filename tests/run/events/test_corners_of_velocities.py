@@ -67,6 +67,7 @@ def test_a_kick_past_a_kink(when, kick, right, kink):
     assert after(text, "x_dot", "y_dot")[0] == pytest.approx([right, K * abs(right)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", WHEN)
 @pytest.mark.parametrize("unit", [1e3, 1e-3])
 def test_a_kick_past_a_kink_away_from_zero_in_other_units(when, unit):

@@ -75,6 +75,7 @@ def test_velocities_follow_the_rows_onto_curves(relations, method):
     assert struck.energy == pytest.approx(energy, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_impulses_of_curves_and_of_rods_beside_them():
     # A kick after the jump, so that impulses are columns.
     kick = "modes: {t1: 0.75}\nevents: {k: {at: t >= t1, impulse: {x: 1}}}"

@@ -45,6 +45,7 @@ def run(drive, force, conditions, method):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("force", FORCES)
 def test_a_force_has_the_value_at_the_level_of_a_driven_step(drive, force):
@@ -53,6 +54,7 @@ def test_a_force_has_the_value_at_the_level_of_a_driven_step(drive, force):
     assert result.events == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("method", ["auto", "radau", "dop853", "rk4"])
 def test_no_condition_on_a_driven_step_acts_by_rounding(drive, method):

@@ -49,6 +49,7 @@ def box(k):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "part", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 24))]
 )
@@ -62,6 +63,7 @@ def test_boxes_end_alike_at_two_tolerances(part):
         assert np.max(np.abs(np.subtract(*ends))) < ALIKE, box(k)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", ["1e-5", "1e-8", "1e-11"])
 @pytest.mark.parametrize("M", [1e-3, 1e9])
 @pytest.mark.parametrize("mu", [0.05, 0.3])
@@ -81,6 +83,7 @@ def test_impacts_that_end_a_series_have_their_friction(mu, M, rtol):
         assert off < 1e-10 + 0.4 * float(rtol), text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [3, 11])
 def test_a_loose_tolerance_is_that_of_gaps_too(k):
     found = run(read(box(k), "box.yaml", options={"rtol": "1e-2"}))

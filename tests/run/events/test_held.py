@@ -58,6 +58,7 @@ simulation: {duration: 0.004, output_step: 0.004}
 """
 
 
+@pytest.mark.slow
 def test_a_cart_is_held_at_the_origin_as_beside_it():
     steps = [
         simulate(HELD.replace("PLACE", place), error_bar="never").record["steps"]
@@ -67,6 +68,7 @@ def test_a_cart_is_held_at_the_origin_as_beside_it():
     assert steps[0] <= steps[1] + 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hold", ["{relation: X_dot = 0, limit: 99}", "X_dot = 5*(1 - b)"]
 )
@@ -79,6 +81,7 @@ def test_what_is_held_at_rest_strikes_nothing(hold):
     assert {event.kind for event in found.events} == {"event"}
 
 
+@pytest.mark.slow
 def test_what_follows_a_coordinate_that_is_held_takes_no_steps_of_its_own():
     text = HELD.replace("PLACE", "0").replace("0.004", "0.1")
     text = text.replace(

@@ -71,6 +71,7 @@ def test_a_kicked_body_moves_by_its_map(method):
     assert [e.energy for e in result.events] == pytest.approx(brought, abs=JUMP)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dop853", "rk4", "verlet", "kahan-li8"])
 def test_a_kicked_rotor_follows_its_map(method):
     """The standard map at K = 0.6, 100 kicks; its motion from here is regular."""
@@ -90,6 +91,7 @@ def test_a_kicked_rotor_follows_its_map(method):
     assert motion == pytest.approx(np.array(found), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1.0, 1e3])
 def test_an_escapement_has_the_amplitude_of_its_limit_cycle(unit):
     """A linear clock, kicked by J at each passage of 0, in m and in mm.
@@ -217,6 +219,7 @@ def test_kicks_that_turn_a_motion_to_and_fro_at_a_place(place, end, reverse, met
 ROD = "constraints: {rod: x^2 + y^2 = 1}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "radau", "rk4", "rattle", "moreau"])
 def test_a_cartesian_pendulum_is_kicked_as_its_angle(method):
     bound = 1e-5 if method in ("rattle", "moreau") else 1e-10  # of their order 2
@@ -260,6 +263,7 @@ def test_a_kick_of_a_constrained_body_by_hand(formulation):
     assert np.ptp(result["energy"] - result["work"]) < 1e-11
 
 
+@pytest.mark.slow
 def test_a_kick_at_the_speed_of_light():
     """The momentum of L = -sqrt(1 - v^2), v/sqrt(1 - v^2), rises by 3 at each kick."""
     model = lagsim.load(
@@ -272,6 +276,7 @@ def test_a_kick_at_the_speed_of_light():
     assert v / np.sqrt(1 - v * v) == pytest.approx([3.0, 6.0, 9.0], rel=1e-11)
 
 
+@pytest.mark.slow
 def test_a_kick_turns_a_velocity_of_given_size():
     """A force P along x turns v of size c by c m q' = -P sin(q): tan(q/2) falls."""
     result = run(
@@ -395,6 +400,7 @@ def test_a_massless_coordinate_passes_a_kick_on_or_refuses_it():
         run(kick, **words, potential="50*(x - z)^2", more=slider)
 
 
+@pytest.mark.slow
 def test_families_and_vectors_are_kicked_by_members_and_components():
     model = lagsim.load(
         "parameters: {n: 3, m(i = 1..n): i}\n"
@@ -444,6 +450,7 @@ def test_a_kick_along_an_angular_velocity(frame):
             assert jump == pytest.approx(0.1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_sections_show_the_state_after_a_kick():
     result = run(
         "tick: {every: 1, impulse: {x: 1}}", initial="x: 0, x_dot: -1.5",
@@ -453,6 +460,7 @@ def test_sections_show_the_state_after_a_kick():
     assert result.sections["turn"]["x_dot"] == pytest.approx([0.5])
 
 
+@pytest.mark.slow
 def test_sensitivities_pass_kicks():
     """Momentum of x = J (1 + ... ): d x/d J is the sum of the times since the kicks."""
     result = run(
@@ -485,6 +493,7 @@ def test_an_impulse_without_a_value_ends_the_run_with_its_event():
     assert result.t[-1] == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_a_kick_does_not_depend_on_bodies_that_nothing_joins():
     """Beside masses of 1e-20 and 1e20, held by rows of their own."""
     words = {
@@ -539,6 +548,7 @@ def test_units_of_impulses_are_checked():
     assert "the impulse on `q` by the event `b` is in N*s here" in found[1]
 
 
+@pytest.mark.slow
 def test_a_golden_has_the_kicks_at_the_start():
     """Variants of a golden, at perturbed values, begin with an equal impulse."""
     text = (

@@ -106,6 +106,7 @@ def test_a_ball_strikes_beads_in_corners_at_one_place(place, slopes, kinks, side
     assert found == pytest.approx(right, abs=1e-9 * unit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize(("slopes", "kinks"), PAIRS)
 @pytest.mark.parametrize("place", PLACES)
@@ -140,6 +141,7 @@ simulation: {{duration: 1.25, output_step: 0.25}}
     return after(text, *(f"x{i}_dot" for i in n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1, 2])
 @pytest.mark.parametrize("count", [2, 3, 8])
 def test_a_kick_of_one_of_several_beads_leaves_the_others_in_their_corners(

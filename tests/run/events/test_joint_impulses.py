@@ -101,6 +101,7 @@ def wire(k, more, start):
     """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize("e", [0, 0.5, 1])
 @pytest.mark.parametrize("side", [1, -1])
@@ -150,6 +151,7 @@ def test_a_bead_is_pushed_through_the_corner_of_its_wire(e):
     assert found == pytest.approx([bead - p / m, -1 + p], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sign", "x"), [("-", -0.5), ("+", 0.5)])
 def test_of_two_ways_off_a_ridge_an_impulse_takes_the_faster(sign, x):
     """Slopes 2 and 1 fall off either side of a ridge, which moves with speed 3.

@@ -68,6 +68,7 @@ def decided(monkeypatch):
     return counts
 
 
+@pytest.mark.slow
 def test_a_block_that_slips_leaves_the_others_as_they_are(decided):
     found = play(BLOCKS)
     i = np.arange(1, COUNT + 1)
@@ -80,6 +81,7 @@ def test_a_block_that_slips_leaves_the_others_as_they_are(decided):
     assert decided == [COUNT, *[1] * COUNT]
 
 
+@pytest.mark.slow
 def test_an_impact_changes_forces_on_laws_that_it_does_not_strike(decided):
     found = play(STRUCK)
     for k in range(1, COUNT + 1):

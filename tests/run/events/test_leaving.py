@@ -50,6 +50,7 @@ def run(method, force, *, step=0.1, **other):
     return acts, crossed, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("force", ["t", "-t^2", "t^3", "t^6"])
 def test_a_motion_that_leaves_0_crosses_nothing(force, method):
@@ -76,6 +77,7 @@ def test_at_a_later_instant(kind, sign, n, method):
     assert run(method, force)[:2] == ([], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_off_a_wall_at_which_a_body_rests(n, method):
@@ -89,6 +91,7 @@ def test_off_a_wall_at_which_a_body_rests(n, method):
     assert [x for x in crossed if x[1] > BEGIN - 1e-6] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["euler", "rattle", "rk4", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 @pytest.mark.parametrize("sign", [1, -1])
@@ -101,6 +104,7 @@ def test_a_block_at_rest_slips_once(sign, n, method):
     assert kinds == ["stick", "slip"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [x for x in METHODS if x not in {"euler", "moreau"}])
 def test_a_motion_that_returns_to_0_crosses_it(method):
     """The position is t^3 - t^4: it is 0 at 1, and its rate is 0 at 3/4."""
@@ -114,6 +118,7 @@ def test_a_motion_that_returns_to_0_crosses_it(method):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [x for x in METHODS if x != "moreau"])
 @pytest.mark.parametrize("force", ["t - abs(x)/9", "t^2 - if(x < 0, 5, 0)"])
 def test_a_switch_at_the_place_of_rest_stays_on_its_side(force, method):
@@ -138,6 +143,7 @@ simulation: {{duration: 2, output_step: 0.5, method: {method}}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rattle", "rk4", "moreau", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12])
 @pytest.mark.parametrize("sign", [1, -1])
@@ -244,6 +250,7 @@ def test_an_act_makes_no_small_value_true(is_first, late, force, method):
     assert [x.time for x in found] == pytest.approx([late] * len(names), abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rattle", "rk4", "dop853", "dopri5"])
 @pytest.mark.parametrize("n", [1, 3, 5, 12])
 @pytest.mark.parametrize("v", [0.5, 0.3, 0.7 / 3])
@@ -275,6 +282,7 @@ AT_REST = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("force", ["0", "max(t - 0.7, 0)^3"])
 def test_steps_of_a_body_at_rest_do_not_hide_times(force, method):

@@ -73,6 +73,7 @@ PASSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sheet", "gradient", "speed"), PASSED)
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("unit", [1.0, 1000.0])

@@ -54,6 +54,7 @@ def acts(fx, fy, rows, at, start, *, duration=0.5, method=""):
     return [e.time for e in found.events if e.kind == "event"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("when", ["", ", when: t >= -1"], ids=["always", "when"])
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("held", HELD)
@@ -63,6 +64,7 @@ def test_no_step_of_a_held_expression_acts(held, step, when):
     assert acts("-0.3*sin(t)", "cos(t)", row, step.format(u=u), start) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dopri5", "rk4, step: 0.01"])
 @pytest.mark.parametrize("held", ["line", "distance"])
 def test_no_step_of_a_held_expression_acts_far_from_the_origin(held, method):
@@ -72,6 +74,7 @@ def test_no_step_of_a_held_expression_acts_far_from_the_origin(held, method):
     assert found == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begin", [0.0, 0.7])
 @pytest.mark.parametrize("power", [1, 2, 5])
 @pytest.mark.parametrize(

@@ -92,6 +92,7 @@ PLACES = {
 STARTS = [(0.3, 1), (5.3, -1), (0.5, 1), (4.5, -1)]  # from 0.5 and 4.5 at ends of steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["auto", "dop853", "dopri5", "radau", "rk4", "gauss4", "kahan-li8"]
 )

@@ -119,6 +119,7 @@ def check(result, slip, conditions, bound):
         assert found == pytest.approx(times, abs=bound), text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", HOLDS)
 @pytest.mark.parametrize("slip", SLIPS)
 @pytest.mark.parametrize(
@@ -134,6 +135,7 @@ def test_conditions_on_the_step_of_a_slip_act_where_it_begins_or_stops(
     check(result, slip, CONDITIONS, 1e-9 if "step" not in method else 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", HOLDS)
 def test_conditions_on_a_slip_of_moving_bodies(hold):
     # The slip is 0 at the start but for rounding, and no condition acts there.

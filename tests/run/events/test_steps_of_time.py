@@ -129,6 +129,7 @@ tables: {wave: {points: [[0, 0], [0.3, 0], [0.4, 5], [0.5, 0], [0.7, 0]],
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", SMOOTH)
 @pytest.mark.parametrize("condition", PERIODIC)
 @pytest.mark.parametrize("method", ["auto", "radau"])
@@ -166,6 +167,7 @@ ON_CURVES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("expression", ["w^3 + w", "sinh(w)", "w + exp(w) - 1"])
 @pytest.mark.parametrize(("condition", "period", "part", "method", "step"), ON_CURVES)
 def test_steps_act_in_each_period_of_a_projected_drive(

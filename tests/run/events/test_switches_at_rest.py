@@ -60,6 +60,7 @@ def test_a_switch_at_rest_is_passed_once(argument, step):
     check(argument, step)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other",
     [
@@ -74,6 +75,7 @@ def test_in_other_units_and_places(argument, other):
     check(argument, **other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0, 1.3])
 @pytest.mark.parametrize("push", ["0", "1.5*max(t - 1, 0)", "if(t > 1.5, 3, 0)"])
 def test_a_column_does_not_change_the_events_of_a_body_that_comes_to_rest(push, speed):

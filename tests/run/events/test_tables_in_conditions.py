@@ -57,6 +57,7 @@ def test_a_peak_that_touches_the_level_counts(at, method):
     assert times == pytest.approx([0.7], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["z(x) >= 0.5", "z(x) >= 0.4", "x >= 100"])
 def test_all_peaks_of_a_rough_table(at):
     x = np.linspace(0.0, 10.0, 2001)
@@ -84,6 +85,7 @@ def test_a_section_is_crossed_again_soon_after_an_event_on_it(method):
     assert crossings == pytest.approx(exact, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [300, 1000])
 @pytest.mark.parametrize("interpolation", ["monotone", "cubic"])
 @pytest.mark.parametrize("at", ["z(x) = 0.1", "x >= 100"])

@@ -32,6 +32,7 @@ METHODS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("ending", ENDS)
 @pytest.mark.parametrize("kind", BEGINS)

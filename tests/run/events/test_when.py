@@ -69,6 +69,7 @@ simulation: {{duration: 0.6, output_step: 0.01}}
 
 # Newton's method solves p.2.y = 0 to 1e-63 from some of these guesses, and to 0 from
 # others: no size of a coordinate is there to compare the residual with.
+@pytest.mark.slow
 @pytest.mark.parametrize("guess", [
     "0.353*i, -0.398*sin(pi*i/2)",
     "0.330*i, -0.185*sin(pi*i/2)",

@@ -110,6 +110,7 @@ def test_a_switch_is_grazed(depth, method):
             assert times == pytest.approx(expected, abs=1e-11 / half)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_narrow_windows_of_a_force(method):
     """A force of 1 while cos(w x) > 0.99: energy gained in each window passed."""

@@ -31,6 +31,7 @@ HIGH = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("name", HIGH)
 def test_what_is_too_high_turns_the_motion_back(name, method):
@@ -85,6 +86,7 @@ def scattered(x, y, width, height):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[1:])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_hill_beside_the_way_in_the_plane(seed, method):

@@ -94,6 +94,7 @@ def test_a_pulse_strikes_what_swings(shape, case):
     strikes(shape, c, w, x=0.3, duration=duration)
 
 
+@pytest.mark.slow
 def test_a_pulse_whose_distance_no_step_sees_is_met():
     strikes("1/cosh(u)^2", 23.623379, 3.85e-6, x=0, duration=34.277)
 
@@ -133,6 +134,7 @@ def test_a_kick_on_what_moves(method):
     assert end == pytest.approx(expected, abs=2e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[:3])
 def test_a_ramp_of_a_prescribed_motion(method):
     """A mass hangs by a spring from a support that moves up by 1 within 0.01 s."""
@@ -146,6 +148,7 @@ def test_a_ramp_of_a_prescribed_motion(method):
     assert found["x"][-1] == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_what_varies_gently_makes_no_stops():
     plain = run(line("x^2/2", force="cos(2*t)", x=1, duration=50, method="dop853"))
     text = line("x^2/2", force="exp(cos(2*t))", x=1, duration=50, method="dop853")
@@ -154,6 +157,7 @@ def test_what_varies_gently_makes_no_stops():
     assert steps[1] < 2 * steps[0]
 
 
+@pytest.mark.slow
 def test_a_pulse_in_the_first_and_the_last_instant():
     text = line(force="exp(-(t/1e-4)^2/2) + exp(-((t - 20)/1e-4)^2/2)", method="taylor")
     end = run(text)["x_dot"][-1]

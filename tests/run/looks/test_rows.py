@@ -71,6 +71,7 @@ UNKNOWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_what_no_look_knows(name):
     force, law = UNKNOWN[name]
@@ -107,6 +108,7 @@ def counts(monkeypatch, model, **options):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_smooth_steps_are_left_alone(method, monkeypatch):
     """Some hundred rows in each."""
@@ -115,6 +117,7 @@ def test_smooth_steps_are_left_alone(method, monkeypatch):
     assert seen == unseen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NOISY)
 def test_noise_and_stiffness_are_no_sign(name, monkeypatch):
     seen, unseen = counts(monkeypatch, NOISY[name], output_step=6e-4)

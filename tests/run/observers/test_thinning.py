@@ -88,6 +88,7 @@ def test_what_is_not_finite_is_a_gap_and_hides_nothing():
     assert np.nanmin(values) == rows[usable, 1].min()
 
 
+@pytest.mark.slow
 def test_a_difference_is_taken_row_by_row():
     t = np.arange(300_000) * 1e-2
     work = 100 * np.sin(40 * t)
@@ -103,6 +104,7 @@ def test_a_difference_is_taken_row_by_row():
     assert "work" not in thinning
 
 
+@pytest.mark.slow
 def test_a_path_is_made_of_true_rows_in_order():
     rows = walk(1_000_000)
     x, y = thinned(rows, block=9999).path("t", "b")
@@ -123,6 +125,7 @@ def test_a_periodic_path_shows_all_its_points_alike():
     assert shares == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_rows():
     block = walk(10_000)
     columns = ("t", "a", "b")

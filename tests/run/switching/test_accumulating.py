@@ -136,6 +136,7 @@ def rest_in_the_corner():
     return t
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", one_quick("auto", "dopri5", "rk4, step: 0.01"))
 @pytest.mark.parametrize(
     "wire",
@@ -179,6 +180,7 @@ simulation: {duration: 4, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 def test_a_held_surface_does_not_rest_with_another_that_switches():
     # The floor switches at 3.92 while the sign is held: they have no limit at 4.83.
     found = lagsim.simulate(lagsim.load(NESTED_STEPS), error_bar="never")

@@ -117,6 +117,7 @@ def agree(names, least, **scene):
         assert rows[0] == pytest.approx(other, abs=1e-9 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairs", one_quick(["ab"], ["ab", "bc", "cd"]))
 def test_friction_by_switches_is_that_by_limits_where_more_rubs_than_moves(pairs):
     bound = {"a": 1, "b": 1, "c": 1, "d": 2, "e": 1, "f": 0.5}
@@ -186,6 +187,7 @@ def test_a_force_that_switches_and_limits_bear_together_in_any_unit(u):
 
 # Scenes that ended in switches without end, or jumped, where ties were broken one by
 # one: all rub on the ground and each on the next.
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", one_quick(0, *range(1, 24)))
 def test_rows_of_blocks_that_rub_on_each_other(seed):
     r = random.Random(seed)
@@ -199,6 +201,7 @@ def test_rows_of_blocks_that_rub_on_each_other(seed):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_slip_on_a_disc_comes_to_rest_with_switches_that_accumulate():
     # Friction of 1.2 on (x_dot, w_dot); each swing of x is about 0.553 of the last.
     found = run("""

@@ -38,6 +38,7 @@ def angle(t, start, speed):
     return 2 * np.pi * turns + amplitude * np.sin(phase - turn * (turns + 0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), METHODS)
 @pytest.mark.parametrize("force", FORCES)
 @pytest.mark.parametrize(("start", "speed"), [(0.3, 5.0), (1.0, 3.2)])
@@ -66,6 +67,7 @@ def test_an_angle_jumps_on_the_negative_axis_only(method, order, x):
     assert found["z_dot"][-1] == pytest.approx(exact, abs=allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.01, 0.007])
 def test_a_state_that_is_led_to_the_cut_stays_there(step):
     """q' = q from 1 to pi, where the rates of both sides lead back."""

@@ -144,12 +144,14 @@ def test_sides_follow_those_that_they_depend_on(name, argument):
 
 
 # What changes linearly is integrated exactly by order 2.
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [m for m in METHODS if m != "euler"])
 @pytest.mark.parametrize("name", ["table", "three deep"])
 def test_every_method_has_them(name, method):
     assert np.max(pushed(name, more=METHODS[method])) < 1e-10
 
 
+@pytest.mark.slow
 def test_euler_has_them():
     assert np.max(pushed("three deep", more=METHODS["euler"])) < BOUND
 
@@ -204,6 +206,7 @@ def test_both_sides_of_what_it_slides_along_are_watched(name, method):
 # --- conditions -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "rk4"])
 def test_what_ends_by_a_jump_is_not_true_again_by_rounding(method):
     # True at the start, false from the jump on, for the rest of the run;
@@ -334,6 +337,7 @@ forces: {{w: "if(mod(q + 2*heaviside(t - 4), 4) < 1, 3, 0)"}}""",
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", one_quick(*PLACES))
 def test_they_are_right_wherever_an_expression_may_stand(place):
     text, column, expected = PLACES[place]
@@ -346,6 +350,7 @@ def test_they_are_right_wherever_an_expression_may_stand(place):
         assert not result.warnings
 
 
+@pytest.mark.slow
 def test_a_continuous_sawtooth_keeps_its_energy():
     model = """
 coordinates: {q: {}}

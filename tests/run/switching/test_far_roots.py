@@ -86,6 +86,7 @@ def test_no_law_hangs_at_its_switch_wherever_that_is(law, speed):
         assert np.max(np.abs(far["w"] - 0.3 * np.cos(far["t"]))) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [14900.0, -3.3e7])
 @pytest.mark.parametrize("law", ["root of a wall", "bend"])
 def test_a_series_that_gets_no_farther_beside_a_switch_is_not_gone_on_with(law, at):

@@ -63,6 +63,7 @@ def test_a_rate_held_at_0_has_the_sign_0(form, beside, force):
     assert result["z"] == pytest.approx(0.2 * np.exp(-result.t), rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["-0.001", *one_quick("1", "30")])
 @pytest.mark.parametrize(
     "step", one_quick("if(mod(x + 2*y, 0.7) < 0.3, 0.5, 0)", "0.5*heaviside(x + y)")

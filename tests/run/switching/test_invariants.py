@@ -118,6 +118,7 @@ def test_a_rate_that_bends_is_no_impact(text):
     assert found.drift < 1e-9
 
 
+@pytest.mark.slow
 def test_an_impact_in_time_shows_what_was_before_it():
     text = """
 coordinates: {x: {}, y: {}}
@@ -161,6 +162,7 @@ def test_what_is_off_a_constraint_at_a_switch_is_no_impact(formulation):
     assert np.min(np.diff(found["t"])) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [False, True])
 @pytest.mark.parametrize("formulation", ["full", *LOOSE])
 def test_an_impact_is_one_in_every_formulation(formulation, loops):

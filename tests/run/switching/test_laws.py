@@ -60,6 +60,7 @@ SIGNED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", one_quick(*sorted(SIGNED)))
 def test_powers_and_roots_of_either_sign(law):
     found = run(scene(force=law, x=1, v=0.1, duration=8))
@@ -119,6 +120,7 @@ def test_a_ball_on_a_hertzian_contact(potential, force):
 
 
 # Of ten, the sixth moves by the least double at first.
+@pytest.mark.slow
 @pytest.mark.parametrize("count", one_quick(5, 4, 10))
 def test_a_push_along_balls_that_touch(count):
     """They move with t, t^3.5, t^7.25, t^12.9, ... at first: powers have no scale."""
@@ -145,6 +147,7 @@ simulation: {{duration: 1, output_step: 0.01}}
     assert [found[x][-1] for x in q] == pytest.approx(true, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slope", one_quick("1e8", "1e4", "1e10"))
 def test_steep_saturation_is_dry_friction(slope):
     force = f"-0.1*max(-1, min(1, {slope}*x_dot))"
@@ -181,6 +184,7 @@ def test_a_branch_without_a_value_spoils_nothing(spring):
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", ["max(0, x - 1)^2.5", "sqrt(max(0, x - 1))^5"])
 @pytest.mark.parametrize("method", ["taylor", "dop853"])
 def test_a_power_that_rests_at_zero_leaves_a_series_finite(power, method):

@@ -109,6 +109,7 @@ def test_a_branch_without_values_past_its_surface(options):
     assert len(found.trajectory.events) == 1
 
 
+@pytest.mark.slow
 def test_a_narrow_pulse_in_space_is_not_stepped_over():
     # A push of 1e6 over a micron: its work is 1.
     force = "if(x > 5 and x < 5.000001, 1e6, 0)"

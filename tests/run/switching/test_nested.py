@@ -179,6 +179,7 @@ simulation: {{duration: 16, output_step: 0.02}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lever", [1, 2, -3])
 def test_a_massless_coordinate_with_friction(lever):
     # Half periods pi/sqrt(8) about +-d; rest where friction holds the spring.
@@ -292,6 +293,7 @@ ROOTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dopri5", "radau"])
 @pytest.mark.parametrize("variable", ["q", "t"])
 @pytest.mark.parametrize("force", ROOTS)

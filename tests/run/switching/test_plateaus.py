@@ -76,6 +76,7 @@ def test_a_force_ends_where_its_argument_stays_at_0(force, method, kind, place):
     assert found == pytest.approx(ON, rel=1e-9 if kind == "linear" else 2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "monotone"])
 @pytest.mark.parametrize("size", [1e-6, 1e5])
 def test_in_other_units_and_places(kind, size):
@@ -87,6 +88,7 @@ def test_in_other_units_and_places(kind, size):
         assert found == pytest.approx(ON, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_an_argument_that_rises_from_0_by_high_powers():
     rise = "max(t - 1, 0)^{}*(2 + sin(q))"
     for power in (2, 3, 8):
@@ -94,11 +96,13 @@ def test_an_argument_that_rises_from_0_by_high_powers():
         assert found == pytest.approx(3.0, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_argument_that_touches_its_level_keeps_its_side():
     assert velocity("sign((q + 9)*(t - 1)^4)") == pytest.approx(4.0, rel=1e-9)
     assert velocity("sign((q + 9)*abs(T(t) - 0.3))") == pytest.approx(4.0, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "monotone"])
 def test_a_limit_a_damping_and_a_condition(kind):
     limit = "constraints:\n  rub: {{relation: q_dot = 0, limit: '{}'}}\n"

@@ -21,6 +21,7 @@ def time_optimal(x, v, t):
     return np.where(t < first, pushed, np.maximum(end - t, 0) ** 2 / 2), end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     one_quick(
@@ -75,6 +76,7 @@ def test_the_end_of_a_switching_curve_is_rest(form, gain, c, load):
     assert np.max(np.abs(found["x_ddot"][-20:])) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["square", "root"])
 @pytest.mark.parametrize("c", one_quick(0.444623563057, 0.1, 0.3, 0.4))
 def test_switches_on_a_curve_accumulate_and_rest(form, c):
@@ -95,6 +97,7 @@ def test_switches_on_a_curve_accumulate_and_rest(form, c):
     assert found.drift < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "speed"),
     one_quick(
@@ -163,6 +166,7 @@ PUSH = "k*stretch + c*phi_dot"
 PUSH = f"if(stretch > 0, max(0, {PUSH}), if(stretch < 0, min(0, {PUSH}), 0))"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stretch",
     one_quick("phi - max(-b, min(b, phi))", "phi - (abs(phi + b) - abs(phi - b))/2"),
@@ -191,6 +195,7 @@ def test_gears_with_backlash_touch_and_part(stretch):
     assert np.max(np.abs(np.diff(found["phi"]))) < 0.06  # a speed of 1 at most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", one_quick(1e6, 1e-6, 1.0))
 def test_accumulating_switches_end_at_their_limit_in_any_unit_of_time(scale):
     # Up against 1.3, down with 0.7: each swing sqrt(7/13) of the one before.

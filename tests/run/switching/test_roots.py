@@ -54,6 +54,7 @@ def test_a_force_that_grows_from_rest_moves_at_its_own_pace(p):
     assert kinds(found) == ["stick", "slip"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("p", "rate"), [(1 / 3, 1e-5), (1 / 3, 1e-2), (0.45, 1e-4), (0.3, 1e-5)]
 )

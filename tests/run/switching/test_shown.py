@@ -40,6 +40,7 @@ def out_of_balance(columns):
     return np.max(np.abs(force - np.asarray(columns["x_ddot"])), initial=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", FRICTION)
 @pytest.mark.parametrize("belt", [0.0, 0.3])
 def test_the_row_at_which_a_slip_begins_has_the_force_of_the_slip(law, belt):
@@ -90,6 +91,7 @@ HELD = one_quick(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", HELD)
 @pytest.mark.parametrize("push", ["1e-9*t", "-1e-9*t"])
 def test_a_root_that_holds_is_shown_as_it_acts(law, push):
@@ -123,6 +125,7 @@ def test_a_session_runs_again_as_before(text):
     assert runs[0] == runs[1] == runs[2]
 
 
+@pytest.mark.slow
 def test_states_between_rows_are_those_of_the_run():
     text = scene(
         force="0.7*t + 2*(max(0, -x_dot)^0.1 - max(0, x_dot)^0.1)",

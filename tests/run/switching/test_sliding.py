@@ -11,6 +11,7 @@ from tests.run.switching.scenes import events
 from tests.support import run
 
 
+@pytest.mark.slow
 def test_dry_friction_to_rest():
     found = run("dry-friction")
     d, w = 0.2 * 9.81 / 100, 10.0
@@ -51,6 +52,7 @@ def slip_phase(K=100.0, F0=5.0, c=2.0, v0=0.2):
     return length, x(length)
 
 
+@pytest.mark.slow
 def test_stick_slip_has_its_period():
     found = run("stick-slip")
     length, x_back = slip_phase()
@@ -111,6 +113,7 @@ simulation: {duration: 20, output_step: 0.05}
 """
 
 
+@pytest.mark.slow
 def test_two_blocks_that_turn_and_stick_together():
     # Mirror images, each on a spring of 2 k to the middle: d = f/2k = 0.075, turning
     # points 1 - 2 n d to +-0.05 after 7 swings, which is within d, so they stay there.
@@ -181,6 +184,7 @@ simulation: {duration: 10, output_step: 0.01}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [False, True])
 def test_friction_with_a_constraint(loops):
     # From a to b the work is -2 |a - b|: 9.81 (a^2 - b^2)/2 = 2 (a - b) for b < a gives
@@ -199,6 +203,7 @@ def test_friction_with_a_constraint(loops):
     assert np.max(np.abs(found["x_ddot"][-100:])) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_spiral_of_two_frictions_ends_at_its_limit():
     # Velocities turn through the quadrants, each third of a side shorter: 1/3 + 1/9 ...
     text = """
@@ -215,6 +220,7 @@ simulation: {duration: 10, output_step: 0.1}
         assert np.max(np.abs(found[v][found["t"] > 0.55])) < 1e-15
 
 
+@pytest.mark.slow
 def test_switches_in_no_time_end_the_run():
     # From rest velocities go round a square that never grows nor shrinks: of no size.
     text = """

@@ -71,6 +71,7 @@ def test_infinitely_many_bounces_end_when_the_geometric_series_does(e):
     close(found["lambda_floor"][rests], 2 * G)
 
 
+@pytest.mark.slow
 def test_a_ball_follows_its_parabolas():
     found = play(scenes.ball(0.8, duration=5, output_step=0.02))
     close(found["y"], bounced(found.t, 0.8, g=G))
@@ -91,6 +92,7 @@ def many(count):
     assert found.times("zeno") == []
 
 
+@pytest.mark.slow
 def test_a_hundred_bounces_without_loss():
     many(100)
 

@@ -74,6 +74,7 @@ BOUNDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("bound", BOUNDS)
 def test_a_bound_that_is_never_negative_ends_no_run(law, bound):
@@ -85,6 +86,7 @@ def test_a_bound_that_is_never_negative_ends_no_run(law, bound):
         assert v == pytest.approx(64 - lost(BOUNDS[bound], t), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_bound_is_judged_after_a_break_at_the_time_at_which_its_argument_jumps(law):
     # d falls to 0 where it jumps to 1.5, at a break in t; |d| = d, from a = 17/16.

@@ -59,6 +59,7 @@ def test_strikes_in_no_time_are_one_impact_in_all_words(unit, shift):
     ]
 
 
+@pytest.mark.slow
 def test_what_bounces_hardly_faster_than_it_turns_comes_to_rest():
     """A ball on one that bounces without loss: a push parts them slowly, in turn."""
     found = run("""

@@ -93,6 +93,7 @@ FLOORS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("floor", FLOORS)
 def test_a_groove_at_0_is_no_switch(floor):
     found = played(push=-0.93195, floor=floor, e=0.5, start="X: 0, y: 0")
@@ -100,6 +101,7 @@ def test_a_groove_at_0_is_no_switch(floor):
     assert not [e for e in found.events if e.kind == "switch"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_chain_is_the_floor_of_its_sum(seed):
     """A fall onto any chain, with grooves and ridges, and a slide down to its end."""
@@ -121,6 +123,7 @@ RIDGED = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [1e-4, 1.147])
 def test_a_body_over_a_ridge_falls_freely(height):
     start = f"X: 0.6, y: {0.853 + height!r}"

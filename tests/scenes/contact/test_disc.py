@@ -71,6 +71,7 @@ def turned():
     ).y[:2]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [0.05, 1.0])
 def test_a_force_that_begins_to_turn_at_a_rate_of_0(rows):
     push = "1.001*0.2*9.81"
@@ -163,6 +164,7 @@ def test_a_slip_that_begins_where_a_run_ends():
     assert [found[q][-1] for q in ("t", "x", "x_dot")] == [2.0, 0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_a_slip_that_begins_turns_as_its_load_moves():
     # On two springs of other stiffness; friction falls until the load moves it. Its
     # load turns while it moves. Against friction that is smooth near rest.
@@ -233,6 +235,7 @@ def test_a_slip_ends_along_the_way_that_is_left(rail):
     assert found.result.record["steps"] < 100
 
 
+@pytest.mark.slow
 def test_a_disc_on_a_ring_slips_as_a_whole():
     """Both rows of the disc are at the bound of its friction at once, despite rounding.
 
@@ -321,6 +324,7 @@ def test_a_table_slips_when_no_sharing_of_its_friction_holds_it(last_places):
     assert found.result.record["steps"] < 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "late"), [(0, 2000), (100, 0), (-30, 300)])
 def test_a_slip_begins_as_soon_seen_from_elsewhere(speed, late):
     # Its load moves with the frame; friction falls until that moves it.
@@ -341,6 +345,7 @@ def test_a_slip_begins_as_soon_seen_from_elsewhere(speed, late):
     assert there["y"][-1] == pytest.approx(here["y"][-1], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_disc_and_a_brake_that_share_a_way_slip_at_once():
     # The wheel and the body move together: 3 and 0.1 hold them, at an angle.
     friction, brake = 3.0, 0.1
@@ -374,6 +379,7 @@ def test_a_disc_and_a_brake_that_share_a_way_slip_at_once():
     assert found.result.record["steps"] < 300
 
 
+@pytest.mark.slow
 def test_a_slip_begins_beside_a_switch_where_no_way_is_smooth():
     # No stretch is so short that the switch is not in it, and the slip has a speed.
     found = play(scene(

@@ -54,6 +54,7 @@ def test_a_graze_after_twenty_swings(depth, hits):
     assert found.times("impact") == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("e", [0.2, 0.9])
 def test_a_table_that_vibrates(e):
     amplitude, w, t, y, v = 0.01, 40, 0.0, 0.2, 0.0
@@ -191,6 +192,7 @@ def test_a_fast_pass_through_a_thin_post():
     close(found["x"], np.where(found.t < t, 1000 * found.t, 2 * edge - 1000 * found.t))
 
 
+@pytest.mark.slow
 def test_a_narrow_channel():
     found = play(scenes.channel())
     # Off d/2 after d/2, then once in every d.
@@ -201,6 +203,7 @@ def test_a_narrow_channel():
     assert np.max(found["x"]) < 1e-6 + 1e-18
 
 
+@pytest.mark.slow
 def test_a_contact_on_a_switch_of_a_force():
     # A force of 2 N towards x = 0, where the stop is, from either side.
     text = scene(
@@ -217,6 +220,7 @@ def test_a_contact_on_a_switch_of_a_force():
     assert np.max(found["lambda_stop"]) < 2 * (1 + GLOBAL)
 
 
+@pytest.mark.slow
 def test_a_contact_on_a_kink_of_a_force():
     # max(0, y) has its kink where the ball lies: x' is the area under its path.
     text = scene(

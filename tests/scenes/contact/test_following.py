@@ -358,6 +358,7 @@ def test_a_central_force_and_a_planar_brake():
     close(found["y"][: len(t)], 0.8 * r)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0, 100, 1e5])
 def test_a_slip_whose_way_turns_stops_once(start):
     """The slip turns ever faster as it ends, in times below the clock's resolution."""
@@ -395,6 +396,7 @@ def test_a_planar_brake_holds_what_is_within_its_circle():
     close([found["x_dot"], found["y_dot"]], [0.6 * v, 0.8 * v])
 
 
+@pytest.mark.slow
 def test_a_planar_brake_lets_go_where_its_limit_is_0():
     """Pulled by 1 N at (0.6, 0.8): free, held from 1.5 on, and free again from 2 on."""
     tables = "tables: {F: {points: [[0, 0], [1, 0], [1.5, 6], [2, 0], [3, 0]]}}\n"
@@ -502,6 +504,7 @@ simulation: {duration: 1, output_step: 0.1}
     assert [event.kind for event in found.result.events] == ["stick"]
 
 
+@pytest.mark.slow
 def test_a_disc_stops_whenever_its_clock_began():
     # At t = 1e6 a rounding of the time changes its speed by 4e-9, late in its turn.
     text = """

@@ -305,6 +305,7 @@ def test_an_impact_that_raises_the_energy_is_told(far):
     assert any(x == pytest.approx(gain, rel=0.01) for x in numbers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.0, 0.01])
 def test_what_bounces_to_rest_goes_on_sliding(mu):
     # Till it lies the floor has pushed as much as the weight: the friction of a slip
@@ -332,6 +333,7 @@ def test_a_gain_by_impacts_is_told_from_a_billionth_on(part, told):
     assert ("impact-energy" in codes) == told
 
 
+@pytest.mark.slow
 def test_many_impacts_without_loss_gain_nothing():
     # Between slanting walls, with numbers that round.
     walls = {
@@ -362,6 +364,7 @@ simulation: {duration: 1, output_step: 0.1}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", ["1", "1000"])
 def test_a_rod_that_jams_between_a_cart_and_a_floor_rests(length):
     """Its angle from the vertical has a tangent of 0.196, below the friction of 0.2."""
@@ -399,6 +402,7 @@ simulation: {{duration: 1, output_step: 0.1}}
         assert two[name] == pytest.approx(one[name], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_dry_friction_of_a_floor_and_of_a_switch_add_until_it_lifts_off():
     # Coulomb: together they hold the slip by 0.2*10 + 0.5 = 0.25*10 N, until the block
     # is lifted at t = 3.3.

@@ -70,6 +70,7 @@ def test_a_rate_whose_slope_jumps_acts_as_an_inelastic_impact():
     assert found["energy"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "curve", ["0.5*abs(x)*cos(x)", "0.5*abs(x)*(1 + x)", "0.5*abs(x)*exp(x)"]
 )
@@ -82,6 +83,7 @@ def test_a_product_with_a_kink_is_its_pieces(curve):
     assert [e.time for e in found.events if e.kind == "corner"]
 
 
+@pytest.mark.slow
 def test_a_table_of_a_kinked_argument_is_its_pieces():
     start = {"x": -1.5, "x_dot": 3, "y": {"guess": 0.2}, "y_dot": {"guess": 0}}
     found = bead("y = tl(abs(x))", start, potential="9.81*y")

@@ -35,6 +35,7 @@ def test_rocking_block():
     assert np.max(np.abs(found["x"][upright])) < 1e-9
 
 
+@pytest.mark.slow
 def test_newtons_cradle():
     found = shipped("newtons-cradle")
     first = found.times("impact")[:4]
@@ -60,6 +61,7 @@ def test_newtons_cradle_without_gaps():
     assert found.result.record["evaluations"] < 5000
 
 
+@pytest.mark.slow
 def test_ball_on_a_vibrating_table():
     found = shipped("ball-on-a-vibrating-table")
     times = np.array(found.times("impact"))

@@ -135,6 +135,7 @@ def test_dry_friction_as_a_limit_stops_for_good():
     assert np.max(np.abs(found["lambda_floor"])) <= 1.0 + 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 0.9])
 def test_energy_never_grows(restitution):
     text = box(5, restitution, duration=3, output_step=0.05)

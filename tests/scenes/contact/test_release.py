@@ -95,6 +95,7 @@ def test_a_string_goes_slack_and_catches(factor):
     close(found["x"][rows], length * np.sin(other.y[0][:upto]), 10 * GLOBAL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rattle", 2), ("rk4", 4)])
 def test_a_string_goes_slack_under_fixed_steps(method, order):
     text, errors = scenes.string(3.0, duration=0.45), []

@@ -139,6 +139,7 @@ def test_a_stack_falls_onto_a_floor():
     assert np.max(found["impulse.joint"]) == pytest.approx(2 * impulse, rel=GLOBAL)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_file_does_not_matter():
     text = scenes.block()
     head, laws, tail = text.partition("constraints:\n")

@@ -78,6 +78,7 @@ def played(x, reach, s=0.0):
     )[1:]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "within"),
     [("dop853", GLOBAL), ("rk4", 1e-7), ("rattle", 1e-3), ("euler", 0.2)],
@@ -105,6 +106,7 @@ def test_a_mass_on_a_jenkins_element(method, within):
         assert np.ptp(balance) < 1e-11
 
 
+@pytest.mark.slow
 def test_an_iwan_model():
     """Three elements of one mass that is driven, by scipy."""
     limits = {"a": 0.1, "b": 0.2, "c": 0.4}
@@ -124,6 +126,7 @@ def test_an_iwan_model():
     assert np.ptp(found["energy"] - found["work"]) < 1e-11
 
 
+@pytest.mark.slow
 def test_a_hysteresis_loop():
     """Under a forced displacement of amplitude X a cycle takes 4 F (X - F/k).
 
@@ -231,6 +234,7 @@ def test_sliders_that_dampers_join(drive):
     assert np.ptp(found["energy"] - found["work"]) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_slider_in_the_plane():
     """Dragged around: as fast as its spring, of length F/k, pulls along itself."""
     k, F = 4.0, 0.5
@@ -261,6 +265,7 @@ def test_a_slider_in_the_plane():
     assert np.ptp(found["energy"] - found["work"]) < 1e-11
 
 
+@pytest.mark.slow
 def test_starts():
     """At or below the limit a start is admissible; a guess is solved for the limit."""
     assert (
@@ -284,6 +289,7 @@ def test_starts():
     assert free["s_dot"][0] == free["x_dot"][0] == 1.0
 
 
+@pytest.mark.slow
 def test_a_start_at_rest():
     """The mass rests where its spring balances the other, which has at most the limit.
 
@@ -331,6 +337,7 @@ def test_a_slider_jumps_where_its_limit_falls_at_once(method, start):
     assert np.ptp(found["energy"] - found["work"]) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_network_jumps_to_where_each_has_slipped_against_its_force(seed):
     """Moreau's catching-up step, which is unique: |f| <= F, and less only at rest.

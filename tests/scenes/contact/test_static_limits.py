@@ -86,11 +86,13 @@ def spelled(text, slip):
     return re.sub(r"\bs\b", f"({slip})", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spelling", SPELLINGS)
 def test_a_switch_at_slip_0_is_static_friction(spelling):
     holds(play(pulled(spelled(spelling, "x_dot"))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("least", "spelling"),
     [
@@ -156,6 +158,7 @@ def test_a_definition_may_stand_for_the_slip():
     holds(play(text), speed=3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", ["x = 2*q", "x_dot = 2*q_dot", "2*q = x + sin(t) - t"])
 @pytest.mark.parametrize("spelling", SPELLINGS[:3])
 def test_the_slip_may_be_written_by_what_an_equality_couples(gear, spelling):
@@ -193,6 +196,7 @@ simulation: {duration: 4, output_step: 0.05}
     assert len(result.events) == 3 * len(events)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [MAPPING, "if(hypot(x_dot, y_dot) > 0, F1, F0)"])
 def test_a_disc_has_static_friction_in_the_plane(limit):
     """Along (0.6, 0.8) the motion is that on one slip."""

@@ -20,6 +20,7 @@ def worst_residual(formulation, duration, **options):
     return np.max(np.abs(found["residual_rod"]))
 
 
+@pytest.mark.slow
 def test_drift_grows_with_the_square_of_time():
     # g'' = 0 holds but for local errors: they add up in g', and g' adds up in g.
     worst = [worst_residual("drift", duration) for duration in (20, 40, 80)]
@@ -35,6 +36,7 @@ def test_projection_does_not_drift():
     assert worst_residual("projection", 80) <= 4.5e-16
 
 
+@pytest.mark.slow
 def test_a_penalty_bounds_the_drift_and_never_removes_it():
     # g'' + 2 a g' + a^2 g = local errors per step: bounded by about those over a^2.
     short, long = (worst_residual("baumgarte", T, gain=10) for T in (20, 80))

@@ -112,6 +112,7 @@ def escape(name, h, size):
     return run(text)
 
 
+@pytest.mark.slow
 def test_a_cubic_well_at_the_third_order_resonance():
     """Three steps are one turn at h w = sqrt 3, and no amplitude is stable.
 

@@ -24,6 +24,7 @@ def rows_of(found, *names):
 # Coordinates near their singularity
 
 
+@pytest.mark.slow
 def test_a_narrow_miss_of_the_pole_costs_evaluations():
     costs = []
     for miss in (1e-1, 1e-3, 1e-5, 1e-7):
@@ -39,6 +40,7 @@ def test_a_narrow_miss_of_the_pole_costs_evaluations():
     assert costs[-1] > 2 * costs[0]
 
 
+@pytest.mark.slow
 def test_a_spherical_pendulum_near_its_pole_costs_evaluations():
     costs = []
     for push in (1e-1, 1e-4, 1e-7):
@@ -69,6 +71,7 @@ simulation: {duration: 20}
 # Steps
 
 
+@pytest.mark.slow
 def test_steps_do_not_swing_about_the_stability_bound():
     found = run("failing/relaxation", method="dop853", rtol=1e-6, duration=5)
     counts = found.trajectory.statistics
@@ -87,6 +90,7 @@ def test_a_stiff_method_is_not_held_by_stability():
         assert np.max(np.abs(found["y"] - 0.5 * np.sin(found["x"]))) < 2e-4
 
 
+@pytest.mark.slow
 def test_the_rounding_of_a_stiff_force_shortens_no_steps():
     # K = 1e8 makes 5e-9 of the last place of y: more than Newton's method is to leave.
     loose, tight = (
@@ -114,6 +118,7 @@ simulation: {duration: 1, output_step: 0.05}
 """
 
 
+@pytest.mark.slow
 def test_radau_damps_a_fast_mode_silently_at_loose_tolerance():
     found = run(EXCITED, method="radau", rtol=1e-2, duration=3)
     assert found.trajectory.outcome.word == "done"
@@ -148,6 +153,7 @@ def test_a_contradictory_row_is_refused():
     assert not found.repair
 
 
+@pytest.mark.slow
 def test_multipliers_grow_where_forces_do_not():
     found = run("failing/parallelogram")
     a, lam = found["a"], found["lambda_left_x"]
@@ -175,6 +181,7 @@ def test_a_coordinate_without_inertia():
     assert found["Qc_x"] == pytest.approx(-4.0 * found["x"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_nonlinear_velocity_constraint_does_work():
     found = run("failing/constant-speed")
     # psi' = -(g/c) cos(psi): the Gudermannian.

@@ -109,6 +109,7 @@ def test_bead_keeps_jacobis_integral_in_both_forms():
     assert np.max(np.abs(cartesian["z"] + np.cos(angle["theta"]))) < 1e-8
 
 
+@pytest.mark.slow
 def test_two_forms_of_the_chain_agree():
     angles, cartesian = run("chain-angles"), run("chain-cartesian")
     for column in "xy":
@@ -128,6 +129,7 @@ simulation: {duration: 20}
 """
 
 
+@pytest.mark.slow
 def test_momentum_and_angular_momentum_without_outer_forces():
     found = run(FREE_PARTICLES)
     p = {k: found[f"{k}_dot"] for k in ("x1", "y1", "x2", "y2")}

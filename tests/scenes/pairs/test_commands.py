@@ -139,6 +139,7 @@ def test_what_moves_by_its_own_forces_needs_no_reaction(name):
         assert result[x] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BY_NAME)
 def test_a_sweep_has_the_ends_of_single_runs(name):
     model = lagsim.load(scene(BY_NAME[name], BY_NAME["smooth"]))
@@ -153,6 +154,7 @@ def test_a_sweep_has_the_ends_of_single_runs(name):
         assert swept["x2.end"][k] == alone["x2"][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["sliding", "holonomic", "Pfaffian", "contact"])
 def test_gauss_while_the_motion_follows_a_switch_is_that_of_its_partner(law):
     # What the switch holds is a force of the model, and no constraint's.

@@ -56,6 +56,7 @@ def test_a_feature_alone(name):
     moves(BY_NAME[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second", "way"), list(_cases()))
 def test_features_in_pairs(first, second, way):
     pair = BY_NAME[first], BY_NAME[second]

@@ -48,6 +48,7 @@ def by(text, method):
     return text.replace(f"output_step: {STEP}", more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", each(23))
 def test_a_golden_is_met_by_other_means_and_sees_a_change(name, lagsim, write):
     text = coupled(name)

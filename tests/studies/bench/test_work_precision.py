@@ -131,6 +131,7 @@ def test_what_does_not_apply_is_left_out_with_its_reason():
     assert refused in found["refused"]
 
 
+@pytest.mark.slow
 def test_solvers_of_scipy_take_states_and_quadratures_and_no_events():
     text = oscillator("duration: 4, output_step: 0.5", force="-0.1*s")
     text += "states: {s: {rate: x - s}}\noutput: {action: true}\n"
@@ -227,6 +228,7 @@ def test_how_much_is_known_is_what_solutions_agree_on(size, horizon, floor, told
     assert told in found.trust
 
 
+@pytest.mark.slow
 def test_ranges_are_those_of_the_motion_between_rows():
     # Rows a whole period apart see a planet that stands still at (0.4, 0).
     text = (MODELS / "kepler.yaml").read_text()

@@ -47,6 +47,7 @@ BILLIARD = scene(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_impacts_that_part_exponentially_have_a_horizon():
     """A point between walls and a disc: Sinai's billiard; each flight is a line."""
     model = lagsim.load(BILLIARD)

@@ -35,6 +35,7 @@ def shipped(name, **options):
 PENDULUM = pendulum(2, "duration: 60, output_step: 0.1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -106,6 +107,7 @@ def test_horizon_of_the_double_pendulum():
     assert np.allclose(bar.scales, ranges, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_what_should_stay_at_rest_has_no_horizon():
     # y is 0 but for rounding: its range is rounding too, and says nothing.
     lasting = {"duration": 200, "output_step": 0.5}
@@ -123,6 +125,7 @@ def test_the_budget_is_counted_in_operations(monkeypatch):
     assert isinstance(barred(model, always=True)[1], ErrorBar)
 
 
+@pytest.mark.slow
 def test_units_do_not_matter():
     text = scene(
         "a: 2, b: S", "-cos(a) + (b/S)^2/2", "a_dot^2/2 + b_dot^2/2/S^2",
@@ -220,6 +223,7 @@ def test_an_end_that_the_repeat_does_not_confirm():
 # What errors are measured by
 
 
+@pytest.mark.slow
 def test_a_light_body_does_not_hide_behind_a_heavy_one():
     # In the metric of M one part in a million of y would be 1e18 times the range of x.
     text = scene(
@@ -252,6 +256,7 @@ def test_rows_in_phase_with_the_motion_are_no_scale(step, method):
     assert bar.horizon is None
 
 
+@pytest.mark.slow
 def test_a_place_far_away_is_no_scale():
     asked = {"duration": 20, "output_step": 0.1, "method": "dop853"}
 
@@ -345,6 +350,7 @@ def test_tight_tolerances_have_an_estimate_by_other_steps(name, rtol):
     assert 2.0**-52 < bar.relative < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", TIGHT)
 def test_chaos_has_a_horizon_at_every_tolerance(rtol):
     """The Lyapunov exponent of about 1/s leaves no digit of rounding after 35 s."""
@@ -394,6 +400,7 @@ WAVE = scene(
 )
 
 
+@pytest.mark.slow
 def test_arcs_count_as_steps():
     whole = run(WAVE.replace("START", "0")).trajectory
     assert whole.statistics.arcs == 9  # half periods: 27/pi = 8.6

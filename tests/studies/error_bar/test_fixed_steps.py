@@ -39,6 +39,7 @@ def test_reported_within_thirty_times_the_error(name, method, step):
     assert true / 30 - own < reported < 30 * (true + own)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output_step", [0.05, 0.1])
 @pytest.mark.parametrize("method", ["rk4", "verlet"])
 def test_a_run_that_blows_up_does_not_rest(method, output_step):

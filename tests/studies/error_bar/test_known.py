@@ -152,6 +152,7 @@ def test_told_within_a_factor_30_on_nearly_all_scenes():
     assert good >= 0.95 * counted
 
 
+@pytest.mark.slow
 def test_steps_at_the_stability_bound_are_not_repeated_in_the_same_steps():
     # x follows 1 - exp(-t/2): the fast root, -2e4, has died out and holds the step.
     options = {"method": "dop853", "rtol": "1e-5"}

@@ -82,6 +82,7 @@ def test_sliders_are_those_of_plain_numbers_and_of_the_start(file):
     assert (low + high) / 2 == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_the_slider_of_an_angle_covers_a_period():
     explorer = explorer_of(MODELS / "double-pendulum.yaml")
     ends = unpacked(explorer.motion({}, "page"))[0]["ends"]
@@ -161,6 +162,7 @@ def test_a_file_that_was_saved_is_read_again_and_a_faulty_one_is_reported(file):
     assert not explorer.changed()
 
 
+@pytest.mark.slow
 def test_a_table_that_was_saved_changes_the_motion(tmp_path):
     (tmp_path / "force.csv").write_text("t,F\n0,1\n10,1\n")
     path = tmp_path / "pushed.yaml"
@@ -263,6 +265,7 @@ def test_a_dragged_bob_turns_the_angle_to_where_it_is():
     assert [x, y] == pytest.approx(target, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_point_out_of_reach_comes_as_near_as_it_can():
     explorer = explorer_of(MODELS / "pendulum-cartesian.yaml")
     found = explorer.drag({}, 0.0, "mass", [3.0, -4.0], "page")
@@ -317,6 +320,7 @@ def begun(engine, values):
     return {name: column[0] for name, column in columns.items()}
 
 
+@pytest.mark.slow
 def test_a_point_that_is_dragged_into_a_floor_slides_along_it():
     engine = explorer_of(MODELS / "trebuchet.yaml")
     found = engine.drag({}, 0.0, "stone", [1.5, -2.0], "page")
@@ -354,6 +358,7 @@ def test_a_dragged_ball_pushes_those_that_it_meets(ball, target):
     begun(engine, found)
 
 
+@pytest.mark.slow
 def test_a_dragged_block_stays_above_the_ground_with_both_corners():
     engine = explorer_of(MODELS / "rocking-block.yaml")
     found = engine.drag({}, 0.0, "right", [0.6, -0.4], "page")
@@ -368,6 +373,7 @@ def test_a_dragged_block_stays_above_the_ground_with_both_corners():
 # --- A start value that slides on constraints
 
 
+@pytest.mark.slow
 def test_a_coordinate_that_slides_takes_the_others_on_the_rod():
     engine = explorer_of(MODELS / "pendulum-cartesian.yaml")
     # The rod is horizontal: to first order x does not change. The weight pulls down.
@@ -394,6 +400,7 @@ def test_a_start_value_without_constraints_slides_alone(file):
     assert unpacked(engine.motion({}, "page"))[0]["held"] is False
 
 
+@pytest.mark.slow
 def test_a_length_that_no_force_depends_on_is_no_angle():
     engine = explorer_of(MODELS / "cart-pole.yaml")
     ends = unpacked(engine.motion({}, "page"))[0]["ends"]
@@ -407,6 +414,7 @@ def test_a_direction_that_no_force_depends_on_is_an_angle():
     assert ends["phi"] == pytest.approx([-math.pi, math.pi])
 
 
+@pytest.mark.slow
 def test_a_rate_that_only_rounding_changes_has_a_slider_of_its_size():
     engine = explorer_of(MODELS / "rolling-disk-steady.yaml")
     low, high = unpacked(engine.motion({}, "page"))[0]["ends"]["phi_dot"]
@@ -459,6 +467,7 @@ simulation: {duration: 1}
 """
 
 
+@pytest.mark.slow
 def test_the_start_follows_a_parameter_that_makes_it_inadmissible(file):
     file.write_text(ROD)
     engine = explorer_of(file)

@@ -43,6 +43,7 @@ def of(found, column, k=0):
     return [found[f"{column}.{part}"][k] for part in PARTS]
 
 
+@pytest.mark.slow
 def test_a_steady_motion_has_the_measures_of_its_closed_form():
     swept = {"w": [2, 3.5, 6]}
     found = lagsim.sweep(lagsim.load(DRIVEN), swept, from_="7*T", error_bar="never")
@@ -190,6 +191,7 @@ def test_a_time_after_the_end_is_refused_or_a_row():
         lagsim.sweep(model, {"w": [4]}, from_=1, ends=True)
 
 
+@pytest.mark.slow
 def test_the_command(command):  # noqa: F811
     Path("driven.yaml").write_text(DRIVEN, encoding="utf-8")
     line = (

@@ -51,6 +51,7 @@ def test_draws_are_those_of_philox(seed):
     assert found["theta"].tolist() == expected.tolist()
 
 
+@pytest.mark.slow
 def test_normal_draws_far_out():
     z = sample({"theta": "normal(0, 1)"}, 5_000)["theta"]
     # The stream itself is that of the test before.
@@ -70,6 +71,7 @@ def test_another_name_or_more_runs_do_not_change_draws():
     assert abs(np.corrcoef(*sample(TWO, 10_000).values())[0, 1]) < 0.04
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_single_runs(tmp_path):
     points = {"l": [1.0, 2.0, 1.5], "theta": [0.5, 0.25, 1.0]}
     lines = ["l,theta", *(f"{a}, {b}" for a, b in zip(*points.values(), strict=True))]
@@ -87,6 +89,7 @@ def test_rows_are_those_of_single_runs(tmp_path):
     assert of_table.plot("theta.end").axes
 
 
+@pytest.mark.slow
 def test_the_command(command, tmp_path):  # noqa: F811
     (tmp_path / "pendulum.yaml").write_text(PENDULUM)
     given = [x for name, text in TWO.items() for x in ("--sample", f"{name}={text}")]

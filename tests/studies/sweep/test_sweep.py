@@ -257,6 +257,7 @@ def batched(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "options"), TOGETHER)
 def test_runs_of_a_batch_are_those_of_runs_alone(scene, options, monkeypatch):
     made = batched(monkeypatch)
@@ -264,6 +265,7 @@ def test_runs_of_a_batch_are_those_of_runs_alone(scene, options, monkeypatch):
     assert made == [True]  # the first run shows how the others are made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "options"), APART)
 def test_runs_that_no_batch_makes_are_those_of_runs_alone(scene, options, monkeypatch):
     made = batched(monkeypatch)
@@ -333,6 +335,7 @@ def test_every_text_of_every_sweep_lies_on_the_sheet_and_over_no_other(text, arg
     assert_legible(seen)
 
 
+@pytest.mark.slow
 def test_a_start_value_is_called_so_and_ends_are_points():
     result = found(PENDULUM, "theta=0.1,0.3,0.2,0.4")
     with noted() as seen:
