@@ -35,6 +35,7 @@ def test_a_slice_is_the_same_at_every_place_and_about_its_part():
     assert all(chosen(name, "abc", 1) for name in NAMES)
 
 
+@pytest.mark.slow
 def test_in_time_all_have_their_turn():
     left = set(NAMES)
     for commit in range(60):  # 2000 * (4/5)^60 = 0.003

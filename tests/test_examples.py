@@ -371,6 +371,7 @@ def test_the_laws_of_constraints_are_those_of_the_page(folder, lagsim):  # noqa:
     assert lagsim("derive", "laws.yaml").code == 0
 
 
+@pytest.mark.slow
 def test_the_reactions_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
     found = []
     for name in ("swinging", "two-rods"):

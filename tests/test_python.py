@@ -29,6 +29,7 @@ def models(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("models")
 def test_the_page_says_what_happens():
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()

@@ -132,6 +132,7 @@ def test_a_dropped_ball_comes_to_rest(result):
     assert np.allclose(result["lambda_floor"][result.t > rest], 0.5 * G, **CLOSE)
 
 
+@pytest.mark.slow
 @of("hanging-chain")
 def test_a_chain_swings_in_its_lowest_mode(result):
     zeros, _ = roots_laguerre(3)
@@ -142,6 +143,7 @@ def test_a_chain_swings_in_its_lowest_mode(result):
     assert np.allclose(result["lambda_link1"], -3 * 0.1 * G, rtol=1e-6)
 
 
+@pytest.mark.slow
 @of("tumbling-body")
 def test_a_body_tumbles(result):
     one, two, three = 1.0, 2.0, 3.0

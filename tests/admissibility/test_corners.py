@@ -177,6 +177,7 @@ def test_the_track_bears_the_weight_in_its_corner(name):
     assert result["lambda_c"] == pytest.approx(G, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -179,6 +179,7 @@ def test_a_picture_where_only_an_invariant_differs(lagsim, stored):
     assert Path(found["picture"]).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_reports_that_cannot_be_written(lagsim, differing):
     Path("taken").write_text("a file")
     for option in ("--junit", "--plots"):
@@ -206,6 +207,7 @@ def test_two_models_of_one_name_share_no_golden(lagsim, write, tmp_path):
     assert lagsim("golden", "a.yaml", "other/b.yaml", "--dir", "all").code == 2
 
 
+@pytest.mark.slow
 def test_strictness_of_several(lagsim, write):
     files = write(PENDULUM, "good.yaml"), write(WARNED, "warned.yaml")
     options = ["--no-plots", "-j", "1"]

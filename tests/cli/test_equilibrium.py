@@ -121,6 +121,7 @@ initial: {x: 0}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "potential", "code"),
     [("equilibrium", "x^2/2", 0), ("modes", "x^2/2", 0), ("equilibrium", "0", 1)],

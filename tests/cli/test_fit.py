@@ -152,6 +152,7 @@ def test_the_fitted_file_of_another_model_is_removed(lagsim, write, data):
             kept.add("two-fitted.yaml")
 
 
+@pytest.mark.slow
 def test_unused_columns_are_named(lagsim, write):
     Path("a.csv").write_text("t,x,room,note\n0,1,20,a\n0.5,0.1,20,b\n1,-0.9,21,c\n")
     options = "--vary", "x", "--no-plots"

@@ -210,6 +210,7 @@ simulation: {duration: 1, output_step: 0.025}
         assert np.max(np.abs(its[name][at] - ours[name][rows])) < GLOBAL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second", SECONDS)
 def test_a_speed_is_no_place_in_any_unit(second):
     # A block that a belt carries, and rails guide, slips where its spring pulls enough.

@@ -87,6 +87,7 @@ def test_a_chain_struck_at_its_end(method, rtol, most):
     assert off < max(rtol, 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize(("method", "rtol", "most"), METHODS[2:4])
 def test_a_chain_struck_beside_constraints_and_switches(beside, method, rtol, most):

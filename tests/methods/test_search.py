@@ -151,6 +151,7 @@ def high_power(draw):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rk4", "dop853", "taylor"])
 @pytest.mark.parametrize("kind", [dips, gate, resonance, three_pulses, high_power])
 def test_each_localized_condition_is_met_once(kind, method):

@@ -126,6 +126,7 @@ simulation: {{duration: 10, output_step: 0.1, method: {method}}}
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("dop853", "radau")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["taylor", *SLOW])
 def test_a_megametre_is_not_another_scene(method):
     found = run(SCALED.format(unit=2.0**20, method=method))

@@ -102,6 +102,7 @@ def test_coordinates_that_share_a_panel_have_a_band_each():
     assert colours == [pen["color"].lower() for pen in PENS[:2]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("log", [(), ("y",)])
 def test_a_plot_against_time_has_bands(log):
     wanted = against("t", "q", "2*q", log=log)

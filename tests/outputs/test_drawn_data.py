@@ -282,6 +282,7 @@ TURN = np.linspace(0.0, 2.0 * np.pi, 401)
 METRES = {"plot:0.x": "m", "plot:0.y.1": "m"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
 def test_a_plot_of_the_model(shift):
     x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
@@ -292,6 +293,7 @@ def test_a_plot_of_the_model(shift):
     assert_drawn(panel, (x, y))
 
 
+@pytest.mark.slow
 def test_a_plot_against_time():
     columns = {"t": T, "plot:0.x": T, "plot:0.y.1": T**2}
     found = plotted(columns, against(" t ", "u"), events={"switch": (2.0,)})
@@ -337,6 +339,7 @@ def test_points_of_a_scene_have_one_scale_without_units():
     assert width > 1.2 * height
 
 
+@pytest.mark.slow
 def test_several_curves_are_told_apart_and_named():
     columns = {"t": T, "plot:0.x": T, "plot:0.y.1": np.sin(T), "plot:0.y.2": np.cos(T)}
     units = {"t": "s", "plot:0.y.1": "rad", "plot:0.y.2": "rad/s"}

@@ -19,6 +19,7 @@ def test_pens_are_told_apart():
     assert len(looks) == 36
 
 
+@pytest.mark.slow
 def test_every_run_is_on_the_same_axes():
     t, later = np.linspace(0.0, 2.0, 50), np.linspace(1.0, 4.0, 70)
     runs = {

@@ -113,6 +113,7 @@ def test_a_picture_is_a_png_of_the_drawn_pixels():
         assert image.info["dpi"] == pytest.approx((DPI, DPI), abs=0.1)
 
 
+@pytest.mark.slow
 def test_an_svg_has_the_size_of_the_sheet_and_is_white():
     sheet = one_sheet(0)
     root = ET.fromstring(encoded_figure(sheet, "svg"))
@@ -173,6 +174,7 @@ def test_a_level_curve_is_level_between_two_pixels():
     assert not np.ptp(seen, axis=1).any()
 
 
+@pytest.mark.slow
 def test_numbers_of_charts_count_in_the_power_at_their_axis():
     t = np.arange(5.0)
     across, up = (
@@ -320,6 +322,7 @@ def test_numbers_of_panels_side_by_side_have_room(count):
         assert not any(panel.box.overlaps(text.box) for panel in found.panels), text
 
 
+@pytest.mark.slow
 def test_long_names_share_a_legend():
     t = np.linspace(0, 1, 9)
     columns = {"t": t, "plot:0.x": t, "plot:0.y.1": t, "plot:0.y.2": 2 * t}
@@ -414,6 +417,7 @@ def test_fast_oscillations_become_bands_that_keep_spikes():
     assert corners[:, 1].max() == pytest.approx(top, abs=2.0)
 
 
+@pytest.mark.slow
 def test_bands_end_at_gaps():
     t = np.arange(100_000) * 0.01
     q = np.where((t > 400) & (t < 600), np.nan, np.cos(t * 3))

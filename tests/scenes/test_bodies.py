@@ -349,6 +349,7 @@ simulation: {duration: 3, output_step: 0.1}
     np.testing.assert_allclose(r["energy"] - r["work"], r["energy"][0], rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_rates_that_are_named_stay():
     text = QUATERNION.replace(START, f"{START}, p1_dot: 0")
     found = lagsim.check(lagsim.load(text))

@@ -51,6 +51,7 @@ def observed(name, *, loops):
     return session.case.equations, columns, system
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 @pytest.mark.parametrize("name", EACH)
 def test_accelerations_make_it_least_among_admissible_ones(name, loops):

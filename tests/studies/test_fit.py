@@ -518,6 +518,7 @@ def test_the_file_keeps_its_comments_and_gets_new_entries():
     assert values(found)["x_dot"] == start["x_dot"]
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_best_values():
     noise = np.random.default_rng(3).normal(0, 0.01, 60)
     data = {"t": TIMES, "x": damped(TIMES, 10, 0.3, 1.2) + noise}

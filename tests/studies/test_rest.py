@@ -169,6 +169,7 @@ def test_a_column_of_links_buckles(part, stable):
     assert x["stable"] is stable
 
 
+@pytest.mark.slow
 def test_gyroscopic_forces_alone_do_not_decide():
     text = """
 coordinates: {x: {}, y: {}}
@@ -196,6 +197,7 @@ initial: {{x: 0}}
     assert x["stable"] is stable
 
 
+@pytest.mark.slow
 def test_damping_decides_by_eigenvalues():
     text = """
 coordinates: {x: {}}
@@ -468,6 +470,7 @@ initial: {{s: 0, a: 0}}
     assert found["coordinates"] == pytest.approx(wanted, abs=1e-12 * u)
 
 
+@pytest.mark.slow
 def test_friction_of_two_slips_that_slides_at_rest_damps_motion_across_the_slip():
     """Across the slip the friction is mu N v/3, with mu N = 1.5."""
     text = """

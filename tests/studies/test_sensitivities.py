@@ -130,6 +130,7 @@ def test_at_the_end_of_the_domain_a_difference_is_one_sided():
     assert honest(found, error)
 
 
+@pytest.mark.slow
 def test_rows_at_a_knot_of_a_table_have_their_derivatives():
     """x_ddot = F(s t): by s, x_ddot alone has a jump where s t = 1 and 3."""
     text = """
@@ -175,6 +176,7 @@ simulation: {duration: 6}
     assert honest(found, error)
 
 
+@pytest.mark.slow
 def test_a_row_between_the_impacts_of_two_runs_is_not_differentiable():
     times = np.array([0.2, math.sqrt(2 / 9.81), 0.6])
     found = study(BALL, times, ("y_dot",)).by("h")

@@ -160,6 +160,7 @@ def test_limits_do_not_share_a_load_that_a_switch_bears_with_them():
     assert found["b"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("u", [1.0, 1e-6])
 def test_a_force_that_switches_and_limits_bear_together_in_any_unit(u):
     # Of 5.52 sin 1.49 t on a its brake bears 2, and its friction on b 0.77, which b

@@ -75,6 +75,7 @@ def test_each_failing_scene_raises_its_alarm_in_any_unit(
         assert text in " ".join(caution.text for caution in cautions(found))
 
 
+@pytest.mark.slow
 def test_a_gain_that_makes_the_scene_stiff():
     options = {"formulation": "baumgarte", "duration": 0.1, "rtol": 1e-8}
     found = run("failing/rod", gain=1e4, method="dop853", **options)
@@ -96,6 +97,7 @@ def excited(duration, **options):
     return run(changed, duration=duration, output_step=0.005, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -121,6 +123,7 @@ def test_a_vibration_that_is_resolved_raises_none():
     assert found["vibration"][-1] == pytest.approx(found["vibration"][0], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -202,6 +205,7 @@ def stiff(u):
     return scene(f"x: 1, u: {u}", "(x^2 + 1e6*u^2)/2", simulation=lasts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     # The share of the fast mode in the energy is 1e6 u^2.
     ("u", "told"), [(1e-4, True), (2e-5, True), (2e-6, False), (0.0, False)],

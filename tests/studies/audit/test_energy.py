@@ -87,6 +87,7 @@ SPOILT = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_spoilt_energy():
     asked = {str(options): options for _, options, *_ in SPOILT}
     sound = {name: run(SWING, **options) for name, options in asked.items()}
@@ -133,6 +134,7 @@ def test_an_energy_with_switches_is_judged_where_it_is_continuous(potential):
     assert told.time == pytest.approx(4.75, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("potential", JUMPING)
 def test_an_energy_that_jumps_is_not(potential):
     """A jump of the potential makes no impulse, and its energy is another."""
@@ -538,6 +540,7 @@ def test_energy_that_drifts_without_an_estimate_has_one_warning_too():
     assert "energy-drifts" not in codes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [1e3, 1e5])
 def test_what_is_far_away_and_keeps_its_energy_has_none(far):
     assert told_of(stars(PLAIN, D=far))[1] == ["unused-parameter"]
@@ -634,6 +637,7 @@ def test_a_mistake_of_the_heavy_one_is_not_the_light_ones(first):
     assert all(re.search(r"\bof z\b", c.text) for c in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [1, 100])
 def test_the_rounding_of_a_constraint_at_rest_is_no_drift(far):
     # A roof of straight pieces: near its corner each piece has the rounding of its

@@ -75,6 +75,7 @@ def test_borders_of_oscillations(text, methods, steps, rate):
         assert border["found"] == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_damped_borders():
     found = looked_at(DAMPED, "euler", "rk4", steps=(0.03, 4.0))["borders"]
     # |1 + h lambda|^2 = 1 - c h + k h^2.
@@ -118,6 +119,7 @@ def test_periodic_events_end_the_range_of_steps():
     assert {x["verdict"] for x in found} == {"holds"}
 
 
+@pytest.mark.slow
 def test_the_third_order_resonance_shows_in_a_map():
     found = looked_at(CUBIC, "verlet", steps=(1.6, 1.85), strip=26)
     lost = [
@@ -146,6 +148,7 @@ def test_a_map_over_a_parameter():
         assert cell["evaluations"] > 100
 
 
+@pytest.mark.slow
 def test_a_parameter_that_spoils_the_start():
     found = looked_at(
         ROD.replace("g*y", "sqrt(g)*y"), "rk4", steps=(0.1, 0.2), name="g",
@@ -226,6 +229,7 @@ MODES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "overrides", "at", "expected"), MODES)
 def test_modes_about_an_equilibrium(text, overrides, at, expected):
     found = rest(text, **overrides)

@@ -317,6 +317,7 @@ def test_cells_end_half_way(values, edges):
     assert drawing.borders(np.array(values)) == pytest.approx(edges)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "arguments"),
     [
