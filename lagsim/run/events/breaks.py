@@ -210,7 +210,7 @@ class Division:
             samples = [found[k].part(slice(i, i + 1)) for i in range(1, len(times))]
             with np.errstate(all="ignore"):
                 slopes = found[len(self.surfaces) + k]
-                flags.append(bool(_vanishing(surface.op, samples, slopes)[0]))
+                flags.append(bool(_vanishing(surface.op, samples, slopes, hi - lo)[0]))
         return flags
 
     def value_at_steps(self, lo: float, hi: float) -> float | None:
@@ -449,8 +449,13 @@ def _enclosed(
     return known, state
 
 
-def _vanishing(op: str, samples: Sequence[Interval], slopes: Interval) -> Flags:
+def _vanishing(
+    op: str, samples: Sequence[Interval], slopes: Interval, length: float = math.inf
+) -> Flags:
     """Return whether a surface and its slope are within rounding of zero at samples.
+
+    A slope that is a number has no enclosure of its rounding, as 0.3 - 3*0.1. It counts
+    as 0 if it changes the surface by no more than its rounding in all of a long time.
 
     Parameters
     ----------
@@ -460,13 +465,15 @@ def _vanishing(op: str, samples: Sequence[Interval], slopes: Interval) -> Flags:
         Values of the surface at four points of each cell.
     slopes : Interval, shape (5n,)
         Slopes over the cells, then at these points.
+    length : float
+        The time.
     """
     n = len(samples[0].lo)
     rates = [slopes.part(slice(k * n, (k + 1) * n)) for k in range(1, 5)]
     found: Flags = np.ones(n, bool)
     # At one point alone a sum may be exact: the largest of the errors holds for all.
     error = FAINT * np.maximum.reduce([x.width for x in samples])
-    noise = FAINT * np.maximum.reduce([x.width for x in rates])
+    noise = FAINT * np.maximum.reduce([x.width for x in rates]) + error / length
     for x, rate in zip(samples, rates, strict=True):
         found &= ~_steps(op, interval(x.lo - error, x.hi + error)).is_constant
         found &= (rate.lo - noise <= 0.0) & (rate.hi + noise >= 0.0)
