@@ -25,7 +25,7 @@ from lagsim.language.arrays import Floats
 from lagsim.methods.parts import constraints, control, newton
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
-from lagsim.methods.parts.first_step import first_step
+from lagsim.methods.parts.first_step import first_step, within_oscillation
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.newton import SparseNewton
 from lagsim.methods.parts.onset import (
@@ -95,7 +95,7 @@ def start(s: Radau, p: SparseNewton) -> None:
     s.jacobian = s.iterations = s.ceiling = s.step_h = s.sampled_h = 0.0
     s.left_over = 1.0
     control.record_sizes(s, p)
-    s.h = first_step(s, p, 4, slope)
+    s.h = within_oscillation(s, p, first_step(s, p, 4, slope), slope)
     if CONSTRAINED:
         s.h = constraints.step_past_loss(s, p, s.h)
 

@@ -25,6 +25,9 @@ from lagsim.tolerances import OVERFLOW, STATE_ROUNDOFF
 EULER = 1e-2
 FARTHEST = 100.0
 MOST_GUESSES = 20
+# Largest angle, in radians, by which the fastest oscillation turns in the first step of
+# an implicit method.
+OSCILLATIONS = 30.0
 # Least factor by which the trial Euler step is shortened if its end is far outside.
 SHORTEST = 1e-3
 
@@ -119,6 +122,38 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
         h = guess
     forget_roundoff(s)  # the bound is that of an instant
     return float(min(guess, span))
+
+
+def within_oscillation(s: Control, p: Parameters, h: float, k: Floats) -> float:
+    """Return a first step, h or shorter, that is no longer than some oscillations.
+
+    In the explicit Euler step of `first_step` a coordinate at rest does not move, so
+    that no acceleration changes. Here coordinates move with constant accelerations over
+    h. From the change of an acceleration, relative to the displacement, follows the
+    square of a frequency. The error estimate of an implicit method is too small where a
+    step has hundreds of oscillations.
+
+    k : (size,), y' at the start.
+    """
+    n, z, slopes, accelerations = s.n, s.work, s.spare, k[s.velocities]
+    if n == 0:
+        return h
+    for _ in range(MOST_GUESSES):
+        z[: s.size] = s.y + h * k[: s.size]
+        for i in range(n):
+            z[i] += 0.5 * h * h * accelerations[i]
+        derivative(s.t + h, z, p, slopes)
+        s.evaluations += 1.0
+        turned = 0.0
+        for i in range(n):
+            moved = abs(z[i] - s.y[i])
+            change = h * h * abs(slopes[n + i] - k[n + i])
+            if moved > s.roundoff[i] and change < OVERFLOW:
+                turned = max(turned, change / moved)
+        if turned < OSCILLATIONS * OSCILLATIONS:
+            break
+        h = h / turned**0.5
+    return h
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:

@@ -1,0 +1,21 @@
+"""Rows and runs that last thousands of oscillations."""
+
+import pytest
+
+import lagsim
+
+OSCILLATOR = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: x^2/2}
+initial: {x: 1, x_dot: V}
+simulation: {duration: 1e5, output_step: 5e4, method: radau, rtol: 1e-5}
+"""
+
+
+@pytest.mark.parametrize("v", [0, 1])
+def test_an_implicit_method_follows_an_oscillation_from_the_first_step_on(v):
+    # One step of all 8,000 oscillations was accepted, after which no energy is left.
+    model = lagsim.load(OSCILLATOR.replace("V", str(v)))
+    found = lagsim.simulate(model, error_bar="never")
+    assert found.complete
+    assert found["energy"] == pytest.approx((1 + v) / 2, rel=0.05)
