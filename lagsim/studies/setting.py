@@ -15,6 +15,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rest import sliding_limits
 from lagsim.admissibility.verdict import out_of_force, with_timed
 from lagsim.codes.known import FROZEN_TIME
+from lagsim.mechanics.derivation import may_gather
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import equations_of_motion
 from lagsim.notes import Caution
@@ -83,9 +84,13 @@ def setting_of(model: Model) -> Setting:
     InputError
         If energies or forces are not finite at the start.
     """
-    settings, model = model.settings(), model.written_out()
+    settings = model.settings()
+    gathers = may_gather(model)
+    model = model if gathers else model.written_out()
     still = _frozen(model, settings.start)
-    equations, report = after_start_events(equations_of_motion(still), settings)
+    equations, report = after_start_events(
+        equations_of_motion(still, gathers=gathers), settings
+    )
     off = out_of_force(equations, settings.start)
     return Setting(model, with_timed(equations, off), report, off)
 
