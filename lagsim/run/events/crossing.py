@@ -361,10 +361,12 @@ class Crossing:
     def _watch(self, k: int) -> None:
         """Let the arc end where surface k, constant at its level, leaves it.
 
-        The arc does not end at the rounding of an expression that cannot leave.
+        The arc does not end at the rounding of an expression that cannot leave, unless
+        another surface on which it depends is at its level: its side may change first.
         """
-        if not self.modes.lasting[k]:
-            self.modes.watched.append(k)
+        modes = self.modes
+        if not modes.lasting[k] or modes.kind[[*modes.depends[k]]].any():
+            modes.watched.append(k)
             self.constant.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:

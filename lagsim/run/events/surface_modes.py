@@ -524,7 +524,7 @@ class SurfaceModes:
         """Return a nearby state y (size,) and a later time, as a test point.
 
         part : factor of the distance from the present state and time.
-        far : whether the distance is of the size of the ranges.
+        far : whether the distance is of the size of the ranges, at least 1.
         """
         arc, magnitudes, reach = self.arc, self.arc.magnitudes, self.arc.ranges
         reach = np.where(
@@ -535,6 +535,7 @@ class SurfaceModes:
         aside, parts = ASIDE, ASIDE + ASIDE**2 * np.arange(len(magnitudes))
         if far:
             aside, parts = 1.0, np.linspace(1.0, 2.0, len(magnitudes))
+            reach = np.maximum(reach, 1.0)  # a body in a corner has a range of 1e-17
         shift = parts * np.where(reach > 0.0, reach, 1.0)
         later = arc.t + part * aside * (arc.settings.end - arc.t)
         return arc.y + part * shift, later
