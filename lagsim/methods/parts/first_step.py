@@ -28,6 +28,8 @@ MOST_GUESSES = 20
 # Largest angle, in radians, by which the fastest oscillation turns in the first step of
 # an implicit method.
 OSCILLATIONS = 30.0
+# Largest relative change of the square of an angle, where half a step has a quarter.
+PROPORTIONAL = 0.2
 # Least factor by which the trial Euler step is shortened if its end is far outside.
 SHORTEST = 1e-3
 
@@ -127,33 +129,50 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 def within_oscillation(s: Control, p: Parameters, h: float, k: Floats) -> float:
     """Return a first step, h or shorter, that is no longer than some oscillations.
 
+    The error estimate of an implicit method is too small where a step has hundreds of
+    oscillations. An angle that is not proportional to the step is that of no
+    oscillation: a force that begins at 0 moves a coordinate more and more.
+
+    k : (size,), y' at the start.
+    """
+    if s.n == 0:
+        return h
+    shorter, turned = h, angle_squared(s, p, h, k)
+    for _ in range(MOST_GUESSES):
+        if turned < OSCILLATIONS * OSCILLATIONS:
+            break
+        shorter = shorter / turned**0.5
+        turned = angle_squared(s, p, shorter, k)
+    if shorter < h:
+        quarter = angle_squared(s, p, 0.5 * shorter, k)
+        is_proportional = abs(4.0 * quarter - turned) < PROPORTIONAL * turned
+        return shorter if is_proportional else h
+    return h
+
+
+def angle_squared(s: Control, p: Parameters, h: float, k: Floats) -> float:
+    """Return the square of the largest angle by which an oscillation turns over h.
+
     In the explicit Euler step of `first_step` a coordinate at rest does not move, so
     that no acceleration changes. Here coordinates move with constant accelerations over
     h. From the change of an acceleration, relative to the displacement, follows the
-    square of a frequency. The error estimate of an implicit method is too small where a
-    step has hundreds of oscillations.
+    square of a frequency.
 
     k : (size,), y' at the start.
     """
     n, z, slopes, accelerations = s.n, s.work, s.spare, k[s.velocities]
-    if n == 0:
-        return h
-    for _ in range(MOST_GUESSES):
-        z[: s.size] = s.y + h * k[: s.size]
-        for i in range(n):
-            z[i] += 0.5 * h * h * accelerations[i]
-        derivative(s.t + h, z, p, slopes)
-        s.evaluations += 1.0
-        turned = 0.0
-        for i in range(n):
-            moved = abs(z[i] - s.y[i])
-            change = h * h * abs(slopes[n + i] - k[n + i])
-            if moved > s.roundoff[i] and change < OVERFLOW:
-                turned = max(turned, change / moved)
-        if turned < OSCILLATIONS * OSCILLATIONS:
-            break
-        h = h / turned**0.5
-    return h
+    z[: s.size] = s.y + h * k[: s.size]
+    for i in range(n):
+        z[i] += 0.5 * h * h * accelerations[i]
+    derivative(s.t + h, z, p, slopes)
+    s.evaluations += 1.0
+    turned = 0.0
+    for i in range(n):
+        moved = abs(z[i] - s.y[i])
+        change = h * h * abs(slopes[n + i] - k[n + i])
+        if moved > s.roundoff[i] and change < OVERFLOW:
+            turned = max(turned, change / moved)
+    return turned
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
