@@ -573,3 +573,58 @@ def test_a_relation_that_is_0_at_an_impact_shows_the_state_after_it(far, boost, 
     assert rows["t"] == pytest.approx(falls, abs=1e-13 * max(far, 1.0))
     speeds = math.sqrt(2 * 9.8) * np.array([0.8, 0.8**2])
     assert rows["x_dot"] - boost == pytest.approx(speeds, abs=1e-12 * max(far, 1.0))
+
+
+BOUNCE = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 2.73*x}
+initial: {x: FAR + 1.49, x_dot: 0.94}
+simulation: {duration: 6, METHOD}
+output:
+  sections: {cut: {at: "RELATION = 0"}, level: {at: "x - (FAR) = 0.7"}}
+"""
+STEPPED = {
+    "wall": "constraints: {wall: {relation: x >= FAR, restitution: 0.9}}",
+    "event": 'events: {wall: {at: x <= FAR, impulse: {x: "-1.9*x_dot"}}}',
+}
+
+
+@pytest.mark.parametrize("far", [0.0, pytest.param(1e3, marks=pytest.mark.slow), -3.7])
+@pytest.mark.parametrize("method", ["method: dop853", "method: rk4, step: 0.01"])
+@pytest.mark.parametrize("at", STEPPED)
+@pytest.mark.parametrize(
+    "relation",
+    [
+        "0.4 + floor(x - (FAR)) + (x - (FAR))",
+        "0.7 + sign(x - (FAR)) + (x - (FAR))",
+        "if(x < FAR, -1, 1 + x - (FAR))",
+    ],
+)
+def test_a_relation_that_jumps_at_a_wall_is_not_crossed_there(
+    relation, at, method, far
+):
+    text = BOUNCE.replace("RELATION", relation) + STEPPED[at]
+    text = text.replace("METHOD", method).replace("FAR", repr(far))
+    found = simulate(load(text), error_bar="never").sections
+    # x is at least FAR, but for rounding: the relation is at least 0.4. The level is
+    # passed before the first impact, twice after each of two, and after the third.
+    assert len(found["cut"]["t"]) == 0
+    assert len(found["level"]["t"]) == 6
+
+
+def test_an_act_crosses_a_section_where_the_relation_jumps():
+    found = sections(
+        "at: floor(x) - 2*n - 0.5 = 0",
+        """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+modes: {n: 0}
+events: {tick: {at: x >= 1, set: {n: 1}}}
+initial: {x: 0.25, x_dot: 0.5}
+simulation: {duration: 3}
+output: {sections: {cut: {SECTION}}}
+""",
+    )
+    # At t = 1.5 the relation jumps from -0.5 to 0.5 by itself, and by the event to
+    # -1.5: the event crosses the section downwards.
+    assert found["t"] == pytest.approx([1.5], abs=1e-12)

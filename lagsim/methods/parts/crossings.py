@@ -100,6 +100,8 @@ class Crossings(SearchTable):
     # 1 while a crossing waits: until it is past its band, or until the next step.
     waits: Floats = array("sections")
     postponed: Floats = array("sections")
+    # The time at which each relation has last jumped by itself.
+    jumped: Floats = array("sections", -inf)
     relation_slopes: Floats = array(lambda s: s.sections * (1 + s.size))
     # The time and the state of each waiting crossing.
     waiting: Floats = array(lambda s: s.sections * (1 + s.size))
@@ -129,10 +131,27 @@ def begin_search(s: Crossings, p: Parameters) -> None:
             continue
         value = value_at(CROSSING, s, p, relations(s) + j, 0.0)
         if value < 0.0 and is_past(s, p, j, 0.0, s.sides[j]):
-            cross(s, p, j, 0.0)
+            if jumps_back(s, p, j):
+                s.sides[j] = -s.sides[j]
+            else:
+                cross(s, p, j, 0.0)
             s.end_step = 0.0  # the row has another sign now
         elif not (waits_longer(s, j) or is_past(s, p, j, 0.0, -s.sides[j])):
             wait(s, j, shown_time(s, s.step_t), s.point)
+
+
+def jumps_back(s: Crossings, p: Parameters, j: int) -> bool:
+    """Whether relation j is past 0 at the start of the last step by its own jump.
+
+    A relation that jumps where acts are (`floor(x)` at a wall x = 0) may be past 0 just
+    before them by rounding of the state, and return as they move the state by rounding.
+    """
+    if not is_same(s, s.step_t, s.jumped[j]):
+        return False
+    state_at(s, p, 0.0, s.point)
+    relations_at(s, p, s.step_t, s.point)
+    value = abs(float(s.values[relations(s) + j]))
+    return change_by_error(s, p, j, s.step_t, s.point) > value
 
 
 def compute_bands(s: Crossings, p: Parameters) -> None:
@@ -277,6 +296,7 @@ def decide_crossings(s: Crossings, p: Parameters, root: float, x: float) -> floa
         elif relation_jumps(s, p, j, root):
             s.waits[j] = 0.0
             s.sides[j] = -side
+            s.jumped[j] = s.step_t + root * s.step_h
             past = root
         elif late and s.waits[j] == 0.0:
             s.postponed[j] = 1.0
@@ -476,6 +496,7 @@ def update_relations(s: Crossings, p: Parameters) -> None:
         value = s.sides[j] * s.values[relations(s) + j]
         if here and value < -band(s, p, j, s.t, s.y):
             s.sides[j] = -s.sides[j]
+            s.jumped[j] = s.t
 
 
 def find_strobes(s: Crossings, p: Parameters) -> int:
